@@ -118,15 +118,15 @@ def run(
     loaded = as_external(loaded, tickets)
     check_installed(loaded)
     folder = default_folder(loaded, Path("runs")) if out is None else Path(out)
-    found: list[RunExtension] = [External(tickets), *extensions]
+    chosen: list[RunExtension] = [External(tickets), *extensions]
     if pace is not None:
-        found.append(pace)
+        chosen.append(pace)
     if real_time is not None:
-        found.append(RealTime(loaded.step_ns, float(real_time)))
+        chosen.append(RealTime(loaded.step_ns, float(real_time)))
     options = Options(
         out=folder,
         host=host_of(in_process=in_process),
-        extensions=found,
+        extensions=chosen,
     )
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():
@@ -167,12 +167,12 @@ def verify(
     """
     loaded = load(scenario, set=set)
     folder = Path(tempfile.mkdtemp(prefix="verify-stepbus-") if keep is None else keep)
-    found = verify_trials(
+    verification = verify_trials(
         loaded, plan(loaded, runs, seed), folder, seed=seed, on_result=lambda _outcome: None
     )
-    if keep is None and not found.failed and not found.different:
+    if keep is None and not verification.failed and not verification.different:
         shutil.rmtree(folder)
-    return found
+    return verification
 
 
 def call(

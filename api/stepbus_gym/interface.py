@@ -41,7 +41,7 @@ def selected(ports: PortTypes, side: str, wanted: Sequence[str]) -> dict[str, li
     Raises WiringError for what does not exist or is no vector of numbers.
     """
     known = ports.inputs if side == "inputs" else ports.outputs
-    found: dict[str, list[str]] = {}
+    by_participant: dict[str, list[str]] = {}
     for text in wanted:
         port, _, field = text.partition(".")
         if port not in known:
@@ -55,8 +55,8 @@ def selected(ports: PortTypes, side: str, wanted: Sequence[str]) -> dict[str, li
                 f"{text}: {known[port]} has no numbers {field!r}{suggest(field, fits)}; "
                 f"it has {', '.join(fits) or 'none of a fixed number'}"
             )
-        found.setdefault(port, []).extend([field] if field else fits)
-    return found
+        by_participant.setdefault(port, []).extend([field] if field else fits)
+    return by_participant
 
 
 def check_limits(ports: PortTypes, params: Params) -> None:
@@ -82,32 +82,32 @@ def default_action(ports: PortTypes, read: Sequence[str]) -> list[str]:
 
     read: outputs that somebody reads.
     """
-    found = []
+    fields = []
     for port in read:
         own = ports.forms("outputs", port)
         if ports.outputs[port] == _JOINT_COMMAND:
-            found.append(f"{port}.values")
+            fields.append(f"{port}.values")
         else:
-            found += [
+            fields += [
                 f"{port}.{name}" for name, form in own.items() if form.fits and form.is_required
             ]
-    return found
+    return fields
 
 
 def described_outputs(ports: PortTypes, params: Params) -> dict[str, Description]:
     """Return how a policy describes its outputs: the joints that it commands."""
     state = next((port for port, of in ports.inputs.items() if of == _JOINT_STATE), None)
-    found = {}
+    outputs = {}
     for port in selected(ports, "outputs", params.act):
         if not any("n" in form.sizes for form in ports.forms("outputs", port).values()):
             continue
         if params.joints:
-            found[port] = Description(names=list(params.joints))
+            outputs[port] = Description(names=list(params.joints))
         elif state is not None:
-            found[port] = Description(like=state)
+            outputs[port] = Description(like=state)
         else:
             raise WiringError(f"{port}: nothing names its joints; give `joints`")
-    return found
+    return outputs
 
 
 @dataclass(frozen=True)
@@ -220,7 +220,7 @@ class Interface:
         is_command = self._ports.outputs[port] == _JOINT_COMMAND and form.name == "values"
         quantity = _OF_MODE[self._params.mode] if is_command else form.name
         unit = _UNITS[self._params.mode] if is_command else form.unit
-        found = []
+        fields = []
         for index, entry in enumerate(entries(shape, joints)):
             described, joint = (
                 self._joint(joints[index])
@@ -238,8 +238,8 @@ class Interface:
                     f"limits={{'{name}': (lowest, highest)}}"
                 )
             unit_here = _unit(unit, described, joint)
-            found.append(_field(port, form.name, entry, unit=unit_here, limits=(low, high)))
-        return found
+            fields.append(_field(port, form.name, entry, unit=unit_here, limits=(low, high)))
+        return fields
 
     def _joint(self, name: str) -> tuple[Description, int]:
         """Return the description of a joint's state, and where the joint stands in it."""
@@ -256,14 +256,14 @@ class Interface:
         """Return what a message needs beside the action."""
         chosen = {name for other, name, *_ in self._outputs if other == port}
         count = len(self._joints(port)) if port in self._described else 0
-        found = {
+        constants = {
             name: form.neutral(count)
             for name, form in self._ports.forms("outputs", port).items()
             if form.is_required and name not in chosen
         }
         if self._ports.outputs[port] == _JOINT_COMMAND:
-            found["mode"] = self._params.mode
-        return found
+            constants["mode"] = self._params.mode
+        return constants
 
 
 def _field(port: str, name: str, entry: str, *, unit: str, limits: tuple[float, float]) -> Field:
@@ -296,8 +296,8 @@ def _flat(value: Any, source: _Source, step: int) -> list[float]:
             f"step {step}: {source.port}.{source.field} {now}, in the first observation it had "
             f"{source.shape}; leave it out with `observe`"
         )
-    found: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
-    return found
+    numbers: list[float] = np.asarray(value, dtype=np.float64).ravel().tolist()
+    return numbers
 
 
 def bounds(fields: Sequence[Field]) -> tuple[Vector, Vector]:

@@ -53,9 +53,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
         return
     folder = metafunc.definition.path.parent
     marker = metafunc.definition.get_closest_marker(MARKER)
-    found = _logs(marker, folder)
+    logs = _logs(marker, folder)
     # A test that silently stops testing is worse than one that fails.
-    cases: list[_Log | _Mistake] = [found] if isinstance(found, _Mistake) else list(found)
+    cases: list[_Log | _Mistake] = [logs] if isinstance(logs, _Mistake) else list(logs)
     ids = [
         case.recording.relative_to(folder).as_posix() if isinstance(case, _Log) else "no log"
         for case in cases
@@ -76,10 +76,10 @@ def _logs(marker: pytest.Mark | None, folder: Path) -> list[_Log] | _Mistake:
             text=f"write @pytest.mark.{MARKER}(pattern, participant=name), both as text"
         )
     pattern, participant = arguments
-    found = _matching(folder, pattern)
-    if not found:
+    matches = _matching(folder, pattern)
+    if not matches:
         return _Mistake(text=f"no log matches {pattern!r} in {folder}")
-    return [_Log(recording=path, participant=participant) for path in found]
+    return [_Log(recording=path, participant=participant) for path in matches]
 
 
 def _matching(folder: Path, pattern: str) -> list[Path]:

@@ -36,9 +36,9 @@ def _check(requests: list[dict[str, Any]], folder: Path) -> int:
     answer = os.dup(1)
     os.dup2(2, 1)
     with contextlib.redirect_stdout(sys.stderr):
-        found = [_problems(row["participant"], row["params"], folder) for row in requests]
+        answers = [_problems(row["participant"], row["params"], folder) for row in requests]
     with os.fdopen(answer, "w", encoding="utf-8") as file:
-        json.dump(found, file)
+        json.dump(answers, file)
     return 0
 
 
@@ -54,8 +54,8 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
     except Exception as exc:  # noqa: BLE001  code of the user's
         source = name.rpartition(":")[0]
         return [(("participant",), f"{source} cannot be imported: {error_text(exc)}")]
-    found = [] if declared is None else find_problems(declared, params, folder)
-    return [(("params", *keys), message) for keys, message in found]
+    problems = [] if declared is None else find_problems(declared, params, folder)
+    return [(("params", *keys), message) for keys, message in problems]
 
 
 if __name__ == "__main__":

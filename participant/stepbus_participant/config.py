@@ -88,9 +88,9 @@ class Config:
         and everything that is wrong with the params.
         """
         problems = self.problems() if problems is None else problems
-        found = read(settings, self.params, problems.below(("params",)), folder=self.folder)
+        params = read(settings, self.params, problems.below(("params",)), folder=self.folder)
         problems.refuse()
-        return found
+        return params
 
     def problems(self) -> Problems:
         """Return an empty collector of problems, for keys of this participant."""
@@ -107,14 +107,14 @@ def make_plugin(
     have. Raises SettingsError that lists every problem.
     """
     problems = config.problems().below(("params",))
-    found = problems.attempt((key,), lambda: load_class(name, config.folder))
-    if found is not None and not callable(getattr(found, method, None)):
+    cls = problems.attempt((key,), lambda: load_class(name, config.folder))
+    if cls is not None and not callable(getattr(cls, method, None)):
         problems.add((key,), f"class {name} has no method {method!r}")
     problems.refuse()
-    declared = getattr(found, "Params", None)
+    declared = getattr(cls, "Params", None)
     params = own if declared is None else read(declared, own, problems, folder=config.folder)
     problems.refuse()
-    made = problems.attempt((key,), lambda: _make(found, *args, params))
+    made = problems.attempt((key,), lambda: _make(cls, *args, params))
     problems.refuse()
     return made
 
@@ -138,10 +138,10 @@ def load_class(name: str, folder: Path) -> type[Any]:
     if not module_name or not class_name.isidentifier():
         raise WiringError(f"{name!r} is not of the form module:Class")
     module = _import(module_name, folder)
-    found = getattr(module, class_name, None)
-    if not isinstance(found, type):
+    attribute = getattr(module, class_name, None)
+    if not isinstance(attribute, type):
         raise WiringError(f"module {module_name!r} ({_file(module)}) has no class {class_name!r}")
-    return found
+    return attribute
 
 
 def _import(module_name: str, folder: Path) -> Any:
@@ -224,9 +224,9 @@ class Ports:
     def _port(
         self, side: str, ports: Mapping[str, InputConfig] | Mapping[str, OutputConfig], wanted: str
     ) -> str:
-        found = [name for name, port in ports.items() if port.type == wanted]
-        if len(found) != 1:
-            several = f"{', '.join(found)} are all of type {wanted}; leave one of them"
+        names = [name for name, port in ports.items() if port.type == wanted]
+        if len(names) != 1:
+            several = f"{', '.join(names)} are all of type {wanted}; leave one of them"
             none = f"none is of type {wanted}; add one"
-            self.problems.add((side,), several if found else none)
-        return found[0] if found else ""
+            self.problems.add((side,), several if names else none)
+        return names[0] if names else ""

@@ -68,8 +68,8 @@ def extra_hint(module: str) -> str:
 
 def import_error_hint(text: str) -> str:
     """Return the same for the text of an ImportError, such as `No module named 'pybullet'`."""
-    found = _MISSING.search(text)
-    return extra_hint(found[1]) if found else ""
+    match = _MISSING.search(text)
+    return extra_hint(match[1]) if match else ""
 
 
 def need(who: str, *modules: str) -> tuple[Any, ...]:
@@ -77,10 +77,10 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
 
     Raises ExtraMissing that names those that are not installed, and how to install them.
     """
-    found, missing = [], dict[str, None]()
+    imported, missing = [], dict[str, None]()
     for name in modules:
         try:
-            found.append(import_module(name))
+            imported.append(import_module(name))
         except ModuleNotFoundError as exc:
             missing[str(exc.name)] = None
     if missing:
@@ -89,7 +89,7 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
             f"{who} needs {' and '.join(missing)}, which {verb} not installed"
             f"{extra_hint(next(iter(missing)))}"
         )
-    return tuple(found)
+    return tuple(imported)
 
 
 @cache
@@ -114,10 +114,10 @@ def installed_version(package: str) -> str:
 def _metadata(folder: Path, wanted: str) -> list[Path]:
     """Return the METADATA of a package in a folder of packages, if it has it."""
     try:
-        found = [item.name for item in folder.iterdir() if item.name.endswith(".dist-info")]
+        folders = [item.name for item in folder.iterdir() if item.name.endswith(".dist-info")]
     except OSError:
         return []
-    names = [name for name in found if _normal(name.partition("-")[0]) == wanted]
+    names = [name for name in folders if _normal(name.partition("-")[0]) == wanted]
     paths = [folder / name / "METADATA" for name in names]
     return [path for path in paths if path.is_file()]
 

@@ -51,15 +51,15 @@ def import_participant(name: str, folder: Path) -> type[Participant]:
     """
     source, _, attribute = name.rpartition(":")
     module = import_source(source, folder)
-    found = getattr(module, attribute, None)
-    if found is None:
+    cls = getattr(module, attribute, None)
+    if cls is None:
         raise WiringError(f"no class {attribute!r} in {source}{_alternatives(module, attribute)}")
-    if not (isinstance(found, type) and issubclass(found, Participant)):
+    if not (isinstance(cls, type) and issubclass(cls, Participant)):
         raise WiringError(
             f"{attribute!r} in {source} is no participant; write "
             f"`class {attribute}(stepbus.Participant)`{_alternatives(module, attribute)}"
         )
-    return found
+    return cls
 
 
 def import_source(source: str, folder: Path) -> ModuleType:
@@ -86,8 +86,8 @@ def import_source(source: str, folder: Path) -> ModuleType:
 
 def declared_parameters(source: str, folder: Path) -> type[Settings] | None:
     """Import what a scenario names; return its class `Params`, None where it declares none."""
-    found = getattr(import_source(source, folder), "Params", None)
-    return found if isinstance(found, type) and issubclass(found, Settings) else None
+    params = getattr(import_source(source, folder), "Params", None)
+    return params if isinstance(params, type) and issubclass(params, Settings) else None
 
 
 def _module_name(path: Path) -> str:

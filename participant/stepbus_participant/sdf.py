@@ -136,48 +136,48 @@ class _Sdf:
 
     def _link(self, link: Any) -> ET.Element:
         name = link.get("name", "")
-        found = ET.Element("link", {"name": name})
+        element = ET.Element("link", {"name": name})
         here = self._frame(name).inverse() @ self._pose(link)
         inertial = link.find("inertial")
-        found.append(self._inertial(inertial, here))
+        element.append(self._inertial(inertial, here))
         for tag in ("visual", "collision"):
             for shape in link.findall(tag):
-                row = ET.SubElement(found, tag, {"name": shape.get("name", "")})
+                row = ET.SubElement(element, tag, {"name": shape.get("name", "")})
                 row.append((here @ self._own_pose(shape)).origin())
                 row.append(self._geometry(shape))
                 color = shape.find("material/diffuse")
                 if tag == "visual" and color is not None:
-                    material = ET.SubElement(row, "material", {"name": f"{name}_{len(found)}"})
+                    material = ET.SubElement(row, "material", {"name": f"{name}_{len(element)}"})
                     rgba = self._numbers(color, 4, [1.0] * 4)
                     ET.SubElement(material, "color", {"rgba": _text(rgba)})
-        return found
+        return element
 
     def _inertial(self, inertial: Any, here: _Pose) -> ET.Element:
         """Return mass and inertia, which are 1 kg and 1 kg·m² where SDF has none."""
         element = Element("inertial", {}) if inertial is None else inertial
-        found = ET.Element("inertial")
-        found.append((here @ self._own_pose(element)).origin())
-        ET.SubElement(found, "mass", {"value": element.findtext("mass", "1").strip()})
+        row = ET.Element("inertial")
+        row.append((here @ self._own_pose(element)).origin())
+        ET.SubElement(row, "mass", {"value": element.findtext("mass", "1").strip()})
         moments = {
             key: element.findtext(f"inertia/{key}", str(value)).strip()
             for key, value in _INERTIA.items()
         }
-        ET.SubElement(found, "inertia", moments)
-        return found
+        ET.SubElement(row, "inertia", moments)
+        return row
 
     def _geometry(self, shape: Any) -> ET.Element:
-        found = ET.Element("geometry")
+        geometry = ET.Element("geometry")
         given: Any = next(shape.iterfind("geometry/*"), None)
         tag = "nothing" if given is None else given.tag
         if tag == "mesh":
             uri = _word(given, "uri").replace("model://", "package://").removeprefix("file://")
             scale = given.findtext("scale", "1 1 1").strip()
-            ET.SubElement(found, "mesh", {"filename": uri, "scale": scale})
+            ET.SubElement(geometry, "mesh", {"filename": uri, "scale": scale})
         elif tag in {"box", "sphere", "cylinder", "capsule"}:
-            ET.SubElement(found, tag, {part.tag: (part.text or "").strip() for part in given})
+            ET.SubElement(geometry, tag, {part.tag: (part.text or "").strip() for part in given})
         else:
             self._refuse(shape, f"geometry {tag!r} is not supported; use a box, a mesh, …")
-        return found
+        return geometry
 
     def _joint(self, joint: Any) -> ET.Element:
         name, joint_type = joint.get("name", ""), joint.get("type", "")
@@ -190,17 +190,17 @@ class _Sdf:
             joint_type = "continuous"
         elif joint_type == "prismatic" and "lower" not in limits:
             self._refuse(joint, f"joint {name!r} is prismatic and has no <limit>")
-        found = ET.Element("joint", {"name": name, "type": joint_type})
-        found.append((self._frame(parent).inverse() @ pose).origin())
-        ET.SubElement(found, "parent", {"link": parent})
-        ET.SubElement(found, "child", {"link": child})
+        element = ET.Element("joint", {"name": name, "type": joint_type})
+        element.append((self._frame(parent).inverse() @ pose).origin())
+        ET.SubElement(element, "parent", {"link": parent})
+        ET.SubElement(element, "child", {"link": child})
         if axis is not None and joint_type != "fixed":
-            ET.SubElement(found, "axis", {"xyz": _text(self._axis(axis, pose))})
-            ET.SubElement(found, "limit", limits)
-            self._add_mimic(axis.find("mimic"), found)
-        return found
+            ET.SubElement(element, "axis", {"xyz": _text(self._axis(axis, pose))})
+            ET.SubElement(element, "limit", limits)
+            self._add_mimic(axis.find("mimic"), element)
+        return element
 
-    def _add_mimic(self, mimic: Any, found: ET.Element) -> None:
+    def _add_mimic(self, mimic: Any, joint: ET.Element) -> None:
         """Add q = multiplier · (q of another joint - reference) + offset, as URDF has it."""
         if mimic is None:
             return
@@ -210,7 +210,7 @@ class _Sdf:
         )
         values = {"multiplier": multiplier, "offset": offset - multiplier * reference}
         row = {key: repr(value) for key, value in values.items()}
-        ET.SubElement(found, "mimic", {"joint": mimic.get("joint", ""), **row})
+        ET.SubElement(joint, "mimic", {"joint": mimic.get("joint", ""), **row})
 
     def _axis(self, axis: Any, pose: _Pose) -> list[float]:
         """Return the axis of a joint in its own frame."""
@@ -226,15 +226,15 @@ class _Sdf:
     def _limits(self, joint: Any) -> dict[str, str]:
         """Return effort and velocity, and lower and upper where these limit."""
         limit = joint.find("axis/limit")
-        found = {"effort": "1e12", "velocity": "1e12"}
+        limits = {"effort": "1e12", "velocity": "1e12"}
         for key in () if limit is None else ("lower", "upper", "effort", "velocity"):
             (value,) = self._numbers(limit.find(key), 1, [-1.0])
             is_given = limit.find(key) is not None and abs(value) < _UNLIMITED
             if is_given and (value >= 0 or key in {"lower", "upper"}):
-                found[key] = repr(value)
-        if ("lower" in found) != ("upper" in found):
-            found = {key: value for key, value in found.items() if key not in {"lower", "upper"}}
-        return found
+                limits[key] = repr(value)
+        if ("lower" in limits) != ("upper" in limits):
+            limits = {key: value for key, value in limits.items() if key not in {"lower", "upper"}}
+        return limits
 
     def _numbers(self, element: Any, count: int, default: list[float]) -> list[float]:
         words = [] if element is None else (element.text or "").split()
@@ -271,6 +271,6 @@ def _text(values: Sequence[float]) -> str:
 
 
 def _word(element: Any, tag: str) -> str:
-    found: Mapping[str, Any] | None = element.find(tag)
-    text: str = "" if found is None else (element.findtext(tag) or "")
+    child: Mapping[str, Any] | None = element.find(tag)
+    text: str = "" if child is None else (element.findtext(tag) or "")
     return text.strip()

@@ -36,13 +36,13 @@ def urdf_warnings(root: Element) -> list[str]:
 
 def _check(path: Path, text: str) -> None:
     try:
-        found = urdf_problems(parse_urdf(text))
+        problems = urdf_problems(parse_urdf(text))
     except ExpatError as exc:
         raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
-    if found:
+    if problems:
         # The lines of what was made from a file are not those of the file.
-        places = (str(path) if _is_made(path) else f"{path}:{line}" for line, _ in found)
-        lines = (f"{place}: {text}" for place, (_, text) in zip(places, found, strict=True))
+        places = (str(path) if _is_made(path) else f"{path}:{line}" for line, _ in problems)
+        lines = (f"{place}: {text}" for place, (_, text) in zip(places, problems, strict=True))
         raise WiringError("\n".join(lines))
 
 

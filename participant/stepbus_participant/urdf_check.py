@@ -65,14 +65,14 @@ class Mimic:
 
 def mimics(root: Element) -> dict[str, Mimic]:
     """Return the joints of a checked URDF that follow another one."""
-    found = {}
+    joints = {}
     for joint in root.findall("joint"):
         mimic = joint.find("mimic")
         if mimic is not None and joint.get("type") in MOVING:
             values = {key: _value(mimic, key) for key in ("multiplier", "offset")}
             given = {key: value for key, value in values.items() if value is not None}
-            found[joint.get("name", "")] = Mimic(joint=mimic.get("joint", ""), **given)
-    return found
+            joints[joint.get("name", "")] = Mimic(joint=mimic.get("joint", ""), **given)
+    return joints
 
 
 def urdf_problems(root: Element) -> list[tuple[int, str]]:
@@ -181,13 +181,13 @@ class _Robot:
 
     def _below(self, name: str) -> list[str]:
         """Return a link and those that its joints carry."""
-        found = {name: None}
+        names = {name: None}
         left = [name]
         while left:
             children = self._children.get(left.pop(), ())
-            left += [child for child in children if child not in found]
-            found |= dict.fromkeys(children)
-        return list(found)
+            left += [child for child in children if child not in names]
+            names |= dict.fromkeys(children)
+        return list(names)
 
     def massless(self) -> Found:
         """Yield links of mass 0 with an inertia, where a joint moves nothing else."""
@@ -346,8 +346,8 @@ def _moments(link: Any) -> Mapping[str, float] | None:
     if inertia is None:
         return None
     values = {key: _value(inertia, key) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")}
-    found = {key: value for key, value in values.items() if value is not None}
-    return found if len(found) == len(values) else None
+    known = {key: value for key, value in values.items() if value is not None}
+    return known if len(known) == len(values) else None
 
 
 def _is_of_no_body(moments: Mapping[str, float]) -> bool:

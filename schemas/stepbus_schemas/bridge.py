@@ -48,13 +48,13 @@ def _raw_fields(cls: type[Message], type_name: str) -> tuple[RawField, ...] | st
     """Return the fields of a type as numbers, or the name of one that is none."""
     schema = json_schema(type_name, SHIPPED if type_name in SHIPPED else Types.of([cls]))
     names: tuple[str, ...] = _FIRST_ONLY.get(cls, tuple(schema["properties"]))
-    found: list[RawField] = []
+    fields: list[RawField] = []
     for name in names:
         field = _raw_field(cls, name, schema["properties"][name])
         if field is None:
             return name
-        found.append(field)
-    return (*found,)
+        fields.append(field)
+    return (*fields,)
 
 
 def _raw_field(cls: type[Message], name: str, field: dict[str, Any]) -> RawField | None:
@@ -83,8 +83,8 @@ def _raw_field(cls: type[Message], name: str, field: dict[str, Any]) -> RawField
 
 def raw_fields(type_name: str, types: Types = SHIPPED) -> tuple[RawField, ...]:
     """Return the fields of a message type as numbers; none of a type that is more than numbers."""
-    found = _raw_fields(types[type_name], type_name) if type_name in types else ()
-    return found if isinstance(found, tuple) else ()
+    fields = _raw_fields(types[type_name], type_name) if type_name in types else ()
+    return fields if isinstance(fields, tuple) else ()
 
 
 class RawLayout:
@@ -190,11 +190,11 @@ def _nested(values: list[Any], field: RawField) -> Any:
     """Return the values of a field as its type nests them: lists by name, tuples of fixed size."""
     if not field.sizes:
         return values[0]
-    found: Any = values
+    nested: Any = values
     for size in reversed(field.sizes[1:]):
         count = int(size)
-        found = [tuple(found[i : i + count]) for i in range(0, len(found), count)]
-    return tuple(found) if field.sizes[0].isdigit() else found
+        nested = [tuple(nested[i : i + count]) for i in range(0, len(nested), count)]
+    return tuple(nested) if field.sizes[0].isdigit() else nested
 
 
 BridgeFormat = Literal["json", "msgpack", "raw"]

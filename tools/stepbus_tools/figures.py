@@ -139,9 +139,9 @@ def _read(
 
 
 def _objects(row: Any) -> NDArray[Any]:
-    found = np.empty(len(row), dtype=object)
-    found[:] = list(row)
-    return found
+    objects = np.empty(len(row), dtype=object)
+    objects[:] = list(row)
+    return objects
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -216,17 +216,17 @@ def compare(first: Path, second: Path) -> Comparison:
     """Compare the numbers of two recordings, port by port; see `stepbus.compare`."""
     with Recording(first) as one, Recording(second) as other:
         tables = [{table.port.topic: table for table in _tables(r)} for r in (one, other)]
-        found = [
+        lines = [
             _times_and_errors(one, other, table, tables[1][topic])
             for topic, table in tables[0].items()
             if topic in tables[1]
         ]
-    spans = [t_ns for t_ns, _ in found if len(t_ns)]
+    spans = [t_ns for t_ns, _ in lines if len(t_ns)]
     ports = [[_dotted(table.port) for table in known.values()] for known in tables]
     return Comparison(
         first=str(first),
         second=str(second),
-        errors=[error for _, errors in found for error in errors],
+        errors=[error for _, errors in lines for error in errors],
         only_first=[port for port in ports[0] if port not in ports[1]],
         only_second=[port for port in ports[1] if port not in ports[0]],
         span_s=(

@@ -36,8 +36,8 @@ def load_policy(name: str, folders: list[Path]) -> Policy:
         raise WiringError(f"policy {name} cannot be imported: {error_text(exc)}") from exc
     finally:
         sys.path[:] = path
-    found = getattr(module, attribute, None)
-    made = found() if isinstance(found, type) else found
+    loaded = getattr(module, attribute, None)
+    made = loaded() if isinstance(loaded, type) else loaded
     if not callable(made):
         raise WiringError(f"module {module_name!r} has no function {attribute!r}")
     policy: Policy = made

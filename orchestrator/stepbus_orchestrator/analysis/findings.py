@@ -261,8 +261,8 @@ def _watched(
 def _joints(description: Description) -> dict[str, Joint]:
     def column(name: str, default: Any) -> list[Any]:
         values = description.limits.get(name) or ()
-        found = [default if value is None else value for value in values]
-        return found or [default] * len(description.names)
+        column = [default if value is None else value for value in values]
+        return column or [default] * len(description.names)
 
     types = description.details.get("type") or [""] * len(description.names)
     columns = (column("lower", -math.inf), column("upper", math.inf), column("effort", math.inf))

@@ -231,15 +231,15 @@ def tracking_pieces(
 
 def _with_joints(ports: Iterable[Port]) -> list[Port]:
     """Return the ports with messages that have joints which those before them lack."""
-    found: list[Port] = []
+    jointed: list[Port] = []
     known: set[str] = set()
     for port in ports:
         # One without names has joints that only its messages number.
-        is_new = not set(port.names) <= known if port.names else not found
+        is_new = not set(port.names) <= known if port.names else not jointed
         if port.last_step >= 0 and is_new:
-            found.append(port)
+            jointed.append(port)
             known |= set(port.names)
-    return found
+    return jointed
 
 
 def _present(signals: Iterable[tuple[str, Signal | None]]) -> dict[str, Signal]:
@@ -258,16 +258,16 @@ class _Held:
     def take(self, batch: Batch) -> Signal | None:
         """Return a piece; one without messages where the last one still holds."""
         before = self._before
-        found = signal_of(self._port, batch, _REFERENCE[1])
-        if found is None and before is not None and not len(batch.steps):
-            found = before.slice(slice(0, 0))
-        if found is None:
+        signal = signal_of(self._port, batch, _REFERENCE[1])
+        if signal is None and before is not None and not len(batch.steps):
+            signal = before.slice(slice(0, 0))
+        if signal is None:
             return None
         if not self._interval:
             first = [] if before is None else [before.steps]
-            steps = np.concatenate([*first, found.steps])
+            steps = np.concatenate([*first, signal.steps])
             self._interval = _interval(steps) if len(steps) > 1 else 0
         end = self._port.last_step + (self._interval or 1)
-        if len(found.steps):
-            self._before = found.slice(slice(-1, None))
-        return replace(found, before=before, end=end)
+        if len(signal.steps):
+            self._before = signal.slice(slice(-1, None))
+        return replace(signal, before=before, end=end)

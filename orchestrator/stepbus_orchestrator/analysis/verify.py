@@ -143,8 +143,8 @@ def verify(
         result = run(_changed(scenario, trial), options, interrupt=interrupt)
         results.append(TrialResult(trial=trial, result=result, delays=sum(delays.counts.values())))
         on_result(results[-1])
-        found = Verification(results=tuple(results))
-        if found.failed or found.different:
+        verification = Verification(results=tuple(results))
+        if verification.failed or verification.different:
             break
     return Verification(results=tuple(results))
 

@@ -35,9 +35,9 @@ def _add_join_arguments(parser: argparse.ArgumentParser) -> None:
         """Take everything after `--` as the program, also where options stand before it."""
         words = list(args or [])
         end = words.index("--") if "--" in words else len(words)
-        found, others = usual(words[:end], namespace)
-        found.program += words[end + 1 :]
-        return found, others
+        known, others = usual(words[:end], namespace)
+        known.program += words[end + 1 :]
+        return known, others
 
     # argparse itself takes no words behind an option that follows another word.
     parser.parse_known_args = parse  # type: ignore[method-assign]

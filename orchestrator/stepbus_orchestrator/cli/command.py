@@ -48,12 +48,12 @@ def number(what: str, least: int) -> Callable[[str], int]:
 def seconds(text: str) -> float:
     """Return a time on the command line [s]."""
     try:
-        found = float(text)
+        duration_s = float(text)
     except ValueError:
-        found = 0.0
-    if not 0 < found < float("inf"):
+        duration_s = 0.0
+    if not 0 < duration_s < float("inf"):
         raise argparse.ArgumentTypeError(f"{text!r} is no number of seconds above 0, e.g. 60")
-    return found
+    return duration_s
 
 
 def add_recording(parser: argparse.ArgumentParser, more: str = "") -> None:

@@ -84,8 +84,8 @@ def children(pid: int) -> set[int]:
 
 def descendants(pid: int) -> set[int]:
     """Return the processes that one has started, and all that these have."""
-    found = children(pid)
-    return found.union(*(descendants(child) for child in found))
+    pids = children(pid)
+    return pids.union(*(descendants(child) for child in pids))
 
 
 def _row(path: Path) -> list[str]:

@@ -62,13 +62,13 @@ def _end_left(folder: str) -> list[str]:
 def _left(folder: str) -> dict[int, str]:
     """Return the processes with a ticket of this folder, and the participant of each."""
     mark = f"{_TICKET}={folder}/".encode()
-    found = {}
+    left = {}
     for path in Path("/proc").glob("[0-9]*/environ"):
         for variable in _content(path).split(b"\0"):
             if variable.startswith(mark):
                 ticket = variable[len(mark) :].decode(errors="replace")
-                found[int(path.parent.name)] = ticket.removesuffix(".ticket")
-    return found
+                left[int(path.parent.name)] = ticket.removesuffix(".ticket")
+    return left
 
 
 def _command(pid: int) -> str:

@@ -94,11 +94,11 @@ class Checkpoints:
         One that is damaged is left out, and becomes a problem.
         """
         states = self._states.get(name, {})
-        for found in sorted((int(text) for text in states if text.isdecimal()), reverse=True):
-            if 0 < found < step:
-                path = (self._folder / _file_name(name, found)).absolute()
-                if self._is_sound(path, states[str(found)]):
-                    yield SavedState(step=found, path=path)
+        for saved_step in sorted((int(text) for text in states if text.isdecimal()), reverse=True):
+            if 0 < saved_step < step:
+                path = (self._folder / _file_name(name, saved_step)).absolute()
+                if self._is_sound(path, states[str(saved_step)]):
+                    yield SavedState(step=saved_step, path=path)
 
     def _is_sound(self, path: Path, sha256: str) -> bool:
         try:

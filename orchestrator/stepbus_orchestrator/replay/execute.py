@@ -163,15 +163,15 @@ def replay(
             )
             run = _Replay(opened, participant, program, bridge, folder, observer, interrupt)
             wall_s, steps = run.execute(scenario, check, reference)
-    found = check.divergence
+    divergence = check.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
-        equal=found is None,
+        equal=divergence is None,
         steps=steps,
-        divergence=found,
-        inputs=inputs_of(opened, scenario, participant, found.step) if found else {},
+        divergence=divergence,
+        inputs=inputs_of(opened, scenario, participant, divergence.step) if divergence else {},
         ports=in_order(check.results()),
         wall_s=wall_s,
         updated=None if target is None else str(target),

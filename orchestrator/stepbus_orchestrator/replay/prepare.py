@@ -100,15 +100,15 @@ def _from_tree(
         deadlines=new.deadlines,
     )
     specs = [spec if other is old else other for other in scenario.participants]
-    found = files(_with_programs(today, tree, names))
+    today_files = files(_with_programs(today, tree, names))
     values = list(_changed_values(old, new))
     return Prepared(
         scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=tree.folder),
-        files=found,
+        files=today_files,
         is_changed=bool(overrides or values),
         notes=[
             *(argument("--set", value=text) for text in overrides),
-            *_changed_files(origin.files, read_files(found)),
+            *_changed_files(origin.files, read_files(today_files)),
             *values,
             *_rewired(scenario, today, old, new),
         ],
@@ -128,13 +128,13 @@ def _with_program(spec: ParticipantSpec, other: ParticipantSpec) -> ParticipantS
     return dataclasses.replace(spec, participant=other.participant, exec=other.exec)
 
 
-def _changed_files(recorded: Mapping[str, bytes], found: Mapping[str, bytes]) -> Iterator[str]:
-    for name in sorted({*recorded, *found}):
-        if name not in found:
+def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) -> Iterator[str]:
+    for name in sorted({*recorded, *today}):
+        if name not in today:
             yield f"{name} is only in the recording"
         elif name not in recorded:
             yield f"{name} is not in the recording"
-        elif found[name] != recorded[name]:
+        elif today[name] != recorded[name]:
             yield f"{name} is not the recorded one"
 
 

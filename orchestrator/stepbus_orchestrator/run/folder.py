@@ -79,10 +79,10 @@ def attach(file: McapFile, scenario: Scenario) -> None:
         file.add_metadata(layout.FAULTS_METADATA, rows)
 
 
-def read_files(found: Mapping[str, Path]) -> dict[str, bytes]:
+def read_files(paths: Mapping[str, Path]) -> dict[str, bytes]:
     """Return the content of files, by name; raises RecordingFailed when one cannot be read."""
     contents = {}
-    for name, path in found.items():
+    for name, path in paths.items():
         try:
             contents[name] = read_file(path)
         except OSError as exc:

@@ -22,7 +22,7 @@ def measured_angles(
 
     descriptions: of all outputs. newest: participant → port → its newest message.
     """
-    found: dict[str, float] = {}
+    angles: dict[str, float] = {}
     for spec in scenario.participants:
         for port, output in spec.outputs.items():
             raw = newest.get(spec.name, {}).get(port)
@@ -35,8 +35,8 @@ def measured_angles(
                 continue
             types = described.details.get("type") or [""] * len(described.names)
             rows = zip(described.names, types, position or (), strict=False)
-            found |= {name: angle for name, joint, angle in rows if joint != "prismatic"}
-    return found
+            angles |= {name: angle for name, joint, angle in rows if joint != "prismatic"}
+    return angles
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -72,12 +72,12 @@ def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems
             text = f"{spec.participant} cannot be imported to check it: {exc}"
             problems.add(("participants", spec.name, "participant"), text)
         return
-    for spec, found in zip(specs, answers, strict=True):
-        _add(problems, ("participants", spec.name), [(tuple(k), text) for k, text in found])
+    for spec, answer in zip(specs, answers, strict=True):
+        _add(problems, ("participants", spec.name), [(tuple(k), text) for k, text in answer])
 
 
-def _add(problems: Problems, keys: Keys, found: Iterable[tuple[Keys, str]]) -> None:
-    for below, message in found:
+def _add(problems: Problems, keys: Keys, rows: Iterable[tuple[Keys, str]]) -> None:
+    for below, message in rows:
         problems.add((*keys, *below), message)
 
 

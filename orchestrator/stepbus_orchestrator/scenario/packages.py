@@ -31,8 +31,8 @@ def missing(spec: ParticipantSpec) -> str:
 
 def check_installed(scenario: Scenario) -> None:
     """Raise ExtraMissing where participants cannot start for want of a package."""
-    found = ((spec.name, missing(spec)) for spec in scenario.participants if not spec.is_external)
-    lines = [f"participants.{name}: {text}" for name, text in found if text]
+    lacking = ((spec.name, missing(spec)) for spec in scenario.participants if not spec.is_external)
+    lines = [f"participants.{name}: {text}" for name, text in lacking if text]
     if lines:
         raise ExtraMissing("\n".join(lines))
 

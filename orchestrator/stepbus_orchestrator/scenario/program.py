@@ -119,11 +119,11 @@ def _find(program: str, folder: Path) -> str:
         if os.access(path, os.X_OK):
             return str(path)
         raise WiringError(f"{program!r} is not executable; try `chmod +x {path}`")
-    found = None if "/" in program else shutil.which(program)
-    if found is None:
+    file = None if "/" in program else shutil.which(program)
+    if file is None:
         where = f"in {folder}" if "/" in program else f"on PATH, nor in {folder}"
         raise WiringError(f"no program {program!r} {where}; {_remedy(program, folder)}")
-    return str(Path(found).absolute())
+    return str(Path(file).absolute())
 
 
 def _remedy(program: str, folder: Path) -> str:

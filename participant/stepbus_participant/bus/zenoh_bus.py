@@ -123,13 +123,13 @@ def _opened(zenoh: Any, config: Any) -> Any:
 
     Zenoh waits for ever for a thread of its own that could not start (`ulimit -u`), or panics.
     """
-    found: list[Any] = []
+    opened: list[Any] = []
 
     def work() -> None:
         try:
-            found.append(zenoh.open(config))
+            opened.append(zenoh.open(config))
         except BaseException as exc:  # noqa: BLE001  (a panic of Rust is no Exception)
-            found.append(exc)
+            opened.append(exc)
 
     thread = threading.Thread(target=work, name="zenoh open", daemon=True)
     try:
@@ -137,9 +137,9 @@ def _opened(zenoh: Any, config: Any) -> Any:
     except RuntimeError as exc:
         raise BusError(f"no session opens: {exc}; {_LIMITS}") from exc
     thread.join(_OPEN_S)
-    if not found:
+    if not opened:
         raise BusError(f"no session has opened for {_OPEN_S:g} s; {_LIMITS}")
-    (session,) = found
+    (session,) = opened
     if isinstance(session, zenoh.ZError):
         raise session
     if isinstance(session, BaseException):

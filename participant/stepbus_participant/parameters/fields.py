@@ -30,21 +30,21 @@ def empty(node: inspect.Type) -> Any:
     """Return something of a type that stands for a value that is missing or wrong."""
     match node:
         case inspect.Metadata():
-            found = empty(node.type)
+            value = empty(node.type)
         case inspect.StructType():
             rows = [field for field in node.fields if field.required]
-            found = node.cls(**{field.name: empty(field.type) for field in rows})
+            value = node.cls(**{field.name: empty(field.type) for field in rows})
         case inspect.TupleType():
-            found = tuple(empty(item) for item in node.item_types)
+            value = tuple(empty(item) for item in node.item_types)
         case inspect.LiteralType():
-            found = node.values[0]
+            value = node.values[0]
         case inspect.UnionType():
-            found = None if inspect.NoneType() in node.types else empty(node.types[0])
+            value = None if inspect.NoneType() in node.types else empty(node.types[0])
         case inspect.CustomType():
-            found = PerName(0.0) if node.cls is PerName else Path()
+            value = PerName(0.0) if node.cls is PerName else Path()
         case _:
-            found = _PLAIN.get(type(node), _OTHER)[2]
-    return found
+            value = _PLAIN.get(type(node), _OTHER)[2]
+    return value
 
 
 def default(field: inspect.Field) -> Any:
@@ -60,8 +60,8 @@ def _extra(node: inspect.Type) -> Mapping[str, Any]:
 
 def conditions(field: inspect.Field) -> Mapping[str, tuple[Any, ...]]:
     """Return which values of other keys a field belongs to; see `settings.when`."""
-    found: Mapping[str, tuple[Any, ...]] = _extra(field.type).get("when", {})
-    return found
+    when: Mapping[str, tuple[Any, ...]] = _extra(field.type).get("when", {})
+    return when
 
 
 def is_ignored(field: inspect.Field) -> bool:
@@ -162,15 +162,15 @@ class Fields:
 
     def values(self) -> dict[str, Any]:
         """Return name of a field → value; what is wrong is added to the problems."""
-        found = {field.name: self._value(key, field) for key, field in self._fields.items()}
+        values = {field.name: self._value(key, field) for key, field in self._fields.items()}
         surplus = {key: item for key, item in self._data.items() if self._is_surplus(key)}
         if not self._has_plugin:
             for key in surplus:
                 text = self._unknown(key) if isinstance(key, str) else not_text(key)
                 self._problems.add((*self._keys, str(key)), text)
             surplus = {}
-        self._check_names(found)
-        return found | dict.fromkeys(self._own, surplus)
+        self._check_names(values)
+        return values | dict.fromkeys(self._own, surplus)
 
     def _unknown(self, key: str) -> str:
         place = self._elsewhere(key)
@@ -221,13 +221,13 @@ class Fields:
         now = " and ".join(f"{k} is {show(self._setting(k))}" for k in conditions(field))
         return f"belongs to {wanted}; {now}"
 
-    def _check_names(self, found: Mapping[str, Any]) -> None:
+    def _check_names(self, values: Mapping[str, Any]) -> None:
         """Add what does not fit `joints` among the numbers that are one for each of them."""
-        joints = found.get("joints")
+        joints = values.get("joints")
         if not joints or "joints" not in self._data:
             return
         for key, field in self._fields.items():
-            value = found[field.name]
+            value = values[field.name]
             if isinstance(value, PerName) and key in self._data:
                 for where, text in value.misfits(joints):
                     self._problems.add((*self._keys, key, *where), text)

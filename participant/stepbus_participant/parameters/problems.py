@@ -48,7 +48,7 @@ class SettingsError(WiringError):
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         different = dict.fromkeys(problems)
-        self.problems = tuple(sorted(different, key=lambda found: (found.file, found.line)))
+        self.problems = tuple(sorted(different, key=lambda problem: (problem.file, problem.line)))
         super().__init__(self.problems)
 
     def __str__(self) -> str:
@@ -60,10 +60,10 @@ class TooManyProblems(SettingsError):
     """A configuration has so many problems that no more are looked for."""
 
 
-def refuse_many(found: Sequence[Problem]) -> None:
+def refuse_many(problems: Sequence[Problem]) -> None:
     """Raise TooManyProblems where that is what they are."""
-    if len(found) >= _MOST:
-        raise TooManyProblems(found[:_MOST])
+    if len(problems) >= _MOST:
+        raise TooManyProblems(problems[:_MOST])
 
 
 class Problems:
@@ -77,13 +77,13 @@ class Problems:
         self,
         file: str = "",
         places: Mapping[Keys, Place] | None = None,
-        found: Iterable[Problem] = (),
+        problems: Iterable[Problem] = (),
         *,
         above: Keys = (),
     ) -> None:
         self._file_place = Place(file=file, line=0)
         self._places = places or {}
-        self._found = list(found)
+        self._found = list(problems)
         self._above = above
         self.plain: list[tuple[Keys, str]] = []
         """Keys and message of what `add` got, without places."""
@@ -95,8 +95,8 @@ class Problems:
         """Return whether something at or below `keys` is wrong."""
         path = dotted(self.path(keys))
         return any(
-            found.path == path or found.path.startswith((f"{path}.", f"{path}["))
-            for found in self._found
+            problem.path == path or problem.path.startswith((f"{path}.", f"{path}["))
+            for problem in self._found
         )
 
     def add(self, keys: Keys, message: str) -> None:

@@ -54,9 +54,9 @@ def read(
     A value that is wrong is replaced by its default or by something empty. folder: what relative
     file names are relative to; None: files are not checked. keys: where the data stands.
     """
-    found = read_value(settings, data, problems, folder=folder, keys=keys)
-    assert isinstance(found, settings)  # noqa: S101  for mypy: the node is of this class
-    return found
+    value = read_value(settings, data, problems, folder=folder, keys=keys)
+    assert isinstance(value, settings)  # noqa: S101  for mypy: the node is of this class
+    return value
 
 
 def read_value(
@@ -72,10 +72,10 @@ def find_problems(
     """Return what is wrong with plain data: keys and a sentence each."""
     problems = Problems()
     try:
-        found = read(settings, data, problems, folder=folder)
+        value = read(settings, data, problems, folder=folder)
     except TooManyProblems:
         return problems.plain
-    return problems.plain or list(found.file_problems())
+    return problems.plain or list(value.file_problems())
 
 
 @dataclass(frozen=True)
@@ -117,11 +117,11 @@ class _Reader:
         fields = Fields(
             read=self.value, problems=self.problems, node=node, data=given, keys=keys, short=short
         )
-        found = cls(**fields.values())
+        value = cls(**fields.values())
         if len(self.problems) == before:
-            for where, text in found.problems():
+            for where, text in value.problems():
                 self.problems.add((*keys, *without(short, where)), text)
-        return found
+        return value
 
     def _plain(self, node: inspect.Type, data: Any, keys: Keys) -> Any:
         if not takes(node, data):
@@ -139,16 +139,16 @@ class _Reader:
         return data
 
     def _dict(self, node: inspect.DictType, data: Any, keys: Keys) -> dict[str, Any]:
-        found = {}
+        values = {}
         for key, item in data.items():
             if item is None and isinstance(plain(node.value_type), _SCALARS):
                 continue
             if isinstance(key, str):
                 self.value(node.key_type, key, (*keys, key))
-                found[key] = self.value(node.value_type, item, (*keys, key))
+                values[key] = self.value(node.value_type, item, (*keys, key))
             else:
                 self.problems.add((*keys, str(key)), not_text(key))
-        return found
+        return values
 
     def _tuple(self, node: inspect.VarTupleType, data: Any, keys: Keys) -> tuple[Any, ...]:
         if node.min_length is not None and len(data) < node.min_length:
@@ -231,26 +231,26 @@ class _Reader:
             return self.wrong(keys, f"must be a file name, not {show(data)}", Path())
         if self.folder is None:
             return Path(data)
-        found = self.problems.attempt(keys, partial(find_file, data, self.folder)) or Path()
-        if found.is_dir() and found != Path():
-            return self.wrong(keys, f"{data!r} is a folder ({found})", Path())
-        return found
+        path = self.problems.attempt(keys, partial(find_file, data, self.folder)) or Path()
+        if path.is_dir() and path != Path():
+            return self.wrong(keys, f"{data!r} is a folder ({path})", Path())
+        return path
 
     def _model(self, node: Any, data: Any, keys: Keys) -> Path:
-        found = self._file(node, data, keys)
-        if self.folder is not None and found != Path():
+        path = self._file(node, data, keys)
+        if self.folder is not None and path != Path():
             from stepbus_participant.urdf import read_urdf_text  # noqa: PLC0415  few need it
 
-            self.problems.attempt(keys, lambda: read_urdf_text(found))
-        return found
+            self.problems.attempt(keys, lambda: read_urdf_text(path))
+        return path
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:
         before = len(self.problems)
-        found = self.value(node.type, data, keys)
-        twice = [name for name in dict.fromkeys(found) if found.count(name) > 1]
+        names = self.value(node.type, data, keys)
+        twice = [name for name in dict.fromkeys(names) if names.count(name) > 1]
         if twice and len(self.problems) == before:
             self.problems.add(keys, f"names {', '.join(map(repr, twice))} twice")
-        return tuple(dict.fromkeys(found))
+        return tuple(dict.fromkeys(names))
 
     def _per_name(self, node: Any, data: Any, keys: Keys) -> PerName:
         wanted = inspect.type_info(node.extra["item"])

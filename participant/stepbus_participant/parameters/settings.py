@@ -77,9 +77,9 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
         from .read import read  # noqa: PLC0415  `read` needs this class
 
         problems = Problems()
-        found = read(cls, data, problems, folder=folder)
+        settings = read(cls, data, problems, folder=folder)
         problems.refuse()
-        return found
+        return settings
 
 
 class PerName:

@@ -36,11 +36,11 @@ def load_types(*sources: str | Path) -> Types:
         if is_file_name(source):
             declarations |= read_types_file(Path(source))
             continue
-        found, problems = module_types(str(source))
+        rows, problems = module_types(str(source))
         if problems:
             texts = [".".join((*map(str, keys), "")).rstrip(".") + f": {t}" for keys, t in problems]
             raise WiringError("\n".join(f"{source}: {text.removeprefix(': ')}" for text in texts))
-        declarations |= found
+        declarations |= rows
     return Types(declarations)
 
 
@@ -54,10 +54,10 @@ def read_types_file(path: Path) -> dict[str, Mapping[str, Any]]:
     from .yaml_file import read_yaml  # noqa: PLC0415  a participant may do without YAML
 
     file = read_yaml(path, _EXPECTED)
-    found, problems = declarations_in(file.data.get(_KEY))
+    rows, problems = declarations_in(file.data.get(_KEY))
     unknown = [((key,), f"unknown key; {_EXPECTED}") for key in file.data if key != _KEY]
     file.refuse([*unknown, *(((_KEY, *keys), text) for keys, text in problems)])
-    return found
+    return rows
 
 
 def declarations_in(data: object) -> Found:
@@ -101,8 +101,8 @@ def module_types(name: str) -> Found:
             wrong.append(((), str(exc)))
     if not data and not wrong:
         wrong = [((), f"the module {name!r} has no message class; derive one of stepbus.Message")]
-    found, more = declarations_in(data)
-    return found, [*wrong, *more]
+    rows, more = declarations_in(data)
+    return rows, [*wrong, *more]
 
 
 def _classes(module: Any) -> Iterator[type[Message]]:

@@ -61,10 +61,10 @@ class YamlFile:
         """Return a collector with what is wrong so far, which knows the lines."""
         return Problems(self.file, self.places, self.found)
 
-    def refuse(self, found: Iterable[tuple[Keys, str]]) -> None:
+    def refuse(self, rows: Iterable[tuple[Keys, str]]) -> None:
         """Raise SettingsError with what was found wrong at some keys, if it is anything."""
         problems = self.problems()
-        for keys, message in found:
+        for keys, message in rows:
             problems.add(keys, message)
         problems.refuse()
 
@@ -95,15 +95,15 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
 def parse_yaml(file: str, text: str) -> Any:
     """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
     conversion = _Conversion(file)
-    found: tuple[Problem, ...] = ()
+    problems: tuple[Problem, ...] = ()
     try:
         value = conversion.run(text)
     except SettingsError as exc:
-        found = exc.problems
-    found = (*found, *conversion.problems)
-    if found:
+        problems = exc.problems
+    problems = (*problems, *conversion.problems)
+    if problems:
         # The command line has no lines.
-        raise SettingsError(dataclasses.replace(problem, line=0) for problem in found)
+        raise SettingsError(dataclasses.replace(problem, line=0) for problem in problems)
     return value
 
 

@@ -66,13 +66,13 @@ class Sampler:
 
     def _stack(self) -> list[int]:
         """Return the places of the calls below the frame, outermost first; empty: elsewhere."""
-        frame, found = sys._current_frames().get(self._thread), list[int]()
+        frame, frames = sys._current_frames().get(self._thread), list[int]()
         while frame is not None:
             if frame is self._frame:
-                return found[::-1]
+                return frames[::-1]
             code = frame.f_code
             place = (code.co_qualname, code.co_filename, code.co_firstlineno)
-            found.append(self._places.setdefault(place, len(self._places)))
+            frames.append(self._places.setdefault(place, len(self._places)))
             frame = frame.f_back
         return []
 

@@ -43,8 +43,8 @@ def _added(name: str, group: str, before: Published, now: Published) -> dict[str
 
 def broken(vectors: Published) -> dict[str, list[str]]:
     """Return, for each type, the published vectors that our codec reads differently today."""
-    found = {name: list(_broken(name, groups)) for name, groups in vectors.items()}
-    return {name: rows for name, rows in found.items() if rows}
+    failures = {name: list(_broken(name, groups)) for name, groups in vectors.items()}
+    return {name: rows for name, rows in failures.items() if rows}
 
 
 def _of_type(groups: Mapping[str, Any]) -> dict[str, dict[str, str]]:
@@ -97,5 +97,5 @@ class _Reader:
         return one is not None and repr(one) == repr(other)
 
     def _value(self, data: str) -> dict[str, Any] | None:
-        found = self.encoded(data)
-        return self._defaults | msgspec.msgpack.decode(found) if found else None
+        value = self.encoded(data)
+        return self._defaults | msgspec.msgpack.decode(value) if value else None

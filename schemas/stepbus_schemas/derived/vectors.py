@@ -57,8 +57,8 @@ def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
 def types_vectors(types: Types) -> str:
     """Return the byte vectors of types of one's own, as JSON with a line for each."""
     schemas = {name: json_schema(name, types) for name in sorted(types.declarations)}
-    found = {name: _of_type(schema, examples(schema)) for name, schema in schemas.items()}
-    return line_by_line({"notation": NOTATION, "types": found}, 4) + "\n"
+    by_type = {name: _of_type(schema, examples(schema)) for name, schema in schemas.items()}
+    return line_by_line({"notation": NOTATION, "types": by_type}, 4) + "\n"
 
 
 def line_by_line(value: Any, depth: int) -> str:

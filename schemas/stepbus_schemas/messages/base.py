@@ -59,13 +59,13 @@ def _words(cls: type) -> list[tuple[str, tuple[Any, ...]]]:
     # A name that only a type checker knows.
     with contextlib.suppress(NameError):
         hints = get_type_hints(cls)
-    found = []
+    words = []
     for name, hint in hints.items():
         options = [hint] if get_origin(hint) is Literal else get_args(hint)
         if options and all(get_origin(o) is Literal or o is NoneType for o in options):
             none = (None,) if NoneType in options else ()
-            found.append((name, tuple(w for o in options for w in get_args(o)) + none))
-    return found
+            words.append((name, tuple(w for o in options for w in get_args(o)) + none))
+    return words
 
 
 class Scalars(Message, frozen=True):

@@ -33,18 +33,18 @@ class Types:
         Raises WiringError for a class that no declaration can say.
         """
         own = {name_of(item): item for item in classes if not _ships(item)}
-        found = cls({name: class_declaration(item) for name, item in own.items()})
-        found._own |= own
-        return found
+        types = cls({name: class_declaration(item) for name, item in own.items()})
+        types._own |= own
+        return types
 
     def __getitem__(self, name: str) -> type[Message]:
         """Return the class of a message type such as `JointState/1`.
 
         Raises WiringError when there is no such type, or no such version of it.
         """
-        found = MESSAGE_TYPES.get(name) or self._own.get(name)
-        if found is not None:
-            return found
+        cls = MESSAGE_TYPES.get(name) or self._own.get(name)
+        if cls is not None:
+            return cls
         every = [*MESSAGE_TYPES, *self._own]
         stem = name.partition("/")[0]
         if near := [item for item in every if item.lower() == name.lower()]:
@@ -58,10 +58,10 @@ class Types:
 
     def __or__(self, other: Types) -> Types:
         """Return both; classes and declarations of the other one come first."""
-        found = Types()
-        found.declarations = {**self.declarations, **other.declarations}
-        found._own = {**self._own, **other._own}
-        return found
+        types = Types()
+        types.declarations = {**self.declarations, **other.declarations}
+        types._own = {**self._own, **other._own}
+        return types
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Types) and self.declarations == other.declarations
@@ -75,10 +75,10 @@ class Types:
     def only(self, names: Iterable[str]) -> Types:
         """Return some of them; those that ship are in it anyway."""
         kept = [name for name in dict.fromkeys(names) if name in self._own]
-        found = Types()
-        found.declarations = {name: self.declarations[name] for name in kept}
-        found._own = {name: self._own[name] for name in kept}
-        return found
+        types = Types()
+        types.declarations = {name: self.declarations[name] for name in kept}
+        types._own = {name: self._own[name] for name in kept}
+        return types
 
     def misfits(self, other: Types, mine: str, others: str) -> list[str]:
         """Return a sentence for each type that both declare, but differently.

@@ -60,8 +60,8 @@ def type_problems(name: str, declaration: object) -> Iterator[tuple[Keys, str]]:
     for field, row in fields.items():
         if not _FIELD.fullmatch(field):
             yield (field,), f"{field!r} is no name of a field: small letters, digits and _"
-        found = list(row_problems(row)) or list(default_problems(row))
-        yield from (((field, *keys), text) for keys, text in found)
+        problems = list(row_problems(row)) or list(default_problems(row))
+        yield from (((field, *keys), text) for keys, text in problems)
 
 
 def declare(name: str, declaration: Mapping[str, Any]) -> type[Message]:
@@ -84,7 +84,7 @@ def _declared(name: str, text: str) -> type[Message]:
     described = declaration.pop(HELP, None)
     fields = [(field, annotation(row), *default_of(row)) for field, row in declaration.items()]
     namespace = {"TYPE": name, "__doc__": described}
-    found = msgspec.defstruct(
+    cls = msgspec.defstruct(
         name.partition("/")[0],
         fields,
         bases=(Message,),
@@ -92,7 +92,7 @@ def _declared(name: str, text: str) -> type[Message]:
         frozen=True,
         kw_only=True,
     )
-    return cast("type[Message]", found)
+    return cast("type[Message]", cls)
 
 
 def declaration_of(name: str, schema: Mapping[str, Any]) -> Declaration:
@@ -100,13 +100,13 @@ def declaration_of(name: str, schema: Mapping[str, Any]) -> Declaration:
 
     Raises WiringError for a field that no declaration can say.
     """
-    found: Declaration = {HELP: schema["description"]} if schema.get("description") else {}
+    row: Declaration = {HELP: schema["description"]} if schema.get("description") else {}
     for field, node in schema["properties"].items():
         try:
-            found[field] = row_of(node, required=field in schema.get("required", []))
+            row[field] = row_of(node, required=field in schema.get("required", []))
         except (ValueError, KeyError, TypeError) as exc:
             raise WiringError(f"{name}.{field}: {exc}") from exc
-    return found
+    return row
 
 
 def differences(one: Declaration, other: Declaration) -> list[tuple[str, str, str]]:
@@ -114,7 +114,7 @@ def differences(one: Declaration, other: Declaration) -> list[tuple[str, str, st
 
     A field that only one of them has fits where it may be left out (P14.2); so does other help.
     """
-    found = []
+    unequal = []
     for field in dict.fromkeys((*one, *other)):
         if field == HELP:
             continue
@@ -122,8 +122,8 @@ def differences(one: Declaration, other: Declaration) -> list[tuple[str, str, st
         first, second = ("absent" if row is None else describe_row(row) for row in rows)
         is_added = any(row and ("default" in row or "optional" in row) for row in rows)
         if first != second and not (None in rows and is_added):
-            found.append((field, first, second))
-    return found
+            unequal.append((field, first, second))
+    return unequal
 
 
 def describe_row(row: Mapping[str, Any]) -> str:

@@ -59,29 +59,29 @@ def explained(exc: Exception, cls: Any = Any) -> str:
             return sentence
     if not isinstance(exc, msgspec.DecodeError):
         return _unencodable(str(exc))
-    found = _FORM.fullmatch(str(exc))
+    match = _FORM.fullmatch(str(exc))
     text, path = str(exc), ""
-    if found is not None:
-        text, path = found["text"], (found["path"] or "").removeprefix(".")
-    meaning = _meaning(text, cls, found["path"] or "" if found else "")
-    where = f"a key of {path or 'it'}" if found and found["key"] else path
+    if match is not None:
+        text, path = match["text"], (match["path"] or "").removeprefix(".")
+    meaning = _meaning(text, cls, match["path"] or "" if match else "")
+    where = f"a key of {path or 'it'}" if match and match["key"] else path
     joint = ": " if not meaning.startswith("must ") else " "
     return f"{where}{joint}{meaning}" if where else meaning
 
 
 def _unencodable(text: str) -> str:
-    found = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
-    if not found:
+    match = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
+    if not match:
         return text
-    hint = "; write `.tolist()`" if found[1].startswith("numpy.") else ""
-    return f"has a value of type {found[1]}, which no message can carry{hint}"
+    hint = "; write `.tolist()`" if match[1].startswith("numpy.") else ""
+    return f"has a value of type {match[1]}, which no message can carry{hint}"
 
 
 def _meaning(text: str, cls: Any, path: str) -> str:
     for pattern, sentence in _RULES:
-        found = re.fullmatch(pattern, text)
-        if found:
-            return found.expand(sentence)
+        match = re.fullmatch(pattern, text)
+        if match:
+            return match.expand(sentence)
     word = re.fullmatch(r"Invalid enum value (.*)", text, re.DOTALL)
     words = _words_at(cls, path) if word else []
     if word and words:

@@ -34,10 +34,10 @@ _FORMS = "float, int, bool, text, bytes, a list of words, or an array such as fl
 
 def parse_form(form: object) -> tuple[str, list[str]]:
     """Return a type such as `float[n,3]` as scalar and sizes; raises ValueError with the reason."""
-    found = _FORM.fullmatch(form.replace(" ", "")) if isinstance(form, str) else None
-    if found is None or found[1] not in SCALARS:
+    match = _FORM.fullmatch(form.replace(" ", "")) if isinstance(form, str) else None
+    if match is None or match[1] not in SCALARS:
         raise ValueError(f"must be {_FORMS}, not {form!r}")
-    sizes = [] if found[2] is None else found[2].split(",")
+    sizes = [] if match[2] is None else match[2].split(",")
     for size in sizes:
         if not _SIZE.fullmatch(size):
             raise ValueError(
@@ -48,22 +48,22 @@ def parse_form(form: object) -> tuple[str, list[str]]:
     if fixed > LONGEST_ARRAY:
         raise ValueError(
             f"an array of {fixed} is too long to be fixed (at most {LONGEST_ARRAY}); name its "
-            f"size, such as {found[1]}[k]"
+            f"size, such as {match[1]}[k]"
         )
     if len(sizes) > MOST_SIZES:
         raise ValueError(f"has {len(sizes)} sizes, at most {MOST_SIZES}")
-    return found[1], sizes
+    return match[1], sizes
 
 
 def normal_row(row: object) -> dict[str, Any]:
     """Return a field in full: a text or a list of words stands for its type."""
-    found = dict(row) if isinstance(row, Mapping) else {"type": row}
-    form = found.get("type")
+    given = dict(row) if isinstance(row, Mapping) else {"type": row}
+    form = given.get("type")
     if isinstance(form, str):
-        found["type"] = form.replace(" ", "")
+        given["type"] = form.replace(" ", "")
     elif isinstance(form, Sequence):
-        found["type"] = list(form)
-    return {key: found[key] for key in (*KEYS, *found) if _counts(key, found.get(key))}
+        given["type"] = list(form)
+    return {key: given[key] for key in (*KEYS, *given) if _counts(key, given.get(key))}
 
 
 def _counts(key: str, value: object) -> bool:
@@ -132,19 +132,19 @@ def annotation(row: Row) -> Any:
     """Return the type of a field, with its metadata."""
     form = row["type"]
     if isinstance(form, list):
-        found: Any = Literal[tuple(form)]
+        hint: Any = Literal[tuple(form)]
         sizes: list[str] = []
     else:
         scalar, sizes = parse_form(form)
-        found = SCALARS[scalar]
+        hint = SCALARS[scalar]
         for size in reversed(sizes):
-            found = (
-                tuple.__class_getitem__((found,) * int(size))
+            hint = (
+                tuple.__class_getitem__((hint,) * int(size))
                 if size.isdigit()
-                else list.__class_getitem__(found)
+                else list.__class_getitem__(hint)
             )
     if row.get("optional"):
-        found = found | None
+        hint = hint | None
     shape, least = " ".join(sizes), row.get("min")
     described = meta(row.get("help", ""), row.get("unit", ""), shape, ge=least)
     more: dict[str, Any] = {}
@@ -159,7 +159,7 @@ def annotation(row: Row) -> Any:
         described = msgspec.Meta(
             description=described.description, ge=described.ge, extra_json_schema=extra
         )
-    return Annotated[found, described]
+    return Annotated[hint, described]
 
 
 def _is_list(sizes: Sequence[str]) -> bool:

@@ -58,18 +58,18 @@ def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dic
     first = next(
         (name for name, port in config.inputs.items() if has_joints(port.type, types)), None
     )
-    found = {
+    descriptions = {
         name: Description(like=first)
         for name, port in config.outputs.items()
         if first is not None and has_joints(port.type, types)
     }
     for name, row in given.items():
         try:
-            found[name] = msgspec.convert(row, Description)
+            descriptions[name] = msgspec.convert(row, Description)
         except msgspec.ValidationError as exc:
             where = f"participants.{config.name}.bridge.describe.{name}"
             raise WiringError(f"{where}: {explained(exc, Description)}") from exc
-    return found
+    return descriptions
 
 
 def has_joints(type_name: str, types: Types = SHIPPED) -> bool:

@@ -146,18 +146,18 @@ class MapBridge(Bridge):
     def _ask(self, message: Mapping[str, Any], step: Step, publishes: bool) -> dict[str, Message]:
         """Return the outputs in the answer to a message. publishes: whether there may be any."""
         answer = self._read(self._decode, self.link.ask(self._codec.encode(message)))
-        found: dict[str, Message] = {}
+        messages: dict[str, Message] = {}
         if answer.outputs is not None:
-            found = dict(zip(self._outputs, astuple(answer.outputs), strict=True))
-            if None in found.values():
-                found = {port: value for port, value in found.items() if value is not None}
+            messages = dict(zip(self._outputs, astuple(answer.outputs), strict=True))
+            if None in messages.values():
+                messages = {port: value for port, value in messages.items() if value is not None}
         if answer.end is not None:
             step.end(answer.end)
-        if found and not publishes:
+        if messages and not publishes:
             raise self.link.wrong(
                 "publishes first: it answers `output` with its outputs and `update` with none"
             )
-        return found
+        return messages
 
     def _read(self, decode: Any, data: bytes | bytearray) -> Any:
         try:

@@ -86,8 +86,8 @@ class RawBridge(Bridge):
         return RawLayout(type_name, self.config.types, names=names, length=length)
 
     def _description(self, output: str, inputs: Mapping[str, Description]) -> Description:
-        found = self._described.get(output, Description())
-        return found if found.like is None else inputs[found.like]
+        description = self._described.get(output, Description())
+        return description if description.like is None else inputs[description.like]
 
     def _header(self, n_in: int, n_out: int) -> Row:
         config = self.config
@@ -117,16 +117,16 @@ class RawBridge(Bridge):
         return self._messages(answer)
 
     def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
-        found: dict[str, Message] = {}
+        messages: dict[str, Message] = {}
         start = 0
         for name, layout in self._out:
             end = start + layout.width
             try:
-                found[name] = layout.unflatten(numbers[start:end])
+                messages[name] = layout.unflatten(numbers[start:end])
             except ValueError as exc:
                 raise self.link.wrong(f"answered wrongly: {name}: {exc}") from exc
             start = end
-        return found
+        return messages
 
 
 def _order(names: Sequence[str], wanted: Sequence[str]) -> Sequence[int]:

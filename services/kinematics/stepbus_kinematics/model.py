@@ -189,10 +189,10 @@ class RobotModel:
 
         That of a follower adds to its joint's, by the gear between them.
         """
-        found: Vector = values[..., self._in_velocity]
+        row: Vector = values[..., self._in_velocity]
         for leader, gear, at in zip(self._followed, self._gear, self._follower_v, strict=True):
-            found[..., leader] += gear * values[..., at]
-        return found
+            row[..., leader] += gear * values[..., at]
+        return row
 
     def frame_id(self, name: str) -> int:
         """Return Pinocchio's number of a link, or of another frame where no link has that name.

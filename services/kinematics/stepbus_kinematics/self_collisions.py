@@ -107,8 +107,10 @@ class SelfCollisions:
     def any(self, q: Vector) -> bool:
         """Return whether two links come too close at q, shape (n,) [rad]."""
         model, data = self._robot.model, self._robot.data
-        found: bool = pin.computeCollisions(model, data, self._broad, self._robot.in_model(q), True)
-        return found
+        collides: bool = pin.computeCollisions(
+            model, data, self._broad, self._robot.in_model(q), True
+        )
+        return collides
 
     def pair(self, q: Vector) -> LinkPair | None:
         """Return the first two links that come too close at q, shape (n,) [rad]; None: none do."""

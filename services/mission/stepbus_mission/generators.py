@@ -156,19 +156,19 @@ class Sine:
 
     def changed(self, joints: Sequence[str], params: Params, t: float) -> Sine:
         """Return the sine of other parameters from a time on [s]; another omega keeps the angle."""
-        found = Sine(joints, params)
-        omegas = [(row[1], new[1]) for row, new in zip(self._rows, found._rows, strict=True)]
-        found._shift = tuple(
+        sine = Sine(joints, params)
+        omegas = [(row[1], new[1]) for row, new in zip(self._rows, sine._rows, strict=True)]
+        sine._shift = tuple(
             shift + (before - now) * t
             for shift, (before, now) in zip(self._shift, omegas, strict=True)
         )
-        found._rows = tuple(
+        sine._rows = tuple(
             (amplitude, omega, phase + shift, offset)
             for (amplitude, omega, phase, offset), shift in zip(
-                found._rows, found._shift, strict=True
+                sine._rows, sine._shift, strict=True
             )
         )
-        return found
+        return sine
 
     def save(self) -> list[SineRow]:
         """Return a row for each joint, for a checkpoint."""

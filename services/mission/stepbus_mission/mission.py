@@ -95,8 +95,8 @@ class Targets:
             return None
         last = None
         if self._last is not None:
-            t, found = self._last
-            last = (t, list(found.position), list(found.velocity), list(found.acceleration))
+            t, target = self._last
+            last = (t, list(target.position), list(target.velocity), list(target.acceleration))
         return SavedTargets(paths=dict(self._paths), last=last)
 
     def restore(self, saved: SavedTargets) -> None:
@@ -114,9 +114,9 @@ class Targets:
         for change in self._pending:
             change(t)
         self._pending.clear()
-        found = task if not self._paths else self._moved(t, task)
-        self._last = t, found
-        return found
+        target = task if not self._paths else self._moved(t, task)
+        self._last = t, target
+        return target
 
     def _moved(self, t: float, task: JointReference) -> JointReference:
         rows = (list(task.position), list(task.velocity), list(task.acceleration))

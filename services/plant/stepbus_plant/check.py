@@ -57,9 +57,9 @@ def main() -> int:
     welcome = Decoder(Welcome)(sys.stdin.buffer.read())
     answer = os.dup(1)
     os.dup2(2, 1)
-    found = problems(Config.from_welcome(welcome, Types(welcome.types)))
+    wrong = problems(Config.from_welcome(welcome, Types(welcome.types)))
     with os.fdopen(answer, "w", encoding="utf-8") as file:
-        json.dump(found, file)
+        json.dump(wrong, file)
     return 0
 
 

@@ -108,16 +108,16 @@ class Plant(Participant):
         views = problems.attempt(
             (), lambda: plant.cameras.views(self._outputs(camera.IMAGE, camera.CLOUD))
         )
-        found = problems.attempt((), lambda: plant.devices.sensors(self._outputs(*devices.OUTPUTS)))
+        made = problems.attempt((), lambda: plant.devices.sensors(self._outputs(*devices.OUTPUTS)))
         readings = problems.attempt(
             (), lambda: plant.sensors.ports(self._outputs(*sensors.SECTIONS))
         )
         if poses is None or poses_period is None or views is None:
             raise problems.error()
-        if found is None or readings is None:
+        if made is None or readings is None:
             raise problems.error()
         self._poses, self._poses_period, self._views = poses, poses_period, views
-        self._devices, self._sensors = found, readings
+        self._devices, self._sensors = made, readings
         self._has_views = bool(views.describe())
         self._links = plant.describe_poses(poses) if self._pose_ports else None
         self._planogram = plant.planogram(poses)
@@ -192,20 +192,20 @@ class Plant(Participant):
 
     def _sensed(self) -> dict[str, Message]:
         """Return the readings of the devices; ports may share one, whose noise counts readings."""
-        found = {
+        sensed = {
             key: device.sense()
             for key, device in {id(d): d for d in self._devices.values()}.items()
         }
-        return {port: found[id(device)] for port, device in self._devices.items()}
+        return {port: sensed[id(device)] for port, device in self._devices.items()}
 
     def _readings(self, t_ns: int) -> dict[str, Message]:
         """Return the readings of the sensors that are due; ports may share one."""
         due = {id(s): s for s, period_ns in self._sensors.values() if t_ns % period_ns == 0}
-        found = {key: sensor.sense(t_ns) for key, sensor in due.items()}
+        readings = {key: sensor.sense(t_ns) for key, sensor in due.items()}
         return {
-            port: found[id(sensor)]
+            port: readings[id(sensor)]
             for port, (sensor, _) in self._sensors.items()
-            if id(sensor) in found
+            if id(sensor) in readings
         }
 
     def _event(self) -> Event:

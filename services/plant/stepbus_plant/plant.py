@@ -41,8 +41,10 @@ class SimulatedPlant:
 
     def __init__(self, world: World, params: Params, period_ns: int, seed: int) -> None:
         problems = Problems()
-        found = problems.attempt((), lambda: world.physics_ns(period_ns, params.physics_step_ns))
-        step_ns = found or period_ns
+        substep_ns = problems.attempt(
+            (), lambda: world.physics_ns(period_ns, params.physics_step_ns)
+        )
+        step_ns = substep_ns or period_ns
         self.world = world
         self.params = params
         self._bodies = tuple(world.bodies)

@@ -91,13 +91,13 @@ class Detector:
             view = denoised(view, self._depth_noise)
         scene = Scene(view, camera)
         numbers = self._palette.classify(view.rgb)
-        found = [
+        detections = [
             item
             for number, types in enumerate(self._classes)
             for item in _best([*_candidates(scene, numbers == number, types)])
             if item.confidence >= self._min_confidence
         ]
-        return sorted(found, key=lambda item: (item.type, item.position))
+        return sorted(detections, key=lambda item: (item.type, item.position))
 
 
 def _candidates(scene: Scene, among: Mask, types: Sequence[ItemType]) -> Iterator[_Candidate]:

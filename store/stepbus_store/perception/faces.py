@@ -128,15 +128,15 @@ class Scene:
         the same colour that is only slightly higher is the foot of an object on the face.
         """
         end = ~own & (self._height < np.where(alike, height, height + LEVELS_APART))
-        found = []
+        edges = []
         for down, right in _NEIGHBOURS:
             r, c = rows + down, columns + right
             inside = (r >= 0) & (r < own.shape[0]) & (c >= 0) & (c < own.shape[1])
             r, c = np.where(inside, r, 0), np.where(inside, c, 0)
             ends = inside & end[r, c]
             u, v = columns[ends] + right / 2, rows[ends] + down / 2
-            found.append(self._on_plane(u, v, height))
-        return np.concatenate(found)
+            edges.append(self._on_plane(u, v, height))
+        return np.concatenate(edges)
 
     def _on_plane(self, u: NDArray[np.generic], v: NDArray[np.generic], height: float) -> Vector:
         """Return x, y, shape (n, 2) [m], where the rays of pixels reach a height."""

@@ -81,8 +81,8 @@ def make_view(images: dict[str, Image]) -> View:
         _check(port, image)
     by_encoding = {image.encoding: image for image in images.values()}
     if len(by_encoding) != len(_CHANNELS):
-        found = ", ".join(f"{port!r} is {image.encoding}" for port, image in images.items())
-        raise RunError(f"perception needs one image of rgb8 and one of 32FC1 (depth); {found}")
+        encodings = ", ".join(f"{port!r} is {image.encoding}" for port, image in images.items())
+        raise RunError(f"perception needs one image of rgb8 and one of 32FC1 (depth); {encodings}")
     rgb, depth = by_encoding["rgb8"], by_encoding["32FC1"]
     if _optics(rgb) != _optics(depth):
         raise RunError(

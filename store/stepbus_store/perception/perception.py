@@ -56,13 +56,13 @@ class CameraSource:
     def detections(self, view: View, state: JointState) -> Detections:
         """Return the items in a view; state: the joints at its time."""
         angles = read_angles(self._order, self._port, state)
-        found = self._detector.find(view, self._mount.pose(angles))
+        detections = self._detector.find(view, self._mount.pose(angles))
         return Detections(
             frame=self._frame,
-            types=[item.type for item in found],
-            position=[item.position for item in found],
-            orientation=[turn_about_z(item.yaw) for item in found],
-            confidence=[item.confidence for item in found],
+            types=[item.type for item in detections],
+            position=[item.position for item in detections],
+            orientation=[turn_about_z(item.yaw) for item in detections],
+            confidence=[item.confidence for item in detections],
         )
 
 
@@ -110,12 +110,12 @@ class Perception(Participant):
         source = self._settings.source
         try:
             if isinstance(source, TruthSettings):
-                found = self._from_truth(step, source)
+                detections = self._from_truth(step, source)
             else:
-                found = self._from_images(step, source)
+                detections = self._from_images(step, source)
         except RunError as exc:
             raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
-        return {} if found is None else {self._settings.detections: found}
+        return {} if detections is None else {self._settings.detections: detections}
 
     def _from_truth(self, step: Step, source: TruthSettings) -> Detections | None:
         poses = step.get(self._settings.poses, Poses)

@@ -82,15 +82,15 @@ def direct_routes(start: Point, goal: Point, pace: BasePace) -> list[SmoothRoute
     """Return curves from a pose to another one, forwards and backwards, the quickest first."""
     a, b = np.array(start[:2]), np.array(goal[:2])
     chord = math.atan2(*(b - a)[::-1])
-    found = []
+    routes = []
     for back, share, ends_at_goal in product((False, True), _TURNS, (True, False)):
         flip = math.pi if back else 0.0
         first = start[2] + share * wrapped(chord + flip - start[2])
         last = goal[2] if ends_at_goal else chord + flip
         for handle in _HANDLES:
             points = _bezier(a, first - flip, b, last - flip, handle)
-            found.append(_route((start, goal), points, (first, last), pace, back=back))
-    smooth = [route for route in found if route.sharpest <= _SHARPEST]
+            routes.append(_route((start, goal), points, (first, last), pace, back=back))
+    smooth = [route for route in routes if route.sharpest <= _SHARPEST]
     return sorted(smooth, key=lambda route: route.seconds)
 
 

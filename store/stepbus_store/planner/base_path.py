@@ -88,17 +88,17 @@ class BasePlanner:
         pose = (float(out[0]), float(out[1]), start[2])
         if np.linalg.norm(b - out) < _SAME:
             turn = SmoothRoute(poses=(pose, goal), seconds=0.0)
-            found: SmoothRoute | None = turn
+            route: SmoothRoute | None = turn
             shape = "turn"
         else:
-            found, shape = self._smooth(pose, goal, outlines)
-        if found is None:
+            route, shape = self._smooth(pose, goal, outlines)
+        if route is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
             return Plan(id=request.id, cause="no_path", text=text)
-        length = found.length + float(np.linalg.norm(out - a))
+        length = route.length + float(np.linalg.norm(out - a))
         text = f"base: {shape}, {length:.2f} m, {len(outlines)} obstacles"
         return Plan(
-            id=request.id, text=text, route=list(found.poses if leaves else found.poses[1:])
+            id=request.id, text=text, route=list(route.poses if leaves else route.poses[1:])
         )
 
     def _smooth(
@@ -138,7 +138,7 @@ class BasePlanner:
     ) -> list[_Outline]:
         x, y, yaw = start
         turned = pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, 0.0]))
-        found = []
+        outlines = []
         for name, link in self._obstacles.links.items():
             for solid in () if name in skipped else link.shapes:
                 place = turned * placements[name] * solid.placement
@@ -146,8 +146,8 @@ class BasePlanner:
                 rows = product(*zip(box.min_, box.max_, strict=True))
                 corners = np.array([place.act(np.array(row)) for row in rows])
                 if corners[:, 2].max() > _FLOOR and corners[:, 2].min() < _TOP:
-                    found.append(_Outline(link=name, corners=_hull(corners[:, :2])))
-        return _outermost(found)
+                    outlines.append(_Outline(link=name, corners=_hull(corners[:, :2])))
+        return _outermost(outlines)
 
     def _escape(self, start: Point, outlines: Sequence[_Outline]) -> Vector | None:
         """Return the nearest point straight ahead or behind at which the base may turn."""
@@ -293,8 +293,8 @@ def _crosses(a: Vector, b: Vector, corners: Vector) -> bool:
     """Return whether a segment crosses an edge of an outline."""
 
     def side(p: Vector, q: Vector, r: Vector) -> Vector:
-        found: Vector = (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
-        return found
+        cross: Vector = (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
+        return cross
 
     ends = np.roll(corners, -1, axis=0)
     apart = side(a[None], b[None], corners) * side(a[None], b[None], ends) < 0

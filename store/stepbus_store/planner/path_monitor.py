@@ -139,16 +139,16 @@ class PathMonitor:
     def _blocked(self, moved: Mapping[str, Any], poses: Poses) -> str:
         share = BESIDE_RESOLUTION if self._bases else 1.0
         ahead = dense(self._path[self._at :], self._settings.resolution * share)
-        found: tuple[Any, Vector] | None = None
+        first: tuple[Any, Vector] | None = None
         for base in self._ahead(poses):
             checker = self._checker(moved, poses, base)
             hit = next((q for q in ahead if not checker.is_free(q)), None)
             if hit is not None:
-                found = (base, hit)
+                first = (base, hit)
                 break
-        if found is None:
+        if first is None:
             return ""
-        base, hit = found
+        base, hit = first
         which = next((n for n in moved if not self._checker([n], poses, base).is_free(hit)), "")
         tip = self._settings.tip
         there = self._robot.frame_pose(hit, tip).translation

@@ -251,7 +251,7 @@ class Checker:
         """Return whether all pairs keep their margins at q, shape (n,) [rad]."""
         self.checks += 1
         robot = self._robot
-        found: bool = pin.computeCollisions(
+        collides: bool = pin.computeCollisions(
             robot.model, self._data, self._broad, robot.in_model(q), True
         )
-        return not found
+        return not collides

@@ -86,8 +86,8 @@ def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -
         ),
     ]
     solver = algorithm.TOPPRA(constraints, spline, gridpoints=grid, solver_wrapper="seidel")
-    found = solver.compute_trajectory(0.0, 0.0)
-    return None if found is None else _sampled(found, path, limits, period)
+    result = solver.compute_trajectory(0.0, 0.0)
+    return None if result is None else _sampled(result, path, limits, period)
 
 
 def dense(path: Vector, distance: float) -> Vector:
@@ -104,7 +104,7 @@ def _lengths(points: Vector) -> Vector:
     return length
 
 
-def _sampled(found: Any, path: Vector, limits: Limits, period: float) -> Trajectory:
+def _sampled(result: Any, path: Vector, limits: Limits, period: float) -> Trajectory:
     """Return the motion smoothed, and sampled every period.
 
     Between the points of toppra's grid it may slightly exceed the limits; it is slowed for that.
@@ -113,7 +113,7 @@ def _sampled(found: Any, path: Vector, limits: Limits, period: float) -> Traject
         factor = 1.0
         for _ in range(10):
             smoothing = Smoothing(factor=factor, share=share)
-            motion = _smoothed(found, path, limits, period, smoothing)
+            motion = _smoothed(result, path, limits, period, smoothing)
             excess = _too_fast(motion, limits, period)
             if excess <= 1.0:
                 return motion
@@ -124,7 +124,7 @@ def _sampled(found: Any, path: Vector, limits: Limits, period: float) -> Traject
 
 
 def _smoothed(
-    found: Any, path: Vector, limits: Limits, period: float, smoothing: Smoothing
+    result: Any, path: Vector, limits: Limits, period: float, smoothing: Smoothing
 ) -> Trajectory:
     """Return the motion stretched, and averaged over a window of T.
 
@@ -134,10 +134,10 @@ def _smoothed(
     factor = smoothing.factor
     window = float((2.0 * limits.acceleration / factor**2 / limits.jerk).max()) * smoothing.share
     width = max(math.ceil(window / _FINE), 1)
-    length = found.duration * factor
+    length = result.duration * factor
     inside = max(math.ceil(length / _FINE), 1)
     t = np.minimum(np.arange(inside + 1) * _FINE, length) / factor
-    position, velocity = found(t), found(t, 1) / factor
+    position, velocity = result(t), result(t, 1) / factor
     position[[0, -1]], velocity[[0, -1]] = path[[0, -1]], 0.0
     still = np.zeros((width, path.shape[1]))
     position = np.concatenate([still + path[0], position, still + path[-1]])

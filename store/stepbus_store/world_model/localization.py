@@ -68,8 +68,8 @@ class Localization:
     @property
     def deviation(self) -> Vector:
         """Return the standard deviations of x, y, yaw, shape (3,) [m, rad]."""
-        found: Vector = np.sqrt(np.diag(self._covariance))
-        return found
+        deviation: Vector = np.sqrt(np.diag(self._covariance))
+        return deviation
 
     def predict(self, odometry: BaseState) -> None:
         """Move on as odometry has since the last time; the first one is that of the start."""

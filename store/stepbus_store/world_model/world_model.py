@@ -68,9 +68,9 @@ class Items:
         """Return the item that the gripper must be holding; empty: none."""
         return self._held
 
-    def see(self, found: Sequence[Seen]) -> None:
+    def see(self, sightings: Sequence[Seen]) -> None:
         """Correct where items are by what the camera sees of them."""
-        for seen in found:
+        for seen in sightings:
             name = self._nearest(seen)
             if name and name != self._held:
                 place = self._places[name]
@@ -189,10 +189,10 @@ class WorldModel(Participant):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the pose of the base, and the poses of all links when they are due."""
         items = self._items or self._unfold(step.read(self._ports.planogram, Poses))
-        found = step.get(self._ports.detections, Detections)
-        if found is not None and step.is_new(self._ports.detections):
+        detections = step.get(self._ports.detections, Detections)
+        if detections is not None and step.is_new(self._ports.detections):
             # They are of the step before: the base has not been moved on yet.
-            self._see(items, found)
+            self._see(items, detections)
         odometry = step.read(self._ports.odometry, BaseState)
         self._localization.predict(odometry)
         x, y, yaw = self._localization.pose
@@ -244,8 +244,8 @@ class WorldModel(Participant):
         x, y, yaw = self._localization.pose
         return pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, self._height]))
 
-    def _see(self, items: Items, found: Detections) -> None:
-        rows = list(zip(found.types, found.position, found.orientation, strict=True))
+    def _see(self, items: Items, detections: Detections) -> None:
+        rows = list(zip(detections.types, detections.position, detections.orientation, strict=True))
         mark = self._params.landmark
         self._localization.correct([at[:2] for name, at, _ in rows if name == mark])
         base, (_, _, yaw) = self._base(), self._localization.pose

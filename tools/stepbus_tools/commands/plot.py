@@ -32,10 +32,10 @@ def _execute(args: argparse.Namespace) -> int:
             for name in signal_names(recording):
                 say(name)
             return 0
-        found = [signal for text in args.signals for signal in find_signals(recording, text)]
+        signals = [signal for text in args.signals for signal in find_signals(recording, text)]
         target = args.out or recording.path.with_name("plot.png")
         try:
-            draw_signals(str(recording.path), found, target)
+            draw_signals(str(recording.path), signals, target)
         except ImportError as exc:
             name = exc.name or ""
             raise ExtraMissing(f"plots need {name}{extra_hint(name)}") from exc

@@ -39,26 +39,26 @@ def _execute(args: argparse.Namespace) -> int:
     scenario = load(args.scenario, args.set)
     title = f"{scenario.name} selftest"
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
-        found = selftest(scenario, math.radians(args.angle), display, interrupt)
+        result = selftest(scenario, math.radians(args.angle), display, interrupt)
     if args.json:
-        say_json(found)
+        say_json(result)
     else:
-        _show(found)
-    return ExitCode.FINISHED if found.ok else ExitCode.NONCONFORMING
+        _show(result)
+    return ExitCode.FINISHED if result.ok else ExitCode.NONCONFORMING
 
 
-def _show(found: SelfTest) -> None:
+def _show(result: SelfTest) -> None:
     console = Console(width=None if sys.stdout.isatty() else _PLAIN_COLUMNS)
     table = Table(*_COLUMNS)
-    for verdict in found.joints:
+    for verdict in result.joints:
         table.add_row(*_row(verdict))
     console.print(table)
-    wrong = [verdict.joint for verdict in found.joints if not verdict.ok]
-    idle = [verdict.joint for verdict in found.joints if verdict.commanded is None]
-    tested = len(found.joints) - len(idle)
+    wrong = [verdict.joint for verdict in result.joints if not verdict.ok]
+    idle = [verdict.joint for verdict in result.joints if verdict.commanded is None]
+    tested = len(result.joints) - len(idle)
     say(
-        f"{found.plant}: {tested - len(wrong)} of {tested} joints pass "
-        f"({found.simulated_s:.1f} s simulated)"
+        f"{result.plant}: {tested - len(wrong)} of {tested} joints pass "
+        f"({result.simulated_s:.1f} s simulated)"
         + (f"; without a motor: {', '.join(idle)}" if idle else "")
     )
 

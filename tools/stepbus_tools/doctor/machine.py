@@ -92,8 +92,8 @@ def free_ports(count: int) -> list[int]:
 def ports() -> Finding:
     """Check for free TCP ports."""
     try:
-        found = free_ports(_PORTS)
+        free = free_ports(_PORTS)
     except OSError as exc:
         text = f"not {_PORTS} free on loopback: {exc.strerror}; runs over Unix sockets still work"
         return Finding(what="ports", verdict="warn", text=text)
-    return Finding(what="ports", verdict="ok", text=f"free on loopback, e.g. {found[0]}")
+    return Finding(what="ports", verdict="ok", text=f"free on loopback, e.g. {free[0]}")

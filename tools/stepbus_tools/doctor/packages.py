@@ -51,15 +51,15 @@ def needed(extra: str = "") -> list[Requirement]:
     rows = [row.partition(";") for row in requires("stepbus") or []]
     of_extra = {row: marker.replace("'", '"').strip() for row, _, marker in rows}
     wanted = f'extra == "{extra}"' if extra else ""
-    found = [parse(row) for row, marker in of_extra.items() if marker == wanted]
+    packages = [parse(row) for row, marker in of_extra.items() if marker == wanted]
     # An extra may include another one: `stepbus[sim]`.
-    return [requirement for requirement in found if requirement.name != "stepbus"]
+    return [requirement for requirement in packages if requirement.name != "stepbus"]
 
 
 def parse(row: str) -> Requirement:
     """Return the requirement that a row such as `numpy>=2.2` stands for."""
-    found = _REQUIREMENT.match(row)
-    return Requirement(found[1], found[2] or "") if found else Requirement(row)
+    match = _REQUIREMENT.match(row)
+    return Requirement(match[1], match[2] or "") if match else Requirement(row)
 
 
 def versions() -> Iterator[Finding]:

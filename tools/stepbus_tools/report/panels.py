@@ -29,10 +29,10 @@ class _Field:
 
     def take(self, batch: Batch) -> None:
         """Take the next piece."""
-        found = batch.arrays(self.name)[self.name]
-        if found is None or not len(found) or found.dtype.kind not in _NUMBERS or self.width < 0:
+        column = batch.arrays(self.name)[self.name]
+        if column is None or not len(column) or column.dtype.kind not in _NUMBERS or self.width < 0:
             return
-        values: Array = found.astype(np.float64).reshape(len(found), -1)
+        values: Array = column.astype(np.float64).reshape(len(column), -1)
         if self.width not in (0, values.shape[1]):
             self.width = -1
             return

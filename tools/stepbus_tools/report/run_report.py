@@ -33,8 +33,8 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
                 summary.take(piece)
             lateness = read_lateness(path.parent)
             late = lateness.complaint() if lateness is not None else ""
-            found = [*findings(recording), *([late] if late else [])]
-            problems = [f"attention {line}" for line in found]
+            notes = [*findings(recording), *([late] if late else [])]
+            problems = [f"attention {line}" for line in notes]
             if tracking.measured:
                 lines = summary.lines()
             lines = [*lines, *problems, *profile_lines(read_profiles(path.parent))]

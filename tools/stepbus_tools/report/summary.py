@@ -49,8 +49,8 @@ class StepProfile:
 
 def read_profiles(folder: Path) -> list[StepProfile]:
     """Return the profiles of a run, the busiest participant first; folder: of the run."""
-    found = (_read(path) for path in sorted((folder / _FOLDER).glob("*.csv")))
-    return sorted((p for p in found if p.steps), key=lambda profile: -profile.busy)
+    profiles = (_read(path) for path in sorted((folder / _FOLDER).glob("*.csv")))
+    return sorted((p for p in profiles if p.steps), key=lambda profile: -profile.busy)
 
 
 def _read(path: Path) -> StepProfile:

@@ -33,19 +33,19 @@ def draw_variants(
     """
     opened = {RECORDED: Recording(recording)}
     opened |= {name: Recording(path) for name, path in branches.items()}
-    found = _chosen(opened, signals) if signals else _errors(opened)
-    if not found:
+    chosen = _chosen(opened, signals) if signals else _errors(opened)
+    if not chosen:
         raise WiringError(
             f"{recording} has no joint to draw; choose signals with --plot, e.g. of "
             f"`stepbus plot {recording}`"
         )
     step_s = _step_s(opened[RECORDED])
     try:
-        shown = [_shown(panel, at * step_s) for panel in found]
+        shown = [_shown(panel, at * step_s) for panel in chosen]
         draw_signals(str(recording), shown, target, mark_s=at * step_s)
     except ImportError as exc:
         raise ExtraMissing(f"plots need {exc.name}{extra_hint(exc.name or '')}") from exc
-    return [panel.title for panel in found]
+    return [panel.title for panel in chosen]
 
 
 def _shown(panel: Panel, mark_s: float) -> Panel:

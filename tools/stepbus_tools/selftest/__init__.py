@@ -66,15 +66,15 @@ def selftest(
             result = run(tested, Options(out=folder / "run"), observer, interrupt).check()
             return _judged(result, plant, port, angle, only)
 
-    found = attempt(angle, list(description.names))
-    missed = [verdict.joint for verdict in found.joints if not verdict.ok]
+    outcome = attempt(angle, list(description.names))
+    missed = [verdict.joint for verdict in outcome.joints if not verdict.ok]
     if not missed:
-        return found
+        return outcome
     again = attempt(angle / 2, missed)
     return SelfTest(
         plant=plant.name,
-        simulated_s=found.simulated_s + again.simulated_s,
-        joints=better(found.joints, [v for v in again.joints if v.joint in missed]),
+        simulated_s=outcome.simulated_s + again.simulated_s,
+        joints=better(outcome.joints, [v for v in again.joints if v.joint in missed]),
     )
 
 

@@ -108,20 +108,20 @@ def _verdict(
 ) -> Verdict:
     free = joint.mode in ("torque", "teleport")
     at = trial.jump + 1 if free else trial.measure
-    found = _evidence(state, joints, trial.first, at)
-    others = None if free else _moved_most(joint, joints, found)
+    evidence = _evidence(state, joints, trial.first, at)
+    others = None if free else _moved_most(joint, joints, evidence)
     findings = [
         *(_pushed(joint, trial, state) if joint.mode == "torque" else ()),
-        *_arrived(trial, joints, found, _FALLEN if free else _CLOSE),
-        *_others(others, joints, found),
-        *_limits(joint, found, free=free),
+        *_arrived(trial, joints, evidence, _FALLEN if free else _CLOSE),
+        *_others(others, joints, evidence),
+        *_limits(joint, evidence, free=free),
     ]
     return Verdict(
         joint=joint.name,
         type=_joint_type(joint),
         mode=joint.mode,
         commanded=trial.goal,
-        measured=float(found.after[joint.index]),
+        measured=float(evidence.after[joint.index]),
         others=others,
         ok=not findings,
         findings=findings,
@@ -149,14 +149,14 @@ def _evidence(state: Signal, joints: Sequence[TestedJoint], first: int, at: int)
 
 
 def _arrived(
-    trial: Trial, joints: Sequence[TestedJoint], found: _Evidence, close: dict[bool, float]
+    trial: Trial, joints: Sequence[TestedJoint], evidence: _Evidence, close: dict[bool, float]
 ) -> Iterator[str]:
     """Describe how a joint missed its goal: still, other direction, another unit, or short."""
     joint = trial.joint
-    moved = found.after - found.before
+    moved = evidence.after - evidence.before
     mine = float(moved[joint.index])
-    wanted = trial.goal - float(found.before[joint.index])
-    measured = float(found.after[joint.index])
+    wanted = trial.goal - float(evidence.before[joint.index])
+    measured = float(evidence.after[joint.index])
     if abs(measured - trial.goal) <= close[joint.is_rotary]:
         return
     if joint.is_rotary and math.isclose(measured, math.degrees(trial.goal), rel_tol=0.02):
@@ -170,16 +170,16 @@ def _arrived(
             if j is not joint and math.isclose(float(moved[j.index]), wanted, rel_tol=0.2)
         ]
         tail = f"; {', '.join(instead)} moves in its place: are they swapped?" if instead else ""
-        yield f"does not move{tail or _at_its_limit(joint, found)}"
+        yield f"does not move{tail or _at_its_limit(joint, evidence)}"
     elif mine * wanted < 0:
         yield f"moves in the other direction, by {_amount(joint, mine)}"
     else:
         end = _amount(joint, abs(measured - trial.goal))
-        yield f"ends {end} from where it was sent{_at_its_limit(joint, found)}"
+        yield f"ends {end} from where it was sent{_at_its_limit(joint, evidence)}"
 
 
-def _at_its_limit(joint: TestedJoint, found: _Evidence) -> str:
-    if found.effort[joint.index] >= 0.999 * joint.effort:
+def _at_its_limit(joint: TestedJoint, evidence: _Evidence) -> str:
+    if evidence.effort[joint.index] >= 0.999 * joint.effort:
         limit = f"{joint.effort:g} {_unit(joint, 'N·m', 'N')}"
         return f"; its motor was at its limit of {limit}: too weak, or is something in its way?"
     return "; is something in its way?"
@@ -199,35 +199,35 @@ def _pushed(joint: TestedJoint, trial: Trial, state: Signal) -> Iterator[str]:
 
 
 def _moved_most(
-    joint: TestedJoint, joints: Sequence[TestedJoint], found: _Evidence
+    joint: TestedJoint, joints: Sequence[TestedJoint], evidence: _Evidence
 ) -> tuple[str, float] | None:
     """Return which of the joints that are held moved most, and how far."""
     others = [j for j in joints if j is not joint and j.effort > 0]
     held = [j for j in others if j.mode in ("position", "velocity")]
-    moved = [(j.name, float(abs(found.after[j.index] - found.before[j.index]))) for j in held]
+    moved = [(j.name, float(abs(evidence.after[j.index] - evidence.before[j.index]))) for j in held]
     return max(moved, key=lambda row: row[1], default=None)
 
 
 def _others(
-    others: tuple[str, float] | None, joints: Sequence[TestedJoint], found: _Evidence
+    others: tuple[str, float] | None, joints: Sequence[TestedJoint], evidence: _Evidence
 ) -> Iterator[str]:
     if others is None:
         return
     other = next(joint for joint in joints if joint.name == others[0])
     if others[1] > _STILL[other.is_rotary]:
         tail = ""
-        if found.effort[other.index] >= 0.999 * other.effort:
+        if evidence.effort[other.index] >= 0.999 * other.effort:
             limit = f"{other.effort:g} {_unit(other, 'N·m', 'N')}"
             tail = f", whose motor was at its limit of {limit}: does something push it?"
         yield f"moves {other.name} as well, by {_amount(other, others[1])}{tail}"
 
 
-def _limits(joint: TestedJoint, found: _Evidence, *, free: bool) -> Iterator[str]:
+def _limits(joint: TestedJoint, evidence: _Evidence, *, free: bool) -> Iterator[str]:
     margin = (_FALLEN if free else _CLOSE)[joint.is_rotary]
-    end = float(found.after[joint.index])
+    end = float(evidence.after[joint.index])
     if not joint.lower - margin <= end <= joint.upper + margin:
         yield f"is at {end:.4f}, beyond its stops [{joint.lower:g}, {joint.upper:g}]"
-    speed, effort = found.speed[joint.index], found.effort[joint.index]
+    speed, effort = evidence.speed[joint.index], evidence.effort[joint.index]
     if not free and speed > 1.1 * joint.speed:
         unit = _unit(joint, "rad/s", "m/s")
         yield f"moves at {speed:.2f} {unit}, beyond its limit of {joint.speed:g}"

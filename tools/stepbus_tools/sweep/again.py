@@ -45,12 +45,12 @@ def rerun_row(
     row = _row(folder, number)
     texts, faults = overrides_of(Point(number, row.values))
     source = folder / SOURCE_FOLDER / "scenario"
-    found = next(
+    match = next(
         iter(sorted(source.rglob(layout.SCENARIO_ATTACHMENT), key=lambda p: -len(p.parts))), None
     )
-    if found is None:
+    if match is None:
         raise WiringError(f"{source}: the sweep's scenario is gone")
-    scenario = load(found, texts, faults)
+    scenario = load(match, texts, faults)
     return Again(row=row, result=run(scenario, Options(out=out), observer, interrupt))
 
 

@@ -36,8 +36,8 @@ class Distribution:
         if self.choices:
             last = len(self.choices) - 1
             return [self.choices[min(int(at * (last + 1)), last)] for at in u]
-        found = self.frozen.ppf(u)
-        return [int(value) if self.is_discrete else float(value) for value in found]
+        values = self.frozen.ppf(u)
+        return [int(value) if self.is_discrete else float(value) for value in values]
 
     def probes(self) -> list[Any]:
         """Return values that tell whether a scenario takes such ones."""
@@ -49,10 +49,10 @@ def parse_distribution(given: str, text: str) -> Distribution:
 
     text: the axis, for the error.
     """
-    found = _CALL.fullmatch(given)
-    if found is None:
+    match = _CALL.fullmatch(given)
+    if match is None:
         raise WiringError(f"{text}: write a distribution as NAME(…), e.g. normal(1, 0.1)")
-    name, (arguments, keywords) = found[1], _arguments(found[2] or "", text)
+    name, (arguments, keywords) = match[1], _arguments(match[2] or "", text)
     if name == _CHOICE:
         if not arguments or keywords:
             raise WiringError(f"{text}: choice needs its values, e.g. choice('a', 'b')")
@@ -135,13 +135,13 @@ def parse_axis(text: str) -> Axis:
 
 
 def _parse_one(part: str, text: str) -> Axis:
-    found = re.match(r"([\w.\-/ ]+?)\s*([=~])(.*)", part, re.DOTALL)
-    if found is None or not found[3].strip():
+    match = re.match(r"([\w.\-/ ]+?)\s*([=~])(.*)", part, re.DOTALL)
+    if match is None or not match[3].strip():
         raise WiringError(
             f"{text}: write PATH=VALUES or PATH~DISTRIBUTION, e.g. controller.params.kp=50:200:7 "
             "or plant.params.mass~normal(1, 0.1)"
         )
-    path, sign, rest = found[1], found[2], found[3].strip()
+    path, sign, rest = match[1], match[2], match[3].strip()
     if sign == "~":
         return Axis(text=text, paths=(path,), distribution=parse_distribution(rest, text))
     span = _RANGE.fullmatch(rest)
@@ -160,18 +160,18 @@ def _listed(rest: str, text: str) -> tuple[tuple[Any, ...], ...]:
     return tuple((value,) for value in values)
 
 
-def _ranged(path: str, found: re.Match[str], text: str) -> Axis:
-    low, high = float(found[1]), float(found[2])
-    is_whole = all(re.fullmatch(r"[-+]?\d+", found[n]) for n in (1, 2))
-    is_log = found[4] == "log"
+def _ranged(path: str, match: re.Match[str], text: str) -> Axis:
+    low, high = float(match[1]), float(match[2])
+    is_whole = all(re.fullmatch(r"[-+]?\d+", match[n]) for n in (1, 2))
+    is_log = match[4] == "log"
     if is_log and not (low > 0 and high > 0):
         raise WiringError(f"{text}: a logarithmic range lies above 0")
-    if found[3] is None:
+    if match[3] is None:
         if not low < high:
             raise WiringError(f"{text}: the range starts below its end")
         span = Span(low=low, high=high, is_log=is_log, is_whole=is_whole)
         return Axis(text=text, paths=(path,), span=span)
-    count = int(found[3])
+    count = int(match[3])
     if not 0 < count <= _MOST_VALUES:
         raise WiringError(f"{text}: a range has 1 to {_MOST_VALUES} values, not {count}")
     numbers = np.geomspace(low, high, count) if is_log else np.linspace(low, high, count)

@@ -62,7 +62,7 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
     a metric without a file, RecordingFailed for a file that cannot be read.
     """
     base = variants[0]
-    found = {name: path for variant in variants for name, path in files(variant).items()}
+    named = {name: path for variant in variants for name, path in files(variant).items()}
     modules: dict[str, bytes] = {}
     places: dict[str, str] = {}
     for number, text in enumerate(metrics):
@@ -71,7 +71,7 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
         places[text] = f"{number}/{path.name}"
     return Content(
         scenario=resolved(base).encode(),
-        files=read_files(found),
+        files=read_files(named),
         settings=_settings(base),
         modules=modules,
         metrics=places,
@@ -108,18 +108,18 @@ def _modules_beside(path: Path) -> dict[str, bytes]:
     packages = {init.parent for init in beside if init.name == "__init__.py"} - {path.parent}
     others = [file for package in sorted(packages) for file in sorted(package.rglob("*.py"))]
     chosen = dict.fromkeys([path, *sorted(path.parent.glob("*.py")), *others])
-    found = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
-    if sum(map(len, found.values())) > _MOST_BYTES:
+    contents = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
+    if sum(map(len, contents.values())) > _MOST_BYTES:
         raise WiringError(
             f"{path}: over {_MOST_BYTES // 1_000_000} MB of Python lie beside it; a metric goes to "
             "every machine with the modules beside it: put it into a folder of its own"
         )
-    return found
+    return contents
 
 
 def _settings(scenario: Scenario) -> list[str]:
     """Return what a scenario's text leaves out, since it changes no result."""
-    found = [f"window={scenario.window}", f"batch={scenario.batch}"]
+    settings = [f"window={scenario.window}", f"batch={scenario.batch}"]
     for spec in scenario.participants:
         deadlines = spec.deadlines
         limits = {
@@ -129,5 +129,5 @@ def _settings(scenario: Scenario) -> list[str]:
             "step": deadlines.step_s,
             "stop": deadlines.stop_s,
         }
-        found += [f"{spec.name}.{phase}_timeout={limit_s}s" for phase, limit_s in limits.items()]
-    return found
+        settings += [f"{spec.name}.{phase}_timeout={limit_s}s" for phase, limit_s in limits.items()]
+    return settings

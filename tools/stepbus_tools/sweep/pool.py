@@ -260,8 +260,8 @@ class Pool:
         """Return the plots of some points as PNG; empty where there are none."""
         self._fit()
         asked = [self._workers[0].actor.picture.remote(point) for point in points]
-        found, _ = self._ray.wait(asked, num_returns=len(asked), timeout=_PICTURES_S)
-        return [self._picture(one) if one in found else b"" for one in asked]
+        ready, _ = self._ray.wait(asked, num_returns=len(asked), timeout=_PICTURES_S)
+        return [self._picture(one) if one in ready else b"" for one in asked]
 
     def _picture(self, reference: Any) -> bytes:
         try:
@@ -312,9 +312,9 @@ class Pool:
         if not pending:
             time.sleep(_WAIT_S)
         for reference in ready:
-            found = self._take(reference, again)
-            if found is not None:
-                yield found
+            results = self._take(reference, again)
+            if results is not None:
+                yield results
         yield from self._late()
 
     def _take(self, reference: Any, again: deque[_Task]) -> tuple[Row, Mapping[str, bytes]] | None:

@@ -27,8 +27,8 @@ def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
     types = _Types(paths)
     for row in journal.rows():
         types.take(row)
-    found = types.columns()
-    _write(folder / TABLE_FILE, found, (types.flat(row, found) for row in journal.rows()))
+    arrays = types.columns()
+    _write(folder / TABLE_FILE, arrays, (types.flat(row, arrays) for row in journal.rows()))
     columns = {"run": "int64", "wall_s": "double", "steps_per_s": "double", "where": "string",
                "attempts": "int64"}  # fmt: skip
     _write(folder / TIMES_FILE, columns, map(_times, journal.rows()))
@@ -62,15 +62,15 @@ class _Types:
         return f"metric.{name}" if is_taken else name
 
     def flat(self, row: Row, columns: Mapping[str, str]) -> dict[str, Any]:
-        found: dict[str, Any] = {
+        flat: dict[str, Any] = {
             "run": row.run,
             **row.values,
             **{name: getattr(row, name, None) for name in _FIXED},
             **{self._metric(name): value for name, value in row.metrics.items()},
             "metric_error": row.metric_error or None,
         }
-        found["folder"] = f"runs/{row.run:06}" if row.kept else None
-        return {name: _cell(found.get(name), of) for name, of in columns.items()}
+        flat["folder"] = f"runs/{row.run:06}" if row.kept else None
+        return {name: _cell(flat.get(name), of) for name, of in columns.items()}
 
 
 def _wider(before: str, value: Any) -> str:

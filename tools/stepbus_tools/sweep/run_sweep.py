@@ -131,12 +131,12 @@ def _claim(spec: Spec, content: Content, home: Path) -> None:
         save_spec(home, spec, fingerprint)
         return
     old, before = load_spec(home)
-    found = differences(old, spec)
-    if not found and before != fingerprint:
-        found = ["a file of the scenario, or a metric, has changed"]
-    if found:
+    changes = differences(old, spec)
+    if not changes and before != fingerprint:
+        changes = ["a file of the scenario, or a metric, has changed"]
+    if changes:
         raise OutputExists(
-            f"{home} holds another sweep: {'; '.join(found)}; give another {argument('--out')}"
+            f"{home} holds another sweep: {'; '.join(changes)}; give another {argument('--out')}"
         )
 
 

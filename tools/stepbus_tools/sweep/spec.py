@@ -74,8 +74,8 @@ class Spec(Settings):
 
     def plain(self) -> dict[str, Any]:
         """Return it as plain data, as a file has it."""
-        found: dict[str, Any] = json.loads(msgspec.json.encode(self))
-        return found
+        fields: dict[str, Any] = json.loads(msgspec.json.encode(self))
+        return fields
 
 
 def draft(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:

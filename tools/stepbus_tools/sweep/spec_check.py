@@ -47,10 +47,10 @@ def check(spec: Spec) -> Checked:
     Raises ScenarioError with every problem.
     """
     problems = Problems()
-    found = _survey(spec, problems)
-    if found is None:
+    checked = _survey(spec, problems)
+    if checked is None:
         raise ScenarioError(problems.error().problems)
-    return found
+    return checked
 
 
 def _survey(spec: Spec, problems: Problems) -> Checked | None:

@@ -50,7 +50,7 @@ def builtin_metrics(result: Result, recording: Recording) -> dict[str, Value]:
     errors = tracking_rmse(
         tracking, _SETTLED_AFTER_S if result.simulated_s > _SETTLED_AFTER_S else 0.0
     )
-    steps = [found for joint in tracking.joints if (found := _step_response(tracking, joint))]
+    steps = [response for joint in tracking.joints if (response := _step_response(tracking, joint))]
     return {
         "success": result.exit_code == 0,
         "duration": result.simulated_s,
@@ -118,14 +118,14 @@ class Metrics:
 
     def of(self, recording: Recording) -> tuple[dict[str, Value], str]:
         """Return what all of them measure, and why some have not."""
-        found: dict[str, Value] = {}
+        values: dict[str, Value] = {}
         errors = []
         for text, function in self._functions:
             try:
-                found |= _measured(text, function, recording)
+                values |= _measured(text, function, recording)
             except MetricFailed as exc:
                 errors.append(str(exc))
-        return found, "; ".join(errors)
+        return values, "; ".join(errors)
 
 
 def _load(path: Path, function: str, text: str) -> Metric:
@@ -142,10 +142,10 @@ def _load(path: Path, function: str, text: str) -> Metric:
         raise MetricFailed(f"metric {text}: {path.name} raises {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(path.parent))
-    found = getattr(module, function, None)
-    if not callable(found):
+    loaded = getattr(module, function, None)
+    if not callable(loaded):
         raise MetricFailed(f"metric {text}: {path.name} has no function {function!r}")
-    metric: Metric = found
+    metric: Metric = loaded
     return metric
 
 

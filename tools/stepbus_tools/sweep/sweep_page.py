@@ -121,16 +121,16 @@ def _summary(journal: Journal, rows: Sequence[Row], every: int) -> str:
 
 
 def _causes(journal: Journal) -> str:
-    found: dict[tuple[str, str], list[int]] = {}
+    causes: dict[tuple[str, str], list[int]] = {}
     for row in journal.rows():
         if row.exit_code or row.metric_error:
             cause = (row.outcome if row.exit_code else "no metric", row.reason or row.metric_error)
             if not row.exit_code:
                 cause = ("no metric", row.metric_error)
-            found.setdefault(cause, []).append(row.run)
-    if not found:
+            causes.setdefault(cause, []).append(row.run)
+    if not causes:
         return "<p>None.</p>"
-    rows = sorted(found.items(), key=lambda item: -len(item[1]))[:50]
+    rows = sorted(causes.items(), key=lambda item: -len(item[1]))[:50]
     cells = "".join(
         f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td><td>{escape(_short(reason))}</td>"
         f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"

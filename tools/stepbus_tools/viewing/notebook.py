@@ -55,12 +55,12 @@ def plot(recording: Recording, signals: Sequence[str]) -> Plot:
     Raises WiringError for one that the recording does not have, ExtraMissing without matplotlib.
     """
     texts = list(signals) or _default_signals(recording)
-    found = [signal for text in texts for signal in find_signals(recording, text)]
-    if not found:
+    chosen = [signal for text in texts for signal in find_signals(recording, text)]
+    if not chosen:
         raise RecordingFailed(f"{recording.path} has no numbers to plot")
     stream = io.BytesIO()
     try:
-        draw_signals(str(recording.path), found, stream)
+        draw_signals(str(recording.path), chosen, stream)
     except ImportError as exc:
         name = exc.name or ""
         raise ExtraMissing(f"plots need {name}{extra_hint(name)}") from exc

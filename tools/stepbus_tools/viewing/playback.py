@@ -42,7 +42,7 @@ class History:
 
         A port whose message cannot be read is left out: what else there is, is shown.
         """
-        found: dict[str, Latest] = {}
+        latest: dict[str, Latest] = {}
         for topic in topics:
             port = self.recording.ports.get(topic)
             try:
@@ -50,8 +50,8 @@ class History:
             except (MessageError, WiringError):
                 continue
             if row is not None:
-                found[topic] = Latest(step=row[0], message=row[1])
-        return found
+                latest[topic] = Latest(step=row[0], message=row[1])
+        return latest
 
     def samples(self, signal: Signal) -> Data:
         """Return a signal over the whole recording, at evenly spaced times."""
@@ -69,16 +69,16 @@ class History:
 
     def events(self) -> list[tuple[int, str]]:
         """Return (time [ns], sentence) of the events in it; it reads only chunks that have some."""
-        found: list[tuple[int, str]] = []
+        events: list[tuple[int, str]] = []
         for port in self.recording.of_type("Event/1"):
             try:
                 for step, message in port.messages():
-                    if isinstance(message, Event) and len(found) < _MOST_EVENTS:
+                    if isinstance(message, Event) and len(events) < _MOST_EVENTS:
                         text = f"{port.participant}: {message.text.splitlines()[0]}"
-                        found.append((step * self.step_ns, f"{message.level}: {text}"))
+                        events.append((step * self.step_ns, f"{message.level}: {text}"))
             except (MessageError, WiringError, IndexError):
                 continue
-        return sorted(found)
+        return sorted(events)
 
 
 FRAME_S = 1 / 30
@@ -204,16 +204,16 @@ class Playback:
 
     def _find_divergence(self, other: Path) -> None:
         try:
-            found = diff(self._history.recording.path, other)
+            difference = diff(self._history.recording.path, other)
         except StepbusError as exc:
             text = str(exc)
             self._later(lambda: self._view.tell([text]))
             return
-        if found.divergence is None:
+        if difference.divergence is None:
             self._later(lambda: self._add_jumps({"0.000 s both recordings are equal": 0}))
             return
-        t_ns = found.divergence.step * self._history.step_ns
-        text = f"{t_ns * 1e-9:.3f} s first divergence: {found.divergence.text()}"
+        t_ns = difference.divergence.step * self._history.step_ns
+        text = f"{t_ns * 1e-9:.3f} s first divergence: {difference.divergence.text()}"
         self._later(lambda: self._add_jumps({text: t_ns}))
 
     @property

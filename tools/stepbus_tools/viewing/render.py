@@ -69,10 +69,10 @@ def parse_viewpoint(text: str, scene: Scene, messages: Messages) -> Viewpoint:
 
 def _numbers(text: str) -> Vector | None:
     try:
-        found = [float(word) for word in text.split(",")]
+        numbers = [float(word) for word in text.split(",")]
     except ValueError:
         return None
-    return np.array(found) if len(found) == 3 and all(map(math.isfinite, found)) else None
+    return np.array(numbers) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else None
 
 
 Floats = NDArray[np.float64]
@@ -210,14 +210,14 @@ def _clipped(seen: Floats, colors: Floats) -> tuple[Floats, Floats]:
 
 
 def _cut(triangle: Floats) -> list[Floats]:
-    found: list[Floats] = []
+    pieces: list[Floats] = []
     for index in range(3):
         a, b = triangle[index - 1], triangle[index]
         if (a[2] < _NEAR_M) != (b[2] < _NEAR_M):
-            found.append(a + (b - a) * (_NEAR_M - a[2]) / (b[2] - a[2]))
+            pieces.append(a + (b - a) * (_NEAR_M - a[2]) / (b[2] - a[2]))
         if b[2] >= _NEAR_M:
-            found.append(b)
-    return found
+            pieces.append(b)
+    return pieces
 
 
 def _box(x: Floats, y: Floats, size: tuple[int, int]) -> tuple[NDArray[np.int64], ...]:

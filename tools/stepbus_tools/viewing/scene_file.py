@@ -21,15 +21,15 @@ _DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
 
 def latest_messages(recording: Recording, scene: Scene, t_ns: int) -> Messages:
     """Return the newest message of each port that moves a scene, at a time [ns]."""
-    found = {}
+    messages = {}
     for topic in scene.topics:
         try:
             row = recording[topic].latest(t_ns)
         except MessageError:
             continue
         if row is not None:
-            found[topic] = Latest(step=row[0], message=row[1])
-    return found
+            messages[topic] = Latest(step=row[0], message=row[1])
+    return messages
 
 
 def export_scene(recording: Recording, target: Path, reached: Callable[[int], None]) -> Exported:

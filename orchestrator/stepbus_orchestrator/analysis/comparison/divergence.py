@@ -51,8 +51,8 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
                 return f"{where}: the {second} has a message, the {first} has none"
         if not self.field:
             return f"{where}: {first} {short(self.first)}, {second} {short(self.second)}"
-        found = difference(self.first, self.second)
-        by = "" if found is None else f" (difference {found:.3g})"
+        gap = difference(self.first, self.second)
+        by = "" if gap is None else f" (difference {gap:.3g})"
         return (
             f"{where}: {self.field}: {first} {short(self.first)}, {second} {short(self.second)}{by}"
         )
@@ -170,12 +170,12 @@ class PortComparison:
             return True
         if first is None or second is None:
             return self._one_sided(step, first, second)
-        found = self._compare(step, first, second)
-        if found is None:
+        divergence = self._compare(step, first, second)
+        if divergence is None:
             self._within += 1
             return True
         self._different += 1
-        self._add(found)
+        self._add(divergence)
         return False
 
     def plain(self, data: bytes) -> Any:
@@ -206,8 +206,8 @@ class PortComparison:
         self._add(self._divergence(step, "missing" if second is None else "added", one, other))
         return False
 
-    def _add(self, found: Divergence) -> None:
-        self.divergence = self.divergence or found
+    def _add(self, divergence: Divergence) -> None:
+        self.divergence = self.divergence or divergence
 
     def _compare(self, step: int, first: bytes, second: bytes) -> Divergence | None:
         """Return the first field beyond its tolerance, None where there is none."""
@@ -218,11 +218,11 @@ class PortComparison:
         any_difference = False
         for name in dict.fromkeys((*one, *other)):
             tolerance = self._tolerance_of(name)
-            found = list(differences(name, one.get(name), other.get(name), tolerance))
-            if found:
+            values = list(differences(name, one.get(name), other.get(name), tolerance))
+            if values:
                 any_difference = True
-                self._counts.setdefault(name, _Count()).take(step, found)
-                worst = worst or next((item for item in found if item.beyond), None)
+                self._counts.setdefault(name, _Count()).take(step, values)
+                worst = worst or next((item for item in values if item.beyond), None)
         if worst is not None:
             return self._divergence(step, "value", worst.first, worst.second, worst.path)
         unexplained = not any_difference and not self._by_value
@@ -261,10 +261,10 @@ class _Count:
         self.at_step = -1
         self.at = ""
 
-    def take(self, step: int, found: Sequence[Difference]) -> None:
+    def take(self, step: int, values: Sequence[Difference]) -> None:
         self.different += 1
-        self.beyond += any(item.beyond for item in found)
-        for item in found:
+        self.beyond += any(item.beyond for item in values)
+        for item in values:
             size = difference(item.first, item.second)
             if size is not None and size > self.largest:
                 self.largest, self.at_step, self.at = size, step, item.path

@@ -48,8 +48,8 @@ def difference(one: Any, other: Any) -> float | None:
     """Return |one − other| of two numbers; None where that is not a number."""
     if not (_is_number(one) and _is_number(other)):
         return None
-    found = abs(float(one) - float(other))
-    return None if math.isnan(found) else found
+    gap = abs(float(one) - float(other))
+    return None if math.isnan(gap) else gap
 
 
 def short(value: Any) -> str:
@@ -222,8 +222,8 @@ def parse_tolerance(
             value = _parsed(f"--{option} {setting}", number)
             limits.setdefault(_target(target, participant), {})[option] = value
     rules = {
-        key: FieldTolerance(abs=found.get("abs", 0.0), rel=found.get("rel", 0.0))
-        for key, found in limits.items()
+        key: FieldTolerance(abs=limit.get("abs", 0.0), rel=limit.get("rel", 0.0))
+        for key, limit in limits.items()
     }
     rules |= {_target(target, participant): FieldTolerance(ignore=True) for target in ignored}
     return Tolerance(rules)

@@ -72,12 +72,12 @@ def _execute(args: argparse.Namespace) -> int:
     if args.vary:
         return _execute_variants(args, out, trusted)
     branch = _make(args, out, args.set, trusted)
-    found = _difference(branch)
+    difference = _difference(branch)
     if args.json:
-        say_json(_fields(branch, found))
+        say_json(_fields(branch, difference))
     else:
-        _conclude(branch, found, has_plots=not args.no_report)
-    return _code(branch, found, args)
+        _conclude(branch, difference, has_plots=not args.no_report)
+    return _code(branch, difference, args)
 
 
 def _make(
@@ -125,16 +125,16 @@ def _difference(branch: Branch) -> Diff | None:
     return branch.diff()
 
 
-def _code(branch: Branch, found: Diff | None, args: argparse.Namespace) -> int:
+def _code(branch: Branch, difference: Diff | None, args: argparse.Namespace) -> int:
     """Return the exit code: a branch without a change has to have the same messages."""
     if branch.result.exit_code:
         return branch.result.exit_code
     is_changed = args.set or args.calls or args.faults or args.vary
-    is_equal = found is None or found.equal
+    is_equal = difference is None or difference.equal
     return ExitCode.FINISHED if is_changed or is_equal else ExitCode.DIFFERENT
 
 
-def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
+def _conclude(branch: Branch, difference: Diff | None, *, has_plots: bool) -> None:
     result = branch.result
     if result.exit_code:
         print_error(result.reason)
@@ -144,10 +144,10 @@ def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
     if branch.restored:
         rows = (f"{name} from step {step}" for name, step in branch.restored.items())
         say(f"checkpoints: {', '.join(rows)}")
-    if found is not None:
+    if difference is not None:
         why = "" if result.reason == "finished" else f" ({result.reason})"
         say(f"{result.scenario}: finished{why} after {result.steps} steps")
-        for line in _differences(found):
+        for line in _differences(difference):
             say(line)
     elif branch.equal and result.steps:
         say(f"{result.steps} steps, byte for byte as recorded")
@@ -158,21 +158,21 @@ def _conclude(branch: Branch, found: Diff | None, *, has_plots: bool) -> None:
     say(f"recording {result.recording}\n{result.hashes()}")
 
 
-def _differences(found: Diff) -> Iterator[str]:
+def _differences(difference: Diff) -> Iterator[str]:
     """Yield where a branch leaves its recording, or else what beside the messages differs."""
-    if found.divergence is not None:
-        yield f"leaves the recording at {found.divergence.text('recorded', 'now')}"
-    elif found.equal:
+    if difference.divergence is not None:
+        yield f"leaves the recording at {difference.divergence.text('recorded', 'now')}"
+    elif difference.equal:
         yield "every message is as recorded, though the files differ"
-        yield from (f"note: {note}" for note in found.notes)
+        yield from (f"note: {note}" for note in difference.notes)
 
 
-def _fields(branch: Branch, found: Diff | None) -> dict[str, Any]:
+def _fields(branch: Branch, difference: Diff | None) -> dict[str, Any]:
     return {
         "at": branch.at,
         "changed": list(branch.changed),
         "equal": branch.equal,
-        "messages_equal": branch.equal or (found is not None and found.equal),
+        "messages_equal": branch.equal or (difference is not None and difference.equal),
         "way_s": branch.way_s,
         "restored": dict(branch.restored),
         "notes": list(branch.notes),
@@ -182,13 +182,13 @@ def _fields(branch: Branch, found: Diff | None) -> dict[str, Any]:
 
 
 def _execute_variants(args: argparse.Namespace, out: Path, trusted: str) -> int:
-    found = variants(args.vary)
+    chosen = variants(args.vary)
     if out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")
     if args.debug:
         raise WiringError("--debug: choose one of the variants, with --set")
     branches: list[tuple[Variant, Branch]] = []
-    for variant in found:
+    for variant in chosen:
         overrides = [*args.set, *variant.overrides]
         branch = _make(args, out / variant.folder, overrides, trusted, variant.name)
         branches.append((variant, branch))

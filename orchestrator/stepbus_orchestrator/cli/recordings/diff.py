@@ -43,12 +43,12 @@ def _add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def _execute(args: argparse.Namespace) -> int:
-    found = diff(**parameters_of(args, diff) | {"tolerance": tolerance_of(args)})
+    difference = diff(**parameters_of(args, diff) | {"tolerance": tolerance_of(args)})
     if args.json:
-        say_json(found)
+        say_json(difference)
     else:
-        say(found.text())
-    return ExitCode.FINISHED if found.equal else ExitCode.DIFFERENT
+        say(difference.text())
+    return ExitCode.FINISHED if difference.equal else ExitCode.DIFFERENT
 
 
 COMMAND = Command(

@@ -35,11 +35,11 @@ def _execute(args: argparse.Namespace) -> int:
 def _lines(recovery: Recovery) -> list[str]:
     """Return what was kept and what was lost, in sentences."""
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
-    found = recovery.damage or ("it has holes" if recovery.holes else "undamaged")
+    state = recovery.damage or ("it has holes" if recovery.holes else "undamaged")
     if recovery.cut_step is not None:
-        found = recovery.damage or "it ends in the midst of a step"
+        state = recovery.damage or "it ends in the midst of a step"
     lines = [
-        f"{recovery.source}: {found}",
+        f"{recovery.source}: {state}",
         (
             f"kept {kept if recovery.messages else 'no messages'}; attachments: "
             f"{recovery.attachments}, metadata records: {recovery.metadata}"

@@ -48,17 +48,17 @@ def _execute(args: argparse.Namespace) -> int:
     title = preparation.scenario.name
     with displayed(title, quiet=args.json) as display, interruptible() as interrupt:
         done = preparation.run(display, interrupt)
-    found = None if done.equal or not done.compares else done.diff()
+    difference = None if done.equal or not done.compares else done.diff()
     if args.json:
-        say_json(_fields(done, found))
+        say_json(_fields(done, difference))
     else:
         _warn(done.notes[len(preparation.notes) :])
-        _conclude(done, found)
+        _conclude(done, difference)
     if done.result.exit_code:
         return done.result.exit_code
     if not done.compares:
         return ExitCode.RECORDING
-    return ExitCode.FINISHED if found is None or found.equal else ExitCode.DIFFERENT
+    return ExitCode.FINISHED if difference is None or difference.equal else ExitCode.DIFFERENT
 
 
 def _rerun_row(folder: Path) -> Callable[..., Any] | None:
@@ -101,25 +101,25 @@ def _warn(notes: Sequence[str]) -> None:
         say(f"note: {note}")
 
 
-def _conclude(rerun: Rerun, found: Diff | None) -> None:
+def _conclude(rerun: Rerun, difference: Diff | None) -> None:
     result = rerun.result
     if result.exit_code:
         print_error(result.reason)
     if not rerun.compares:
         empty = "this run made" if rerun.recorded_steps else "the recording has"
         say(f"{empty} no complete step: nothing was compared")
-    elif rerun.equal or found is None:
+    elif rerun.equal or difference is None:
         say(f"{result.steps} steps, byte for byte as recorded\n{result.hashes()}")
-    elif found.equal and rerun.is_part:
+    elif difference.equal and rerun.is_part:
         say(
             f"every message of the recording is as recorded: {rerun.recorded_steps} steps, after "
             f"which it {_ending(rerun)}; this run made {result.steps}"
         )
-    elif found.equal:
+    elif difference.equal:
         say(f"{result.steps} steps, every message as recorded; only the notes above differ")
         say(f"messages  {result.messages_sha256}")
     else:
-        say(f"{rerun.recording} and {result.recording} differ:\n{found.text()}")
+        say(f"{rerun.recording} and {result.recording} differ:\n{difference.text()}")
     say(f"recording {result.recording}")
 
 
@@ -128,12 +128,12 @@ def _ending(rerun: Rerun) -> str:
     return "is cut off or incomplete" if rerun.flaws else "ends early"
 
 
-def _fields(rerun: Rerun, found: Diff | None) -> dict[str, object]:
+def _fields(rerun: Rerun, difference: Diff | None) -> dict[str, object]:
     return {
         "equal": rerun.equal,
-        "messages_equal": rerun.equal or (found is not None and found.equal),
+        "messages_equal": rerun.equal or (difference is not None and difference.equal),
         "recorded_steps": rerun.recorded_steps,
-        "diff": found,
+        "diff": difference,
         "notes": rerun.notes,
         "recorded_sha256": rerun.recorded_sha256,
         "result": rerun.result,

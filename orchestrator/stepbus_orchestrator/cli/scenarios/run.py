@@ -287,14 +287,14 @@ def _summarise(result: Result, lines: list[str]) -> None:
         say(f"recording {result.recording}\n{result.hashes()}")
 
 
-def _lateness(found: Lateness) -> str:
-    held = ", ".join(f"{count} by {name}" for name, count in found.late.items())
+def _lateness(lateness: Lateness) -> str:
+    held = ", ".join(f"{count} by {name}" for name, count in lateness.late.items())
     rows = ", ".join(
         f"{'more' if bound == 'more' else f'≤ {in_units(float(bound))}'}: {count}"
-        for bound, count in found.histogram.items()
+        for bound, count in lateness.histogram.items()
         if count
     )
-    p50, p99, largest = map(in_units, (found.p50_us, found.p99_us, found.max_us))
+    p50, p99, largest = map(in_units, (lateness.p50_us, lateness.p99_us, lateness.max_us))
     return (
         f"lateness  p50 {p50}, p99 {p99}, max {largest}; steps held past their time: "
         f"{held or 'none'}\n          {rows}"

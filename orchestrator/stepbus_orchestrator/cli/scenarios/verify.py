@@ -51,7 +51,7 @@ def _execute(args: argparse.Namespace) -> int:
             say(_line(trial, len(trials)))
 
     with _removed_if_empty(folder), interruptible() as interrupt:
-        found = verify(
+        verification = verify(
             scenario,
             trials,
             folder,
@@ -61,14 +61,14 @@ def _execute(args: argparse.Namespace) -> int:
             owns_descriptors=is_set(),
         )
     if args.json:
-        say_json(_fields(found))
+        say_json(_fields(verification))
     else:
-        _conclude(found)
-    if args.keep is None and not found.failed and not found.different:
+        _conclude(verification)
+    if args.keep is None and not verification.failed and not verification.different:
         shutil.rmtree(folder)
     elif not args.json:
         say(f"the runs are in {folder}")
-    return _code(found)
+    return _code(verification)
 
 
 @contextlib.contextmanager
@@ -95,47 +95,49 @@ def _folder(keep: Path | None) -> Path:
     return keep
 
 
-def _line(found: TrialResult, count: int) -> str:
-    trial = found.trial
-    what = found.result.sha256[:_SHOWN_HASH] or "no recording"
+def _line(result: TrialResult, count: int) -> str:
+    trial = result.trial
+    what = result.result.sha256[:_SHOWN_HASH] or "no recording"
     circumstances = (
         "all participants in one process"
         if trial.in_process
-        else f"{trial.transport:4}, started {' '.join(trial.start_order)}, {found.delays:4} delays"
+        else f"{trial.transport:4}, started {' '.join(trial.start_order)}, {result.delays:4} delays"
     )
     return (
         f"run {trial.number} of {count}: window {trial.window:2}, {circumstances}: {what}, "
-        f"{found.steps_per_s:.0f} steps/s"
+        f"{result.steps_per_s:.0f} steps/s"
     )
 
 
-def _conclude(found: Verification) -> None:
-    first = found.results[0].result
-    if found.failed:
-        print_error(found.failed.result.reason)
-    elif found.different:
-        one, other = found.different
+def _conclude(verification: Verification) -> None:
+    first = verification.results[0].result
+    if verification.failed:
+        print_error(verification.failed.result.reason)
+    elif verification.different:
+        one, other = verification.different
         print_error(
             f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
             "gave two results"
         )
         say(diff(one.result.recording, other.result.recording).text())
     else:
-        say(f"{len(found.results)} runs of {first.steps} steps, one result\n{first.hashes()}")
+        say(
+            f"{len(verification.results)} runs of {first.steps} steps, one result\n{first.hashes()}"
+        )
 
 
-def _code(found: Verification) -> int:
-    if found.failed:
-        return found.failed.result.exit_code
-    return ExitCode.DIFFERENT if found.different else ExitCode.FINISHED
+def _code(verification: Verification) -> int:
+    if verification.failed:
+        return verification.failed.result.exit_code
+    return ExitCode.DIFFERENT if verification.different else ExitCode.FINISHED
 
 
-def _fields(found: Verification) -> dict[str, object]:
+def _fields(verification: Verification) -> dict[str, object]:
     difference = None
-    if found.different:
-        one, other = found.different
+    if verification.different:
+        one, other = verification.different
         difference = diff(one.result.recording, other.result.recording)
-    return {"equal": not _code(found), "diff": difference, "runs": found.results}
+    return {"equal": not _code(verification), "diff": difference, "runs": verification.results}
 
 
 COMMAND = Command(

@@ -149,13 +149,13 @@ def _read(path: Path) -> tuple[JoinTicket, bool]:
     # A pipe of that name must not keep us waiting.
     file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     try:
-        found = os.fstat(file)
-        if not stat.S_ISREG(found.st_mode):
+        status = os.fstat(file)
+        if not stat.S_ISREG(status.st_mode):
             raise WiringError(f"{path}: a ticket is a file")
-        if found.st_uid != os.geteuid():
+        if status.st_uid != os.geteuid():
             raise WiringError(
-                f"{path}: it belongs to user {found.st_uid}, and you are {os.geteuid()}; in a "
-                f"container, become that user (docker run --user {found.st_uid})"
+                f"{path}: it belongs to user {status.st_uid}, and you are {os.geteuid()}; in a "
+                f"container, become that user (docker run --user {status.st_uid})"
             )
         content = os.read(file, _MOST_BYTES)
         try:

@@ -127,10 +127,10 @@ class ReservedFile:
                 status = os.fstat(file.fileno())
                 if status.st_size != self._position:
                     return f"has {status.st_size} bytes, not the {self._position} that were written"
-                found = hashlib.file_digest(file, "sha256")
+                digest = hashlib.file_digest(file, "sha256")
         except (FileNotFoundError, NotADirectoryError):
             return "was removed"
-        same = found.digest() == self.sha256.digest()
+        same = digest.digest() == self.sha256.digest()
         return "" if same else "has another content than was written"
 
     def release(self) -> None:

@@ -29,10 +29,10 @@ def array_of(values: Sequence[Any]) -> NDArray[Any] | None:
         return None
     if not values or any(_is_numeric(value) for value in values):
         try:
-            found = np.array(values)
+            array = np.array(values)
         except ValueError:
             return None
-        return found if found.dtype.kind in "bif" else None
+        return array if array.dtype.kind in "bif" else None
     objects = np.empty(len(values), dtype=object)
     objects[:] = list(values)
     return objects
@@ -55,12 +55,12 @@ def raw_map(data: bytes) -> dict[str, Any]:
     Raises MessageError for bytes that are not one MessagePack map.
     """
     try:
-        found = msgpack.unpackb(data, strict_map_key=False, timestamp=_UTC)
+        fields = msgpack.unpackb(data, strict_map_key=False, timestamp=_UTC)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as exc:
         raise MessageError(f"no MessagePack: {str(exc) or type(exc).__name__}") from exc
-    if not isinstance(found, dict):
-        raise MessageError(f"no MessagePack map: {type(found).__name__}")
-    return found
+    if not isinstance(fields, dict):
+        raise MessageError(f"no MessagePack map: {type(fields).__name__}")
+    return fields
 
 
 BATCH_BYTES = 1024 * 1024
@@ -94,24 +94,24 @@ def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[
 
     most_bytes: of messages; a batch ends with the step that reaches it.
     """
-    found: dict[str, list[Row]] = {port.topic: [] for port in ports}
-    places = {number: found[port.topic] for port in ports for number in port.channels}
+    rows: dict[str, list[Row]] = {port.topic: [] for port in ports}
+    places = {number: rows[port.topic] for port in ports for number in port.channels}
     size, newest = 0, -1
     for row in source.rows(frozenset(places)):
         if size >= most_bytes and row[1] > newest:
-            yield _taken(ports, found)
+            yield _taken(ports, rows)
             size = 0
         places[row[0]].append(row)
         size += len(row[3])
         newest = max(newest, row[1])
-    if any(found.values()):
-        yield _taken(ports, found)
+    if any(rows.values()):
+        yield _taken(ports, rows)
 
 
-def _taken(ports: Sequence[Port], found: dict[str, list[Row]]) -> dict[str, Batch]:
+def _taken(ports: Sequence[Port], rows_of: dict[str, list[Row]]) -> dict[str, Batch]:
     """Return what was found, and empty it."""
-    taken = {port.topic: Batch(port, found[port.topic]) for port in ports}
-    for rows in found.values():
+    taken = {port.topic: Batch(port, rows_of[port.topic]) for port in ports}
+    for rows in rows_of.values():
         rows.clear()
     return taken
 
@@ -138,10 +138,10 @@ def columns(
     if first is None or shape is None or table is None:
         decoded = [decode(data) for data in messages]
         return {field: array_of(list(map(attrgetter(field), decoded))) for field in fields}
-    found = {field: shape.floats(table, field) for field in fields}
+    arrays = {field: shape.floats(table, field) for field in fields}
     return {
         field: array_of([getattr(first, field)] * len(messages)) if values is None else values
-        for field, values in found.items()
+        for field, values in arrays.items()
     }
 
 

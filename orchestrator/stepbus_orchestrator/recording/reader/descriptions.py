@@ -28,14 +28,14 @@ def recorded_types(schemas: Mapping[str, bytes]) -> Types:
 
     One that says no type stays unknown: reading its messages says so.
     """
-    found = Types()
+    types = Types()
     for name, text in schemas.items():
         type_name = layout.type_of_schema(name)
         if type_name in MESSAGE_TYPES or type_name in ENVELOPE_TYPES:
             continue
         with contextlib.suppress(WiringError, *_NO_SCHEMA):
-            found |= Types({type_name: declaration_of(type_name, json.loads(text))})
-    return found
+            types |= Types({type_name: declaration_of(type_name, json.loads(text))})
+    return types
 
 
 _LOWEST = "lower"
@@ -77,10 +77,10 @@ class Names:
         seen = set()
         while topic in self._descriptions and topic not in seen:
             seen.add(topic)
-            found = self._descriptions[topic]
-            if found.names or found.like is None:
-                return found.names
-            topic = self._source_of(layout.split_topic(topic)[0], found.like)
+            description = self._descriptions[topic]
+            if description.names or description.like is None:
+                return description.names
+            topic = self._source_of(layout.split_topic(topic)[0], description.like)
         return []
 
     def _source_of(self, participant: str, name: str) -> str:
@@ -98,5 +98,5 @@ class Names:
             content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
         except StepbusError:
             return {}
-        found = content.get("participants") if isinstance(content, dict) else None
-        return found if isinstance(found, dict) else {}
+        participants = content.get("participants") if isinstance(content, dict) else None
+        return participants if isinstance(participants, dict) else {}

@@ -97,10 +97,10 @@ def read_index(path: Path, file: int) -> Index:
     Raises RecordingFailed when it cannot be read or is no MCAP file.
     """
     try:
-        found = _Summary(file).read()
+        index = _Summary(file).read()
     except (DamagedRecord, OSError, ValueError, struct.error):
-        found = None
-    return found or _scan(path)
+        index = None
+    return index or _scan(path)
 
 
 def _scan(path: Path) -> Index:

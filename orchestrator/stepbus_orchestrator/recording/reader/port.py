@@ -135,13 +135,13 @@ class Port:
         anything else. Raises WiringError for a field that the type does not have, and for vectors
         that are absent in some messages or change their length.
         """
-        found = self.arrays(field)[field]
-        if found is None:
+        array = self.arrays(field)[field]
+        if array is None:
             raise WiringError(
                 f"{self.topic}: {field} is absent in some messages or changes its length; "
                 "iterate over messages()"
             )
-        return found
+        return array
 
     def __getattr__(self, field: str) -> NDArray[Any]:
         """Return one field of all messages, as `port[field]`; raises AttributeError too."""

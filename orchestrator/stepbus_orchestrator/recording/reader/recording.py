@@ -87,10 +87,10 @@ class Recording:
 
         Raises UnknownPort, a KeyError, when the recording has none of that name.
         """
-        found = self.ports.get(topic) or self.ports.get(topic.replace(".", "/", 1))
-        if found is None:
+        port = self.ports.get(topic) or self.ports.get(topic.replace(".", "/", 1))
+        if port is None:
             raise UnknownPort(f"{self.path} has no port {topic!r}{suggest(topic, self.ports)}")
-        return found
+        return port
 
     def __contains__(self, topic: str) -> bool:
         """Return whether there is such a port."""

@@ -123,12 +123,12 @@ class Source:
         for number in range(bisect_right(blocks, t_ns, key=_start), 0, -1):
             block = blocks[number - 1]
             try:
-                found = [row for row in self._in_block(block, channels) if row[2] <= t_ns]
+                earlier = [row for row in self._in_block(block, channels) if row[2] <= t_ns]
             except DamagedRecord as exc:
                 self._end_before(block, exc)
                 continue
-            if found:
-                return Entry(step=found[-1][1], t_ns=found[-1][2], data=found[-1][3])
+            if earlier:
+                return Entry(step=earlier[-1][1], t_ns=earlier[-1][2], data=earlier[-1][3])
         return None
 
     def last_step(self, channels: frozenset[int]) -> int:

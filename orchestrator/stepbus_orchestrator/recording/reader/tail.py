@@ -90,10 +90,10 @@ class Tail:
 
     def take_kept(self, topic: str) -> list[tuple[int, bytes]]:
         """Return (step, bytes) of the messages of a topic since the last time."""
-        found = self._kept.get(topic, [])
-        if found:
+        messages = self._kept.get(topic, [])
+        if messages:
             self._kept[topic] = []
-        return found
+        return messages
 
     def poll(self) -> bool:
         """Take what is new; returns whether there was anything."""

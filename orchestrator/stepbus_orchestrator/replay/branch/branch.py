@@ -46,29 +46,29 @@ def variants(texts: Sequence[str]) -> list[Variant]:
     Raises WiringError for one that names no values, or where they are too many together.
     """
     rows = [_values(text) for text in texts]
-    found = [
+    given = [
         Variant(
             name=", ".join(f"{path.rpartition('.')[2]}={value}" for path, value in chosen),
             overrides=[f"{path}={value}" for path, value in chosen],
         )
         for chosen in itertools.islice(itertools.product(*rows), _MOST + 1)
     ]
-    if len(found) > _MOST:
+    if len(given) > _MOST:
         raise WiringError(f"--vary: more than {_MOST} variants")
-    if len({variant.folder for variant in found}) < len(found):
+    if len({variant.folder for variant in given}) < len(given):
         raise WiringError("--vary: two variants are the same")
-    return found
+    return given
 
 
 def _values(text: str) -> list[tuple[str, str]]:
     path, _, values = text.partition("=")
     # As YAML has a list, so that a value may be one itself.
-    found = parse_yaml(text, f"[{values}]") if path.strip() and values.strip() else []
-    if not found:
+    parsed = parse_yaml(text, f"[{values}]") if path.strip() and values.strip() else []
+    if not parsed:
         raise WiringError(
             f"--vary {text!r}: write PATH=VALUE,VALUE…, e.g. controller.params.kp=50,100"
         )
-    return [(path.strip(), json.dumps(value, ensure_ascii=False)) for value in found]
+    return [(path.strip(), json.dumps(value, ensure_ascii=False)) for value in parsed]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -154,23 +154,23 @@ class BranchPlan:
         owns_descriptors: bool = False,
     ) -> Branch:
         """Run; arguments as of `stepbus run`. A run that fails has its failure in `result`."""
-        found = self._plan
+        planned = self._plan
         restored = self._restored
-        prefix = RecordedPrefix(self._recording, found.at, found.counts_from, restored)
+        prefix = RecordedPrefix(self._recording, planned.at, planned.counts_from, restored)
         options = Options(
             out=self._out,
             host=host_of(in_process=in_process, owns_descriptors=owns_descriptors),
             extensions=[
                 prefix,
-                Calls(to_be_made(found.calls, restored), found.new_calls),
+                Calls(to_be_made(planned.calls, restored), planned.new_calls),
                 Debug(debug),
             ],
         )
         result = run(self.scenario, options, observer, interrupt)
         return Branch(
             recording=self._recording.path,
-            at=found.at,
-            changed=found.changed,
+            at=planned.at,
+            changed=planned.changed,
             recorded_sha256=self._sha256,
             way_s=prefix.took_s,
             result=result,

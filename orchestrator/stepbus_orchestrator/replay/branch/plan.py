@@ -196,8 +196,8 @@ def choose(saved: Checkpoints, plan: Plan) -> Mapping[str, SavedState]:
     compared with the recording.
     """
     unchanged = [spec for spec in plan.scenario.participants if spec.name not in plan.changed]
-    found = {spec.name: _newest(saved, spec, plan) for spec in unchanged}
-    return {name: checkpoint for name, checkpoint in found.items() if checkpoint is not None}
+    chosen = {spec.name: _newest(saved, spec, plan) for spec in unchanged}
+    return {name: checkpoint for name, checkpoint in chosen.items() if checkpoint is not None}
 
 
 def _newest(saved: Checkpoints, spec: ParticipantSpec, plan: Plan) -> SavedState | None:

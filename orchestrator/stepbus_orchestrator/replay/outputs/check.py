@@ -214,8 +214,8 @@ class Check:
     @property
     def divergence(self) -> Divergence | None:
         """Return the first divergence, in the order of the ports within a step."""
-        found = (comparison.divergence for _, comparison in self._ports.values())
-        return min((item for item in found if item), key=lambda item: item.step, default=None)
+        divergences = (comparison.divergence for _, comparison in self._ports.values())
+        return min((item for item in divergences if item), key=lambda item: item.step, default=None)
 
     def results(self) -> list[PortResult]:
         """Return what has become of each port."""

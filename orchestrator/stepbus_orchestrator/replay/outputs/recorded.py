@@ -45,21 +45,21 @@ class Recorded:
 
     def take(self) -> dict[str, bytes]:
         """Return the next outputs by port, and advance to the step after them."""
-        found = {}
+        content = {}
         for port, track in self._tracks:
             data = track.take(self.step)
             if data is not None:
-                found[port] = data
+                content[port] = data
         self.step += self._every
-        return found
+        return content
 
 
 def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
     """Return the participants' descriptions of their outputs."""
-    found: dict[str, dict[str, Description]] = {}
+    outputs: dict[str, dict[str, Description]] = {}
     for port in recording.ports.values():
-        found.setdefault(port.participant, {})[port.name] = port.description
-    return found
+        outputs.setdefault(port.participant, {})[port.name] = port.description
+    return outputs
 
 
 def counts_from_of(recording: Recording) -> dict[str, int]:

@@ -129,15 +129,15 @@ def _needed(scenario: Scenario, restored: Mapping[str, int]) -> dict[str, int]:
 
     One that starts from a checkpoint has what was due before.
     """
-    found = {spec.name: FAR for spec in scenario.participants}
+    steps = {spec.name: FAR for spec in scenario.participants}
     for spec in scenario.participants:
         last = restored.get(spec.name, 0) - spec.every
         for item in spec.inputs.values():
             every = scenario.participant(item.source).every
             due = due_step(last, item.delay, every)
             taken = due if due >= 0 else -every
-            found[item.source] = min(found[item.source], taken + every)
-    return found
+            steps[item.source] = min(steps[item.source], taken + every)
+    return steps
 
 
 def _speakers(session: Session) -> list[Speaker]:

@@ -35,9 +35,9 @@ class Expected:
         """Yield the next outputs of a participant, those of steps below `step` and the end."""
         recorded = self._recorded[name]
         while recorded.step < min(step, self._at):
-            found = recorded.step, recorded.take()
-            self._ahead[name].append(found)
-            yield found
+            expected = recorded.step, recorded.take()
+            self._ahead[name].append(expected)
+            yield expected
 
     def take(self, name: str, step: int) -> Ports:
         """Return the outputs of a step, in the order of steps, and forget them."""
@@ -203,8 +203,8 @@ class PrefixSink:
         comparison = self._comparisons[name, port]
         if comparison.take(step, recorded, own) or comparison.divergence is None:
             return
-        found = comparison.divergence.text("recording", "now")
-        text = found.removeprefix(f"step {step}: ")
+        difference = comparison.divergence.text("recording", "now")
+        text = difference.removeprefix(f"step {step}: ")
         checkpoint = self._restored.get(name)
         why = (
             _WHY

@@ -190,12 +190,16 @@ def _is_recorded(override: str, recorded: Mapping[str, Any]) -> bool:
         return True
     try:
         value = parse_yaml("", override.partition("=")[2])
-        found: Any = recorded["participants"]
+        participants: Any = recorded["participants"]
         for key in keys:
-            found = found[int(key)] if isinstance(found, list) else (found or {}).get(key)
+            participants = (
+                participants[int(key)]
+                if isinstance(participants, list)
+                else (participants or {}).get(key)
+            )
     except (SettingsError, KeyError, ValueError, IndexError, AttributeError):
         return False
-    return keys[1:2] == ["params"] and _agrees(found, value)
+    return keys[1:2] == ["params"] and _agrees(participants, value)
 
 
 def _agrees(recorded: Any, value: Any) -> bool:
@@ -216,13 +220,13 @@ def _is_yours(path: Path) -> bool:
 
 def _given(given: Path, recorded: Mapping[str, Any], participant: str) -> Path:
     path = given.absolute()
-    found = path if _fits(path, recorded, participant) else _in_folder(path, recorded, participant)
-    if found is None:
+    file = path if _fits(path, recorded, participant) else _in_folder(path, recorded, participant)
+    if file is None:
         raise WiringError(
             f"{given} has no scenario named {recorded.get('name')!r} with a participant "
             f"{participant!r}, as the recording"
         )
-    return found
+    return file
 
 
 def _above(folder: Path) -> list[Path]:

@@ -57,11 +57,11 @@ def load_extension(name: str) -> RunExtension:
         if not path.is_file():
             raise WiringError(f"{name}: no file {file!r}")
         folder, module = path.parent, path.stem
-    found = load_class(f"{module}:{class_name}", folder.resolve())
-    if not issubclass(found, RunExtension):
+    extension = load_class(f"{module}:{class_name}", folder.resolve())
+    if not issubclass(extension, RunExtension):
         raise WiringError(f"{name}: {class_name} is no stepbus.RunExtension")
     try:
-        made: RunExtension = found()
+        made: RunExtension = extension()
     except Exception as exc:
         raise WiringError(f"{name} cannot be made: {error_text(exc)}") from exc
     return made

@@ -112,21 +112,21 @@ class RealTime(RunExtension):
 
     def lateness(self) -> Lateness | None:
         """Return how late the steps were; None before the first."""
-        found = sorted(self._lateness_ns)
-        if not found:
+        sorted_ns = sorted(self._lateness_ns)
+        if not sorted_ns:
             return None
         last_ns = self._lateness_ns[-1]
-        planned_ns = len(found) * self._period_ns
+        planned_ns = len(sorted_ns) * self._period_ns
         histogram = dict.fromkeys([*map(str, _BOUNDS_US), "more"], 0)
-        for value in found:
+        for value in sorted_ns:
             bound = next((str(us) for us in _BOUNDS_US if value <= us * 1000), "more")
             histogram[bound] += 1
         return Lateness(
             factor=self.factor,
-            steps=len(found),
-            p50_us=found[len(found) // 2] * 1e-3,
-            p99_us=found[len(found) * 99 // 100] * 1e-3,
-            max_us=found[-1] * 1e-3,
+            steps=len(sorted_ns),
+            p50_us=sorted_ns[len(sorted_ns) // 2] * 1e-3,
+            p99_us=sorted_ns[len(sorted_ns) * 99 // 100] * 1e-3,
+            max_us=sorted_ns[-1] * 1e-3,
             histogram=histogram,
             late=self._late,
             kept=float(planned_ns / (planned_ns + last_ns)),

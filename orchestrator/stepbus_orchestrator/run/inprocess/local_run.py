@@ -116,8 +116,8 @@ class LocalRun:
 
     def _running(self) -> Belongings | None:
         """Return what the participant has whose code runs now."""
-        found = (hosted for hosted in self.hosted.values() if hosted.is_running())
-        return next((hosted.belongings for hosted in found), None)
+        running = (hosted for hosted in self.hosted.values() if hosted.is_running())
+        return next((hosted.belongings for hosted in running), None)
 
     def _belongings(self) -> list[Belongings]:
         return [hosted.belongings for hosted in self.hosted.values()]

@@ -212,12 +212,12 @@ class HostedParticipant:
 
     def activity(self) -> Activity:
         """Return what its programs are doing; it is this process."""
-        found = [activity(program) for program in self._programs]
+        activities = [activity(program) for program in self._programs]
         return Activity(
-            is_stopped=any(item.is_stopped for item in found),
-            waits_for_disk=any(item.waits_for_disk for item in found),
-            is_running=any(item.is_running for item in found),
-            cpu_s=sum(item.cpu_s for item in found),
+            is_stopped=any(item.is_stopped for item in activities),
+            waits_for_disk=any(item.waits_for_disk for item in activities),
+            is_running=any(item.is_running for item in activities),
+            cpu_s=sum(item.cpu_s for item in activities),
         )
 
     def signal(self, number: int) -> None:

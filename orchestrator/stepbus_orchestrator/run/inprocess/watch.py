@@ -207,11 +207,11 @@ def _idle() -> _Outside | None:
 
 def _where(frame: FrameType | None) -> str:
     """Return `file.py:12 in update`: the newest line that is not the library's."""
-    found = frame
-    while found is not None and "/lib/python" in found.f_code.co_filename:
-        found = found.f_back
-    found = found or frame
-    if found is None:
+    place = frame
+    while place is not None and "/lib/python" in place.f_code.co_filename:
+        place = place.f_back
+    place = place or frame
+    if place is None:
         return "an unknown line"
-    code = found.f_code
-    return f"{Path(code.co_filename).name}:{found.f_lineno} in {code.co_name}"
+    code = place.f_code
+    return f"{Path(code.co_filename).name}:{place.f_lineno} in {code.co_name}"

@@ -51,8 +51,8 @@ def _project(module: str) -> Path | None:
     """Return the folder of the checkout whose pyproject.toml packs a module; None: elsewhere."""
     spec = importlib.util.find_spec(re.split("[.:]", module)[0])
     above = Path(spec.origin).resolve().parents if spec is not None and spec.origin else ()
-    found = (folder for folder in above if (folder / "pyproject.toml").is_file())
-    project = next(found, None)
+    projects = (folder for folder in above if (folder / "pyproject.toml").is_file())
+    project = next(projects, None)
     if project is None or not project.is_relative_to(CHECKOUT):
         return None
     return project.relative_to(CHECKOUT)
@@ -77,13 +77,13 @@ def scenario_schema(services: Iterable[str]) -> dict[str, Any]:
 
 def _class(name: str) -> type[Settings]:
     module, _, attribute = name.partition(":")
-    found: type[Settings] = getattr(importlib.import_module(module), attribute)
-    return found
+    cls: type[Settings] = getattr(importlib.import_module(module), attribute)
+    return cls
 
 
-def _block(found: re.Match[str]) -> str:
-    settings = _class(f"{found[2]}:{found[3]}")
-    return f"{found[1]}{(table if found[4] else tables)(settings)}{found[5]}"
+def _block(match: re.Match[str]) -> str:
+    settings = _class(f"{match[2]}:{match[3]}")
+    return f"{match[1]}{(table if match[4] else tables)(settings)}{match[5]}"
 
 
 def _indented(value: Any) -> str:

@@ -58,24 +58,24 @@ class SchemaWriter:
         }
 
     def _property(self, field: types.Field, text: str) -> dict[str, Any]:
-        found = self.value(field.type)
+        row = self.value(field.type)
         described = {"description": text} if text else {}
         if field.required and not self._partial:
-            return {**described, **found}
+            return {**described, **row}
         preset = {} if field.required or "Default:" in text else _default(field)
-        return {**described, **preset, **_nullable(found)}
+        return {**described, **preset, **_nullable(row)}
 
     def value(self, node: types.Type) -> dict[str, Any]:
         """Return the schema of a value."""
         if isinstance(node, types.Metadata) and node.extra_json_schema:
             return dict(node.extra_json_schema)
-        found = mark(node)
-        if found == "per_name" and isinstance(node, types.Metadata):
+        form = mark(node)
+        if form == "per_name" and isinstance(node, types.Metadata):
             number = self.value(types.type_info((node.extra or {})["item"]))
             return {"anyOf": [number, _list(number), _map(number)]}
-        if found == "names":
+        if form == "names":
             return {"type": "array", "items": {"type": "string"}, "uniqueItems": True}
-        if found == "plugin":
+        if form == "plugin":
             return {"type": "string", "pattern": r"^[\w.]+:\w+$"}
         options = options_of(node)
         if options == [plain(node)]:
@@ -87,27 +87,27 @@ class SchemaWriter:
             case types.StructType():
                 cls = settings_of(node)
                 inner = self.reference(cls)
-                found = {"anyOf": [{"type": "string"}, inner]} if cls.short else inner
+                form = {"anyOf": [{"type": "string"}, inner]} if cls.short else inner
             case types.DictType():
                 values = self.value(node.value_type)
-                found = _map(_nullable(values) if self._partial else values)
+                form = _map(_nullable(values) if self._partial else values)
             case types.VarTupleType():
-                found = _list(self.value(node.item_type))
+                form = _list(self.value(node.item_type))
             case types.TupleType():
                 count = len(node.item_types)
                 items = self.value(node.item_types[0])
-                found = {**_list(items), "minItems": count, "maxItems": count}
+                form = {**_list(items), "minItems": count, "maxItems": count}
             case types.LiteralType():
-                found = {"enum": list(node.values)}
+                form = {"enum": list(node.values)}
             case types.IntType() | types.FloatType():
-                found = _number(node)
+                form = _number(node)
             case types.BoolType():
-                found = {"type": "boolean"}
+                form = {"type": "boolean"}
             case types.StrType():
-                found = {"type": "string"}
+                form = {"type": "string"}
             case _:
-                found = {}
-        return found
+                form = {}
+        return form
 
 
 def _default(field: types.Field) -> dict[str, Any]:

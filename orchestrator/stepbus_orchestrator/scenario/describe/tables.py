@@ -87,27 +87,27 @@ def _parts(node: types.Type, path: str) -> Iterator[tuple[str, type[Settings]]]:
 @cache
 def descriptions(settings: type[Settings]) -> Mapping[str, str]:
     """Return field → the text below it in the source."""
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
     for cls in reversed(settings.__mro__):
         if cls.__module__.startswith(("builtins", "msgspec")):
             continue
         tree = ast.parse(inspect.getsource(sys.modules[cls.__module__]))
         for node in tree.body:
             if isinstance(node, ast.ClassDef) and node.name == cls.__name__:
-                found |= _texts(node)
-    return found
+                texts |= _texts(node)
+    return texts
 
 
 def _texts(node: ast.ClassDef) -> dict[str, str]:
     """Return the texts that stand below annotated names."""
-    found = {}
+    texts = {}
     for field, text in zip(node.body, node.body[1:], strict=False):
         if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
             continue
         value = text.value if isinstance(text, ast.Expr) else None
         if isinstance(value, ast.Constant) and isinstance(value.value, str):
-            found[field.target.id] = " ".join(inspect.cleandoc(value.value).split())
-    return found
+            texts[field.target.id] = " ".join(inspect.cleandoc(value.value).split())
+    return texts
 
 
 def _row(field: types.Field, text: str) -> Row:
@@ -150,10 +150,10 @@ def is_duration(node: types.Type) -> bool:
 
 def form(node: types.Type) -> str:
     """Return what a value looks like: `number > 0`, `list of text`."""
-    found = mark(node)
-    if found in _MARKED:
-        return _MARKED[found]
-    if found == "per_name":
+    text = mark(node)
+    if text in _MARKED:
+        return _MARKED[text]
+    if text == "per_name":
         extra = node.extra if isinstance(node, types.Metadata) else None
         item = types.type_info((extra or {})["item"])
         return f"{form(item)}; one for all joints, a list, or a map by joint"
@@ -166,24 +166,24 @@ def form(node: types.Type) -> str:
 def _form(node: types.Type) -> str:
     match node:
         case types.LiteralType():
-            found = ", ".join(f"`{value}`" for value in node.values)
+            text = ", ".join(f"`{value}`" for value in node.values)
         case types.IntType() | types.FloatType():
-            found = _number(node)
+            text = _number(node)
         case types.BoolType():
-            found = "`true`, `false`"
+            text = "`true`, `false`"
         case types.StrType():
-            found = "text"
+            text = "text"
         case types.DictType():
-            found = f"map: name → {form(node.value_type)}"
+            text = f"map: name → {form(node.value_type)}"
         case types.VarTupleType():
-            found = f"list of {form(node.item_type)}"
+            text = f"list of {form(node.item_type)}"
         case types.TupleType():
-            found = f"{len(node.item_types)} numbers"
+            text = f"{len(node.item_types)} numbers"
         case types.StructType():
-            found = "text or map" if settings_of(node).short else "map"
+            text = "text or map" if settings_of(node).short else "map"
         case _:
-            found = "any"
-    return found
+            text = "any"
+    return text
 
 
 def _number(node: types.IntType | types.FloatType) -> str:

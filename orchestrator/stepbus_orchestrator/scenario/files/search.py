@@ -47,8 +47,8 @@ class FileSearch:
             self._package(keys, text, bases)
         if not text or "://" in text:
             return
-        found = ((base, _normal(base / text)) for base in bases)
-        base, path = next(((b, at) for b, at in found if is_file(at)), (self.folder, None))
+        paths = ((base, _normal(base / text)) for base in bases)
+        base, path = next(((b, at) for b, at in paths if is_file(at)), (self.folder, None))
         if path is None or (program and os.access(path, os.X_OK) and self._is_outside(path)):
             return
         if program and is_virtual(path):

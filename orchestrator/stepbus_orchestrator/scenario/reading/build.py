@@ -97,16 +97,16 @@ def _bus(row: ScenarioFile, problems: Problems) -> BusSpec:
 def _faults(
     texts: tuple[str, ...], context: FaultContext, problems: Problems
 ) -> tuple[FaultSpec, ...]:
-    found: list[FaultSpec] = []
+    faults: list[FaultSpec] = []
     for index, text in enumerate(texts):
         keys: Keys = ("faults", index)
         if problems.has(keys):
             continue
         try:
-            found += parse_fault(text, context)
+            faults += parse_fault(text, context)
         except WiringError as exc:
             problems.add(keys, str(exc))
-    return tuple(found)
+    return tuple(faults)
 
 
 def _participant(

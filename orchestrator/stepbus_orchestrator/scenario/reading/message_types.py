@@ -91,19 +91,19 @@ def read_types(given: Given, folder: Path, problems: Problems) -> OwnTypes:
     """
     before = len(problems)
     sources = given if isinstance(given, tuple) else (given,)
-    found: dict[str, Mapping[str, Any]] = {}
+    types: dict[str, Mapping[str, Any]] = {}
     files: dict[str, tuple[str, ...]] = {}
     for index, source in enumerate(sources):
         keys: Keys = (_KEY, index) if isinstance(given, tuple) else (_KEY,)
         if not problems.has(keys):
             rows = _read(source, folder, keys, problems)
-            for name in (name for name in rows if name in found):
+            for name in (name for name in rows if name in types):
                 problems.add(keys, f"{name} is declared twice; leave one of the two out")
-            found |= rows
+            types |= rows
             if isinstance(source, str) and is_file_name(source) and "://" not in source:
                 files[source] = tuple(rows)
     return OwnTypes(
-        types=Types(found),
+        types=Types(types),
         files=files,
         is_complete=len(problems) == before,
     )
@@ -113,16 +113,16 @@ def _read(
     source: str | Mapping[str, Any], folder: Path, keys: Keys, problems: Problems
 ) -> dict[str, Mapping[str, Any]]:
     if isinstance(source, Mapping):
-        found, wrong = declarations_in(source)
+        declared, wrong = declarations_in(source)
         for below, text in wrong:
             problems.add((*keys, *below), text)
-        return found
+        return declared
     if is_file_name(source):
         path = problems.attempt(keys, partial(find_file, source, folder))
         if path is None:
             return {}
         return problems.attempt(keys, partial(read_types_file, path)) or {}
-    found, wrong = module_types(source)
+    declared, wrong = module_types(source)
     for _, text in wrong:
         problems.add(keys, text)
-    return found
+    return declared

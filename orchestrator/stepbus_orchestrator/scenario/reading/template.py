@@ -145,7 +145,7 @@ class _Instance:
         return self._value(whole[1]) if whole else self._text(value)
 
     def _text(self, text: str) -> str:
-        return _PARAMETER.sub(lambda found: str(self._value(found[1])), text)
+        return _PARAMETER.sub(lambda match: str(self._value(match[1])), text)
 
     def _value(self, name: str) -> Any:
         if name not in self._values and name not in self._used:

@@ -182,12 +182,12 @@ class ContactSensor:
         the link (gContactBreakingThreshold), which is more than it moves in a substep.
         """
         low, high = bullet.getAABB(*index, self._client)
-        found = bullet.getOverlappingObjects(
+        pairs = bullet.getOverlappingObjects(
             [x - self._within for x in low],
             [x + self._within for x in high],
             physicsClientId=self._client,
         )
-        return sorted({(other, link) for other, link in found or () if other != index[0]})
+        return sorted({(other, link) for other, link in pairs or () if other != index[0]})
 
     def _point(self, row: Sequence[Any]) -> _Point:
         first, second = self._names[row[1], row[3]], self._names[row[2], row[4]]

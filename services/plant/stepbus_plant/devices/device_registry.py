@@ -34,8 +34,8 @@ def planogram(names: list[str], poses: Poses, items: Mapping[str, Item]) -> Pose
     names: of the links. poses: the true ones before the run. items: by the name of their link.
     """
     rows = zip(names, poses.position, poses.orientation, strict=True)
-    found = [_slot(items[name]) if name in items else (at, turn) for name, at, turn in rows]
-    return Poses(position=[at for at, _ in found], orientation=[turn for _, turn in found])
+    slots = [_slot(items[name]) if name in items else (at, turn) for name, at, turn in rows]
+    return Poses(position=[at for at, _ in slots], orientation=[turn for _, turn in slots])
 
 
 def _slot(item: Item) -> tuple[Point, Quaternion]:
@@ -171,14 +171,14 @@ class Devices:
             "contacts": self._contacts,
             "grippers": self._grippers,
         }
-        problems, found = Problems(), {}
+        problems, by_port = Problems(), {}
         for port, port_type in types.items():
             devices = groups[_SECTIONS[port_type]]
             name = problems.attempt((), partial(_choose, port, port_type, list(devices)))
             if name is not None:
-                found[port] = devices[name]
+                by_port[port] = devices[name]
         problems.refuse()
-        return found
+        return by_port
 
     def driver(
         self,
@@ -224,16 +224,16 @@ def _pair_problems(
     problems: list[tuple[Keys, str]] = []
     for name, row in rows.items():
         sides = {"left": row.left, "right": row.right}
-        found = [
+        wrong = [
             ((key, name, side), text)
             for side, joint in sides.items()
             if (text := _joint_problem(joint, joints, rotary=rotary))
         ]
-        if not found and row.left == row.right:
-            found = [((key, name, "right"), f"{row.right!r} is already the left joint")]
-        elif not found and joints[row.left].body != joints[row.right].body:
-            found = [((key, name, "right"), "belongs to a different body than 'left'")]
-        problems += found
+        if not wrong and row.left == row.right:
+            wrong = [((key, name, "right"), f"{row.right!r} is already the left joint")]
+        elif not wrong and joints[row.left].body != joints[row.right].body:
+            wrong = [((key, name, "right"), "belongs to a different body than 'left'")]
+        problems += wrong
     return problems
 
 

@@ -60,8 +60,8 @@ def read_frame(client: int, link: LinkIndex) -> Frame:
 
 def rotation_of(quaternion: Any) -> Array:
     """Return the matrix of a quaternion x, y, z, w, shape (3, 3)."""
-    found: Array = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
-    return found
+    rotation: Array = np.reshape(bullet.getMatrixFromQuaternion(quaternion), (3, 3))
+    return rotation
 
 
 def point(values: Array) -> tuple[float, float, float]:

@@ -68,18 +68,18 @@ class PoseSensor:
 
     def sense(self) -> Poses:
         """Return the current poses of the links."""
-        found: dict[LinkIndex, tuple[Point, Quaternion]] = {}
+        by_link: dict[LinkIndex, tuple[Point, Quaternion]] = {}
         for body, inverse in self._bases.items():
             centre = bullet.getBasePositionAndOrientation(body, self._client)
-            found[body, _BASE] = bullet.multiplyTransforms(*centre, *inverse)
+            by_link[body, _BASE] = bullet.multiplyTransforms(*centre, *inverse)
         for body, links in self._links.items():
             states = bullet.getLinkStates(
                 body, links, computeForwardKinematics=True, physicsClientId=self._client
             )
             for link, state in zip(links, states, strict=True):
-                found[body, link] = state[4:6]
+                by_link[body, link] = state[4:6]
         poses = [
-            self._moved(name, found[index])
+            self._moved(name, by_link[index])
             for name, index in zip(self.names, self._indices, strict=True)
         ]
         return Poses(
@@ -118,26 +118,26 @@ class PoseSensor:
 
     def _appearances(self, urdfs: Sequence[bytes]) -> list[Appearance]:
         """Return the appearance of each link."""
-        found: dict[LinkIndex, Appearance] = {}
+        appearances: dict[LinkIndex, Appearance] = {}
         for body in dict.fromkeys(body for body, _ in self._indices):
             by_name = _read_appearances(self._bodies[body], urdfs[body])
             links = _links_of(self._client, body)
-            found |= {(body, n): by_name.get(name, Appearance()) for name, n in links}
+            appearances |= {(body, n): by_name.get(name, Appearance()) for name, n in links}
         return [
-            Appearance() if name in self._offsets else found[index]
+            Appearance() if name in self._offsets else appearances[index]
             for name, index in zip(self.names, self._indices, strict=True)
         ]
 
 
 def link_indices(client: int, bodies: Sequence[str]) -> dict[str, LinkIndex]:
     """Return each link's unique name → its index in the engine."""
-    found = [
+    indices = [
         (body, name, (number, link))
         for number, body in enumerate(bodies)
         for name, link in _links_of(client, number)
     ]
-    counts = Counter(name for _, name, _ in found)
-    return {name if counts[name] == 1 else f"{body}/{name}": index for body, name, index in found}
+    counts = Counter(name for _, name, _ in indices)
+    return {name if counts[name] == 1 else f"{body}/{name}": index for body, name, index in indices}
 
 
 def _read_appearances(body: str, urdf: bytes) -> Mapping[str, Appearance]:

@@ -117,8 +117,8 @@ class Lidar:
         hits = bullet.rayTestBatch(
             starts.tolist(), ends.tolist(), numThreads=1, physicsClientId=self._client
         )
-        found = np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
-        ranges = row.range_min + found * (row.range_max - row.range_min)
+        distances = np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
+        ranges = row.range_min + distances * (row.range_max - row.range_min)
         seen = np.isfinite(ranges)
         disturbed = self._noise.disturb(self._offset.disturb(np.zeros(1))[0] + ranges)
         disturbed[seen & (disturbed > row.range_max)] = math.inf

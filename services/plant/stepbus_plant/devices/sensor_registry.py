@@ -90,7 +90,7 @@ class WorldSensors:
         chosen = {
             port: _choose(port, name, self._rows[SECTIONS[name]]) for port, name in types.items()
         }
-        problems = [found for found in chosen.values() if isinstance(found, WiringError)]
+        problems = [sensor for sensor in chosen.values() if isinstance(sensor, WiringError)]
         if problems:
             raise WiringError("\n".join(map(str, problems)))
         made: dict[tuple[str, str], _Timed] = {}
@@ -117,14 +117,14 @@ class WorldSensors:
 
 def _joint_indices(client: int, bodies: Sequence[str]) -> dict[str, LinkIndex]:
     """Return each joint's unique name → its index in the engine, fixed ones included."""
-    found = [
+    indices = [
         (body, bullet.getJointInfo(number, joint, client)[1].decode(), (number, joint))
         for number, body in enumerate(bodies)
         for joint in range(bullet.getNumJoints(number, physicsClientId=client))
     ]
-    names = [name for _, name, _ in found]
+    names = [name for _, name, _ in indices]
     return {
-        name if names.count(name) == 1 else f"{body}/{name}": index for body, name, index in found
+        name if names.count(name) == 1 else f"{body}/{name}": index for body, name, index in indices
     }
 
 

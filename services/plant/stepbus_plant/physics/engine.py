@@ -59,14 +59,14 @@ class Physics:
         self._goods: list[int] = []
         try:
             self._set_up(world, step_ns)
-            found = [
+            bodies = [
                 (name, joint)
                 for name, body in world.bodies.items()
                 for joint in self._load(name, body, world)
             ]
             if any(where[-1] == "urdf" for where, _ in self._problems):
                 world.source.refuse(self._problems)
-            self.joints = name_uniquely(found)
+            self.joints = name_uniquely(bodies)
         except BaseException:
             self.close()
             raise
@@ -230,15 +230,15 @@ class Physics:
     ) -> list[Joint]:
         """Return the joints of a body, those with <mimic> as followers of others."""
         by_name = {joint.name: joint for joint in joints}
-        found = []
+        coupled = []
         for joint in joints:
             mimic, own = followed.get(joint.name), body.joints.get(joint.name, JointSettings())
             if mimic is None or own.mimic is False:
-                found.append(joint)
+                coupled.append(joint)
                 continue
             leader = by_name[mimic.joint]
             follower = joint.follow(leader, mimic)
-            found.append(follower)
+            coupled.append(follower)
             self._followers.setdefault((leader.body, leader.index), []).append(follower)
             for key in ("position", "velocity", "mode"):
                 if getattr(own, key) is not None:
@@ -246,7 +246,7 @@ class Physics:
                         f"follows joint {mimic.joint!r} (<mimic>); leave it out, or `mimic: false`"
                     )
                     self._problems.append((("bodies", name, "joints", joint.name, key), text))
-        return found
+        return coupled
 
     def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
         return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)

@@ -86,23 +86,23 @@ class Joint:
 
     def problems(self) -> list[str]:
         """Return contradictions between the world file and the URDF."""
-        found = []
+        problems = []
         if math.isfinite(self.lower) != math.isfinite(self.upper):
-            found.append("has no limits in its URDF; give both 'lower' and 'upper' or neither")
+            problems.append("has no limits in its URDF; give both 'lower' and 'upper' or neither")
         elif self.lower > self.upper:
-            found.append(f"lower {self.lower} is above upper {self.upper}")
+            problems.append(f"lower {self.lower} is above upper {self.upper}")
         elif not self.lower <= self.start <= self.upper:
-            found.append(
+            problems.append(
                 f"start position {self.start} is outside its limits [{self.lower}, {self.upper}]"
             )
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
         if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
-            found.append(
+            problems.append(
                 "friction needs mode torque with actuation direct, but the joint has mode "
                 f"{self.mode}{actuation}"
             )
-        return found
+        return problems
 
 
 def is_movable(info: Sequence[Any]) -> bool:
@@ -180,17 +180,17 @@ def _first(value: float | None, default: float) -> float:
     return default if value is None else value
 
 
-def name_uniquely(found: Sequence[tuple[str, Joint]]) -> list[Joint]:
+def name_uniquely(rows: Sequence[tuple[str, Joint]]) -> list[Joint]:
     """Return joints with unique names: `body/joint` for a name that bodies share.
 
     found: pairs of a body's name and a joint.
     """
-    counts = Counter(joint.name for _, joint in found)
+    counts = Counter(joint.name for _, joint in rows)
     return [
         joint
         if counts[joint.name] == 1
         else dataclasses.replace(joint, name=f"{body}/{joint.name}")
-        for body, joint in found
+        for body, joint in rows
     ]
 
 

@@ -149,7 +149,7 @@ class Kinematics:
 
     def _ahead(self, gripper: Gripper, finger: int) -> dict[LinkIndex, float]:
         """Return link → how far a pad is from it [m], below 0 inside, where it closes on it."""
-        body, found = gripper.joints[0].body, {}
+        body, targets = gripper.joints[0].body, {}
         inwards = gripper.opening() if finger == gripper.fingers[1] else None
         opening = inwards or tuple(-part for part in gripper.opening())
         for other in self._bodies:
@@ -160,8 +160,8 @@ class Kinematics:
             ):
                 to_other = [-part for part in row[7]]
                 if sum(a * b for a, b in zip(to_other, opening, strict=True)) > _ALONG:
-                    found[other, row[4]] = row[8]
-        return found
+                    targets[other, row[4]] = row[8]
+        return targets
 
     def _finger_frame(self, gripper: Gripper, position: float | None = None) -> tuple[Any, Any]:
         """Return the pose of the left finger; position: as if it stood there [m]."""

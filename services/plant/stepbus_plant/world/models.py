@@ -47,9 +47,9 @@ def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
 
     PyBullet loads no such model. root: of its checked text, where that is known.
     """
-    found = parse_urdf(read_urdf_text(urdf)) if root is None else root
+    tree = parse_urdf(read_urdf_text(urdf)) if root is None else root
     missing: dict[str, str] = {}
-    for link in found.findall("link"):
+    for link in tree.findall("link"):
         for mesh in link.iter("mesh"):
             name = mesh.get("filename", "")
             if not _is_file(Path(_absolute(name, urdf.parent))):

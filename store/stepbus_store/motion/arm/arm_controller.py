@@ -42,13 +42,13 @@ def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmS
     is wrong.
     """
     params = config.read(Params, problems)
-    found = config.problems().below(("params",))
-    robot = make_robot(params, found)
+    of_params = config.problems().below(("params",))
+    robot = make_robot(params, of_params)
     collisions, srdf = None, params.srdf
     if srdf is not None:
         margin = params.collision_margin
-        collisions = found.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
-    found.refuse()
+        collisions = of_params.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
+    of_params.refuse()
     return ArmSettings(
         robot=robot,
         collisions=collisions,

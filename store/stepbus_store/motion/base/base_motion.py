@@ -219,17 +219,17 @@ class BaseMotion:
     ) -> list[Segment | Curve]:
         """Return the segments that have not begun, as they will be if the base is exact."""
         now = self.state
-        found: list[Segment | Curve] = []
+        segments: list[Segment | Curve] = []
         if self._drive is not None:
             end = self._drive.segment.at(self._drive.segment.length, 0.0)
             now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
         for make in self._waiting if route is None else route:
             segment = make(now)
             if segment is not None:
-                found.append(segment)
+                segments.append(segment)
                 end = segment.at(segment.length, 0.0)
                 now = replace(now, x=end.x, y=end.y, yaw=end.yaw)
-        return found
+        return segments
 
     def advance(self, dt: float, gap: float = math.inf) -> None:
         """Move the reference on by dt [s], so fast that the base could stop within a gap [m].

@@ -241,8 +241,8 @@ class Curve:
         return f"{s:.3f} m"
 
     def _arc(self, s: float) -> int:
-        found = int(np.searchsorted(self._ends, abs(s), side="right")) - 1
-        return min(found, len(self._curvature) - 1)
+        index = int(np.searchsorted(self._ends, abs(s), side="right")) - 1
+        return min(index, len(self._curvature) - 1)
 
 
 PlannedSegment = Callable[[BaseState], Segment | Curve | None]

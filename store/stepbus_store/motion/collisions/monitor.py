@@ -53,8 +53,10 @@ class Grasp:
 def _touched_by(contacts: Contacts, link: str) -> list[str]:
     """Return what presses on a link, the hardest first."""
     rows = zip(contacts.pairs, contacts.force, strict=True)
-    found = [(-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0]
-    return [name for _, name in sorted(found)]
+    touching = [
+        (-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0
+    ]
+    return [name for _, name in sorted(touching)]
 
 
 def _near(contacts: Contacts, link: str, within: float) -> list[str]:
@@ -208,7 +210,7 @@ class CollisionMonitor:
         What appears all of a sudden comes as fast as the link moves at all.
         """
         settings = self._settings
-        found = []
+        contacts = []
         for row in closing:
             if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
                 continue
@@ -221,8 +223,8 @@ class CollisionMonitor:
                 speed = 0.0
             left = row.distance - settings.stopping(speed, holding=bool(self.held))
             gap = max(row.distance, 0.0)
-            found.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
-        return tuple(sorted(found, key=lambda pair: pair[1]))
+            contacts.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
+        return tuple(sorted(contacts, key=lambda pair: pair[1]))
 
     def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
         """Return the closest pair that has come closer in this step and is about to touch.

@@ -66,14 +66,14 @@ class AnalyticChain:
         last = (target * self._tip_in_last.inverse()).homogeneous
         # eaik counts the orientation from the one with all joints at 0.
         last[:3, :3] = last[:3, :3] @ self._turned_at_zero.T
-        found: list[Vector] = []
+        branches: list[Vector] = []
         for row in self._solver.IK(last).Q:
             branch = q.copy()
             branch[self._order] = np.remainder(np.array(row) + math.pi, TURN) - math.pi
-            is_new = all(np.abs(_wrapped(branch - other)).max() > _SAME for other in found)
+            is_new = all(np.abs(_wrapped(branch - other)).max() > _SAME for other in branches)
             if is_new and self._reaches(branch, target):
-                found.append(branch)
-        return found
+                branches.append(branch)
+        return branches
 
     def _is_six_revolute(self) -> bool:
         model = self._robot.model

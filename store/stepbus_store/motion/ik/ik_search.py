@@ -129,11 +129,11 @@ class InverseKinematics:
         )
         best, count = next(attempts), 1
         while best.verdict != "reached" and not self._is_hopeless(best, count):
-            found = next(attempts, None)
-            if found is None:
+            solution = next(attempts, None)
+            if solution is None:
                 break
             count += 1
-            best = min(best, found, key=_rank)
+            best = min(best, solution, key=_rank)
         if best.verdict == "unreachable":
             closest = self._descend(tip, target, best.q, _CLOSEST)
             best = self._judge(tip, closest, target, count)

@@ -206,15 +206,15 @@ class BranchCandidates(CandidateFinder):
         """See `CandidateFinder`."""
         problem: Refused | None = None
         works = False
-        for found in self._spirals.solve(goal, frame, target, rest):
+        for solution in self._spirals.solve(goal, frame, target, rest):
             try:
-                for path in found.paths:
+                for path in solution.paths:
                     check_path(path, self._collisions)
             except Refused as exc:
                 problem = problem or exc
                 continue
             works = True
-            yield Candidate(target=found.start, paths=tuple(found.paths), text=found.text)
+            yield Candidate(target=solution.start, paths=tuple(solution.paths), text=solution.text)
         if not works and problem is not None:
             raise problem
 

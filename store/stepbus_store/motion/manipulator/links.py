@@ -32,8 +32,8 @@ class Links:
 
     def position(self, link: str, q: Vector) -> Vector:
         """Return where a link is in the base at q, shape (n,) [rad], as shape (3,) [m]."""
-        found: Vector = self._robot.frame_pose(q, self._frame(link)).translation.copy()
-        return found
+        position: Vector = self._robot.frame_pose(q, self._frame(link)).translation.copy()
+        return position
 
     def speeds(self, now: JointMotion, rate: float) -> Callable[[str], tuple[float, float]]:
         """Return a function: link → its speed now, and at the full rate of the motion [m/s].

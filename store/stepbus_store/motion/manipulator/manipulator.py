@@ -324,11 +324,11 @@ class Manipulator:
         if goal.type == "move_linear":
             return self._line(goal, self._brake(now), q, base, held)
         rest = now.position if self._router is not None else self._brake(now)
-        found = self._finder.candidates(goal, rest, q, base)
+        solutions = self._finder.candidates(goal, rest, q, base)
         if self._beside.bases:
             # Later, while the base stands, the arm may go the short way.
-            found = about_as_near(found, rest)
-        candidates = itertools.islice(found, self._options.most_candidates)
+            solutions = about_as_near(solutions, rest)
+        candidates = itertools.islice(solutions, self._options.most_candidates)
         if self._router is None:
             return self._search(goal, held, rest, candidates)
         route = self._router.route(now, candidates, goal.duration)

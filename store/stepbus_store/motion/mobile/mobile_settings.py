@@ -47,9 +47,9 @@ def read_mobile_settings(config: Config) -> MobileSettings:
 
     Raises SettingsError with all that is wrong.
     """
-    found = Ports(config)
-    ports = find_ports(found)
-    params = config.read(Params, found.problems)
+    given = Ports(config)
+    ports = find_ports(given)
+    params = config.read(Params, given.problems)
     problems = config.problems().below(("params",))
     robot = make_robot(params, problems, params.posture)
     _check_frame(params.tip, robot, problems)

@@ -30,7 +30,7 @@ def find_ports(ports: Ports) -> MobilePorts:
     if (plan is None) != (request is None):
         text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
         ports.problems.add((), f"{text}; wire both, or none of them")
-    found = MobilePorts(
+    mobile_ports = MobilePorts(
         joint_state=ports.input_of("JointState/1"),
         odometry=ports.input_of("BaseState/1"),
         gripper_state=ports.input_of("GripperState/1"),
@@ -48,4 +48,4 @@ def find_ports(ports: Ports) -> MobilePorts:
         "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
         "ControllerStatus/1",
     )  # fmt: skip
-    return found
+    return mobile_ports

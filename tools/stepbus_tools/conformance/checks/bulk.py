@@ -16,13 +16,13 @@ _LATE_S = 0.1
 
 def _bulk_inputs(kit: Kit) -> dict[str, set[str]]:
     """Return source → its bulk ports that the participant reads; raises Skipped without any."""
-    found: dict[str, set[str]] = {}
+    ports: dict[str, set[str]] = {}
     for item in kit.spec.inputs.values():
         if kit.material.scenario.participant(item.source).outputs[item.port].bulk:
-            found.setdefault(item.source, set()).add(item.port)
-    if not found:
+            ports.setdefault(item.source, set()).add(item.port)
+    if not ports:
         raise Skipped("it has no bulk inputs")
-    return found
+    return ports
 
 
 @check("P6.5", "bulk content that comes after its `Outputs` changes nothing", inputs=True)

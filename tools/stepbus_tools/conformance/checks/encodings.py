@@ -49,8 +49,8 @@ def _to_float32(value: float) -> float:
     """Return the nearest float32; small ones, so that some are whole, to a whole number."""
     if abs(value) < 0.3:
         return float(round(value))
-    found: float = struct.unpack("<f", struct.pack("<f", value))[0]
-    return found
+    rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
+    return rounded
 
 
 def _each_float(change: Callable[[float], float], kit: Kit) -> Callable[..., bytes]:
@@ -139,7 +139,7 @@ def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:
 def _by_name(kit: Kit, trace: Trace, inputs: Mapping[str, Description]) -> dict[str, Any]:
     """Return all outputs as step → port → field → name → value."""
     described = trace.transcript.readies[0].outputs
-    found: dict[str, Any] = {}
+    named: dict[str, Any] = {}
     for step, ports in trace.ports.items():
         for port, data in ports.items():
             type_name = kit.spec.outputs[port].type
@@ -148,10 +148,10 @@ def _by_name(kit: Kit, trace: Trace, inputs: Mapping[str, Description]) -> dict[
             types = kit.material.scenario.types
             fields = plain(type_name, data, types)
             vectors = vectors_of(type_name, types)
-            found.setdefault(str(step), {})[port] = {
+            named.setdefault(str(step), {})[port] = {
                 key: dict(zip(names, value, strict=True))
                 if key in vectors and value and len(value) == len(names)
                 else value
                 for key, value in fields.items()
             }
-    return found
+    return named

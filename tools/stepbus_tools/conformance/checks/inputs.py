@@ -125,10 +125,10 @@ def _without(kit: Kit, name: str) -> str:
         for step, row in kit.feed[item.source].items()
     }
     try:
-        found = _or_fault(kit, {**kit.feed, item.source: rows})
+        outcome = _or_fault(kit, {**kit.feed, item.source: rows})
     except Failed as exc:
         raise Failed(f"without {name} at first: {exc}; no Fault came (P10.1)") from exc
-    return f"a fault ({found[:80]})" if isinstance(found, str) else "continues"
+    return f"a fault ({outcome[:80]})" if isinstance(outcome, str) else "continues"
 
 
 def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Trace | str:
@@ -146,7 +146,7 @@ def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Trace | str:
 @check("P6.1", "an input with more `delay` gets the older message", inputs=True, plain=True)
 def delayed(kit: Kit) -> str:
     """Delay one input after the other by a step: the same as its source a step later."""
-    found = []
+    rows = []
     for name, item in kit.spec.inputs.items():
         more = item.delay + kit.every(item.source)
         port = (item.source, item.port)
@@ -156,13 +156,13 @@ def delayed(kit: Kit) -> str:
         given = _or_fault(kit, kit.feed, Setup(delays={name: more}))
         if isinstance(expected, str) or isinstance(given, str):
             _same_fault(name, expected, given)
-            found.append(f"{name}: cannot be absent")
+            rows.append(f"{name}: cannot be absent")
         else:
             kit.same(given, f"with {name} delayed by {more} steps", expected)
-            found.append(f"{name} by {more}: right")
-    if all(text.endswith("absent") for text in found):
-        raise Skipped(f"a delayed input is absent at first, and {'; '.join(found)}")
-    return "; ".join(found)
+            rows.append(f"{name} by {more}: right")
+    if all(text.endswith("absent") for text in rows):
+        raise Skipped(f"a delayed input is absent at first, and {'; '.join(rows)}")
+    return "; ".join(rows)
 
 
 def _same_fault(name: str, expected: Trace | str, given: Trace | str) -> None:

@@ -105,8 +105,8 @@ def vectors_of(type_name: str, types: Types = SHIPPED) -> set[str]:
 def plain(type_name: str, data: bytes, types: Types = SHIPPED) -> dict[str, Any]:
     """Return a message as a map of plain values."""
     message = msgspec.msgpack.decode(data, type=types[type_name])
-    found: dict[str, Any] = msgspec.to_builtins(message)
-    return found
+    fields: dict[str, Any] = msgspec.to_builtins(message)
+    return fields
 
 
 def reverse(type_name: str, data: bytes, types: Types = SHIPPED) -> bytes:

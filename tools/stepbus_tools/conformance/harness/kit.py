@@ -177,10 +177,10 @@ class Kit:
                 self._traces[which] = self._play(self._walk_and_log)
             except Failed as exc:
                 self._traces[which] = exc
-        found = self._traces[which]
-        if isinstance(found, Failed):
-            raise Failed(str(found))
-        return found
+        trace = self._traces[which]
+        if isinstance(trace, Failed):
+            raise Failed(str(trace))
+        return trace
 
     def _walk_and_log(self, harness: Harness) -> None:
         harness.walk(self.feed, 0, self.steps)

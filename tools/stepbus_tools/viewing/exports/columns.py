@@ -120,10 +120,10 @@ class Table:
         fields = [field for field in self.fields if names is None or field.name in names]
         arrays = batch.arrays(*(field.name for field in fields))
         t_ns = np.rint(batch.t * 1e9).astype(np.int64)
-        found: list[Cells] = [batch.steps, t_ns, batch.t]
+        columns: list[Cells] = [batch.steps, t_ns, batch.t]
         for field in fields:
-            found += field.values(batch, arrays[field.name])
-        return found
+            columns += field.values(batch, arrays[field.name])
+        return columns
 
 
 def _fields(port: Port, types: Types) -> Iterator[Field]:
@@ -155,9 +155,9 @@ def _field(port: Port, name: str, node: Mapping[str, Any], definitions: Mapping[
 def _resolved(node: Mapping[str, Any], definitions: Mapping[str, Any]) -> Mapping[str, Any]:
     """Return a schema without `null` and references."""
     options = [one for one in node.get("anyOf", [node]) if one.get("type") != "null"]
-    found = options[0] if len(options) == 1 else {}
-    reference = found.get("$ref", "").rpartition("/")[2]
-    return definitions.get(reference, found) if reference else found
+    row = options[0] if len(options) == 1 else {}
+    reference = row.get("$ref", "").rpartition("/")[2]
+    return definitions.get(reference, row) if reference else row
 
 
 def _scalar(node: Mapping[str, Any]) -> ColumnType | None:

@@ -41,11 +41,11 @@ def export_foxglove(recording: Recording, target: Path, reached: Reached) -> Exp
             conversion = Conversion(moving.scene, _Channels(channels, context).log)
             conversion.place(moving.still(), 0)
             conversion.bodies()
-            for t_ns, found in instants(recording, wanted, lost, reached):
-                placed = moving.take(t_ns, found)
+            for t_ns, group in instants(recording, wanted, lost, reached):
+                placed = moving.take(t_ns, group)
                 if placed:
                     conversion.place(placed, t_ns)
-                for moment in found:
+                for moment in group:
                     is_event = moment.port.type == "Event/1"
                     if is_event or rate.passes(topic_of(moment.port), t_ns):
                         conversion.take(moment.port, moment.message, t_ns)

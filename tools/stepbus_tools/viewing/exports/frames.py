@@ -92,13 +92,13 @@ class FrameTree:
 
     def moved(self, topics: frozenset[str], messages: Messages) -> Iterator[Transform]:
         """Yield the frames that the newest messages of some ports place."""
-        found: dict[str, Pose] = {}
+        poses: dict[str, Pose] = {}
         for motion in self._scene.motions:
             if not motion.topics.isdisjoint(topics):
-                found |= motion.poses(messages)
+                poses |= motion.poses(messages)
         for frame in self._loose:
-            if frame.name in found:
-                yield _of_frame(frame, found[frame.name])
+            if frame.name in poses:
+                yield _of_frame(frame, poses[frame.name])
         for tree in self._trees:
             yield from tree.moved(topics, messages)
 
@@ -177,10 +177,10 @@ class BodyTree:
 
     def _in_world(self, link: str, messages: Messages) -> Pose | None:
         """Return the true pose of a link, by that of one that it is fixed to where it has none."""
-        found = self.body.in_world(link, messages)
+        pose = self.body.in_world(link, messages)
         joint = self.body.model.above.get(link)
-        if found is not None or joint is None or joint.moves:
-            return found
+        if pose is not None or joint is None or joint.moves:
+            return pose
         parent = self._in_world(joint.parent, messages)
         return None if parent is None else parent @ joint.origin
 

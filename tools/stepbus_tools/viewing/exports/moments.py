@@ -30,8 +30,8 @@ def instants(
     lost: topic → why it is; gets a port that cannot be read to its end.
     """
     in_order = _moments(recording, ports, lost, reached)
-    for t_ns, found in groupby(in_order, key=lambda moment: moment.t_ns):
-        yield t_ns, list(found)
+    for t_ns, group in groupby(in_order, key=lambda moment: moment.t_ns):
+        yield t_ns, list(group)
 
 
 def _moments(
@@ -45,10 +45,10 @@ def _moments(
                 continue
             try:
                 for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
-                    found = Moment(
+                    each = Moment(
                         step=int(step), t_ns=round(float(t) * NS), port=port, message=message
                     )
-                    rows.append((found.t_ns, number, found))
+                    rows.append((each.t_ns, number, each))
             except StepbusError as exc:
                 lost[port.topic] = f"{port.topic}: {exc}"
         for _, _, moment in sorted(rows, key=lambda row: row[:2]):
@@ -62,7 +62,7 @@ def readable(recording: Recording, lost: dict[str, str]) -> list[Port]:
 
     lost: topic → why it is; gets those of an unknown type. Raises RecordingFailed without any.
     """
-    found = []
+    ports = []
     for port in recording.ports.values():
         if port.topic.startswith("stepbus/"):
             continue
@@ -72,10 +72,10 @@ def readable(recording: Recording, lost: dict[str, str]) -> list[Port]:
             lost[port.topic] = unreadable(port, exc)
             continue
         if port.last_step >= 0:
-            found.append(port)
-    if not found:
+            ports.append(port)
+    if not ports:
         raise nothing_to_export(recording)
-    return found
+    return ports
 
 
 class Moving:
@@ -94,9 +94,9 @@ class Moving:
         """Return frame → its pose in its parent at the start, of all frames."""
         return {frame.name: frame.pose for frame in self.scene.frames if not frame.is_ghost}
 
-    def take(self, t_ns: int, found: Collection[Moment]) -> dict[str, Pose]:
+    def take(self, t_ns: int, moments: Collection[Moment]) -> dict[str, Pose]:
         """Take an instant; return the frames to place now, none before the next is due."""
-        known = [moment for moment in found if moment.port.topic in self.scene.topics]
+        known = [moment for moment in moments if moment.port.topic in self.scene.topics]
         for moment in known:
             self.latest[moment.port.topic] = Latest(step=moment.step, message=moment.message)
         if not known or t_ns < self._due_ns:

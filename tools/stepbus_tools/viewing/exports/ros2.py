@@ -69,13 +69,13 @@ def export_ros2(recording: Recording, target: Path, reached: Reached) -> Exporte
         for topic, text in _descriptions(tree):
             bag.add(topic, "std_msgs/msg/String", ros.make("std_msgs/msg/String", data=text), 0)
         bag.add("/tf_static", _TF, ros.transforms(tree.still(), 0), 0)
-        for t_ns, found in instants(recording, wanted, lost, reached):
-            topics = [moment.port.topic for moment in found]
-            latest |= {m.port.topic: Latest(step=m.step, message=m.message) for m in found}
+        for t_ns, group in instants(recording, wanted, lost, reached):
+            topics = [moment.port.topic for moment in group]
+            latest |= {m.port.topic: Latest(step=m.step, message=m.message) for m in group}
             due = frozenset(topic for topic in topics if rate.passes(topic, t_ns))
             if moved := list(tree.moved(due, latest)):
                 bag.add("/tf", _TF, ros.transforms(moved, t_ns), t_ns)
-            for moment in found:
+            for moment in group:
                 convert = _CONVERTERS.get(moment.port.type)
                 for suffix, type_name, message in convert(ros, moment) if convert else ():
                     bag.add(_topic(moment.port, suffix), type_name, message, t_ns)
@@ -299,12 +299,12 @@ def _imu(ros: _Ros, moment: Moment) -> Converted:
 
 
 def _wrench(ros: _Ros, moment: Moment) -> Converted:
-    found = moment.message
-    if isinstance(found, Wrench):
+    message = moment.message
+    if isinstance(message, Wrench):
         wrench = ros.make(
             "geometry_msgs/msg/Wrench",
-            force=ros.vector(found.force),
-            torque=ros.vector(found.torque),
+            force=ros.vector(message.force),
+            torque=ros.vector(message.torque),
         )
         header = ros.header(moment.t_ns, ros.tree.sensor_frame(moment.port))
         yield ros.row("geometry_msgs/msg/WrenchStamped", header=header, wrench=wrench)
@@ -331,12 +331,12 @@ def _scan(ros: _Ros, moment: Moment) -> Converted:
 
 
 def _text(ros: _Ros, moment: Moment) -> Converted:
-    found: Message = moment.message
+    event: Message = moment.message
     name = "std_msgs/msg/String"
-    if isinstance(found, Event):
-        yield ros.row(name, data=f"{found.level}: {found.text}")
-    elif isinstance(found, TextMessage):
-        yield ros.row(name, data=found.text)
+    if isinstance(event, Event):
+        yield ros.row(name, data=f"{event.level}: {event.text}")
+    elif isinstance(event, TextMessage):
+        yield ros.row(name, data=event.text)
 
 
 _CONVERTERS: Mapping[str, Callable[[_Ros, Moment], Converted]] = {

@@ -89,7 +89,7 @@ def export_tables(recording: Recording, target: Path, form: str, reached: Reache
 
 def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:
     """Return the ports that can be read, and why the others cannot."""
-    found, problems = [], dict[str, str]()
+    tables, problems = [], dict[str, str]()
     for port in recording.ports.values():
         if port.topic.startswith(_OWN):
             continue
@@ -99,10 +99,10 @@ def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:
             problems[port.topic] = unreadable(port, exc)
         else:
             if port.last_step >= 0:
-                found.append(table)
-    if not found:
+                tables.append(table)
+    if not tables:
         raise nothing_to_export(recording)
-    return found, problems
+    return tables, problems
 
 
 def _pieces(

@@ -126,11 +126,11 @@ class _Events:
 
     def until(self, t_ns: int) -> list[Happened]:
         """Return what has happened since the last time, up to a time [ns]."""
-        found = []
+        events = []
         while self._next is not None and self._next[0] <= t_ns:
-            found.append(self._next)
+            events.append(self._next)
             self._next = next(self._rows, None)
-        return found
+        return events
 
 
 def _read(port: Port, step_ns: int) -> Iterator[Happened]:

@@ -270,8 +270,8 @@ def _advertise(channels: Sequence[_Channel]) -> str:
 
 
 def _closed() -> type[Exception]:
-    found: type[Exception] = need("Foxglove", "websockets.exceptions")[0].ConnectionClosed
-    return found
+    closed: type[Exception] = need("Foxglove", "websockets.exceptions")[0].ConnectionClosed
+    return closed
 
 
 def _silent() -> logging.Logger:

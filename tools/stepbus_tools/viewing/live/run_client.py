@@ -81,12 +81,12 @@ class Link:
 
     def _take(self) -> list[Ask]:
         """Wait for what is asked, and take all of it."""
-        found: list[Ask | None] = []
+        asks: list[Ask | None] = []
         with contextlib.suppress(queue.Empty):
-            found.append(self._asked.get(timeout=_STATUS_S))
+            asks.append(self._asked.get(timeout=_STATUS_S))
             while True:
-                found.append(self._asked.get_nowait())
-        return [ask for ask in found if ask is not None]
+                asks.append(self._asked.get_nowait())
+        return [ask for ask in asks if ask is not None]
 
     def _look(self, line: Line) -> None:
         self.status = line.call("", "status", (), _ANSWER_S).value or {}
@@ -131,8 +131,8 @@ Turn = Callable[[bool], None]
 
 def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
     """Return the newest message of each port that has one to read."""
-    found = {topic: tail.latest(topic) for topic in topics}
-    return {t: Latest(step=row[0], message=row[1]) for t, row in found.items() if row}
+    messages = {topic: tail.latest(topic) for topic in topics}
+    return {t: Latest(step=row[0], message=row[1]) for t, row in messages.items() if row}
 
 
 def follow_run(

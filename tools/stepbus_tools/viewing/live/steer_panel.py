@@ -130,12 +130,12 @@ class Hands:
 
     def _measured(self) -> dict[str, float]:
         """Return joint → its newest measured position."""
-        found: dict[str, float] = {}
+        positions: dict[str, float] = {}
         for port in self._ports.values():
             latest = self._messages.get(port.topic)
             if latest is not None and isinstance(latest.message, JointState):
-                found |= dict(zip(port.names, latest.message.position or (), strict=False))
-        return found
+                positions |= dict(zip(port.names, latest.message.position or (), strict=False))
+        return positions
 
     def update(self) -> None:
         """Let each slider that nobody has touched for a while show where its joint is."""

@@ -150,10 +150,10 @@ def _limits(state: SignalCurves | None, joint: str, *keys: str) -> list[float]:
         return []
     index = list(state.names).index(joint)
     rows = [state.limits.get(key, ()) for key in keys]
-    found = [float(row[index]) for row in rows if len(row) > index]
+    numbers = [float(row[index]) for row in rows if len(row) > index]
     if len(keys) == 1:
-        found += [-value for value in found]
-    return sorted(value for value in found if np.isfinite(value))
+        numbers += [-value for value in numbers]
+    return sorted(value for value in numbers if np.isfinite(value))
 
 
 def _largest(line: Line) -> float:

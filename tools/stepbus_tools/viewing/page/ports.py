@@ -152,9 +152,9 @@ class BasePath:
 
     def take(self, batch: Batch) -> None:
         """Take the next piece."""
-        found = batch.arrays("x", "y")
-        if found["x"] is not None and found["y"] is not None:
-            self._curve.add(batch.t, np.column_stack((found["x"], found["y"])))
+        xy = batch.arrays("x", "y")
+        if xy["x"] is not None and xy["y"] is not None:
+            self._curve.add(batch.t, np.column_stack((xy["x"], xy["y"])))
 
     def points(self) -> Array:
         """Return x and y, shape (p, 2), [m]."""
@@ -168,20 +168,20 @@ Taker = PortCurves | ContactCurves | Stills | BasePath
 
 def takers(recording: Recording) -> tuple[list[Taker], list[str]]:
     """Return who takes the batches of which port, and why some ports are not shown."""
-    found: list[Taker] = []
+    rows: list[Taker] = []
     problems = []
     for port in recording.ports.values():
         if port.topic.startswith("stepbus/") or port.type in (*_JOINTS, *_SHAPELESS):
             continue
         try:
             if port.type == "Contacts/1":
-                found.append(ContactCurves(port))
+                rows.append(ContactCurves(port))
             elif port.type == "Image/1":
-                found.append(Stills(port))
+                rows.append(Stills(port))
             else:
-                found.append(PortCurves(port, recording))
+                rows.append(PortCurves(port, recording))
             if port.type == "BaseState/1":
-                found.append(BasePath(port))
+                rows.append(BasePath(port))
         except StepbusError as exc:
             problems.append(unreadable(port, exc))
-    return found, problems
+    return rows, problems

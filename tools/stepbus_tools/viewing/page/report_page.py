@@ -241,13 +241,13 @@ def _pixels(image: Image) -> Any:
 
 
 def _paths(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
-    found = {
+    paths = {
         f"{label} {path.port.participant}.{path.port.name}".strip(): points
         for run, label in zip(runs, labels, strict=True)
         for path in run.paths
         if len(points := path.points())
     }
-    return path_from_above(found) if found else ""
+    return path_from_above(paths) if paths else ""
 
 
 def _happenings(runs: Sequence[RunPage], labels: Sequence[str]) -> str:

@@ -55,10 +55,10 @@ def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
         check_readable(recording)
         result = _result(recording.path.parent, recording.path)
         groups, problems, end_s = _joints(recording, arrays)
-        found, others = takers(recording)
+        readers, others = takers(recording)
         problems += others
-        end_s = max(end_s, _take(recording, found))
-        for taker in found:
+        end_s = max(end_s, _take(recording, readers))
+        for taker in readers:
             if not isinstance(taker, Stills | BasePath):
                 group = taker.group(arrays)
                 if group["charts"]:
@@ -80,8 +80,8 @@ def read_run(path: Path, arrays: Arrays, lines: Sequence[str] = ()) -> RunPage:
             times=step_times(recording.path.parent) if result else {},
             end_s=end_s,
             last_step=recording.last_step,
-            stills=[taker for taker in found if isinstance(taker, Stills)],
-            paths=[taker for taker in found if isinstance(taker, BasePath)],
+            stills=[taker for taker in readers if isinstance(taker, Stills)],
+            paths=[taker for taker in readers if isinstance(taker, BasePath)],
             problems=problems,
             still=_still(recording),
         )
@@ -110,11 +110,11 @@ def _joints(
         return [], [f"joints: {exc}"], end_s
 
 
-def _take(recording: Recording, found: Sequence[Taker]) -> float:
+def _take(recording: Recording, readers: Sequence[Taker]) -> float:
     """Give all pieces to those who take them; return the last time [s]."""
     end_s = 0.0
-    for piece in recording.batches({taker.port: None for taker in found}):
-        for taker in found:
+    for piece in recording.batches({taker.port: None for taker in readers}):
+        for taker in readers:
             batch = piece[taker.port.topic]
             if not len(batch.steps) or taker.problem:
                 continue

@@ -48,16 +48,16 @@ class StepTimes:
 
 def step_times(folder: Path) -> Mapping[str, StepTimes]:
     """Return participant → its step times; none without a timing.mcap that can be read."""
-    found: dict[str, StepTimes] = {}
+    times: dict[str, StepTimes] = {}
     try:
         with Recording(folder / layout.TIMING_FILE) as recording:
             port = recording.ports.get("steps")
             for entry in port.entries() if port else ():
                 timing = _decode(entry.data)
-                found.setdefault(timing.participant, StepTimes()).take(timing)
+                times.setdefault(timing.participant, StepTimes()).take(timing)
     except (RecordingFailed, msgspec.MsgspecError):
-        return found
-    return found
+        return times
+    return times
 
 
 _MOST = 400
@@ -82,15 +82,15 @@ class Happening:
 
 def happenings(recording: Recording, result: Result | None) -> tuple[list[Happening], int]:
     """Return what happened in order of time, the serious first to be kept; and how much is left."""
-    found = [*_failure(result), *_faults(recording, result)]
+    events = [*_failure(result), *_faults(recording, result)]
     for port in recording.ports.values():
         if port.type in ("Event/1", "GoalStatus/1", layout.CALLS_TYPE):
             try:
-                found += _bounded(_of(port))
+                events += _bounded(_of(port))
             except (StepbusError, msgspec.MsgspecError):
                 continue
-    kept = sorted(found, key=lambda one: one.level not in _SERIOUS)[:_MOST]
-    return sorted(kept, key=lambda one: one.t), len(found) - len(kept)
+    kept = sorted(events, key=lambda one: one.level not in _SERIOUS)[:_MOST]
+    return sorted(kept, key=lambda one: one.t), len(events) - len(kept)
 
 
 def _bounded(rows: Iterable[Happening]) -> list[Happening]:

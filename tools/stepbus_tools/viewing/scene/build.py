@@ -67,8 +67,8 @@ def build_scene(path: Path, ports: Ports, attachments: Mapping[str, bytes]) -> S
         with tempfile.TemporaryDirectory(prefix="stepbus-scene-", dir=scratch_folder()) as folder:
             try:
                 scenario, files = attached_files(path, attachments)
-                found = unpack_files(scenario, files, Path(folder) / "source")
-                origin = read_origin(found)
+                root = unpack_files(scenario, files, Path(folder) / "source")
+                origin = read_origin(root)
             except RecordingFailed as exc:
                 notes.append(str(exc))
     else:
@@ -120,7 +120,7 @@ class _Builder:
     # --- links with recorded poses --------------------------------------------------------
 
     def _read_links(self) -> dict[str, _Link]:
-        found: dict[str, _Link] = {}
+        links: dict[str, _Link] = {}
         for port in self._of_type("Poses/1"):
             details = port.description.details
             if _TRUTH not in details:
@@ -128,9 +128,9 @@ class _Builder:
             for number, name in enumerate(port.names):
                 body, kind, shape, color = (_item(details.get(k), number) for k in _KEYS)
                 made = _Link(name=name, body=body, type=kind, shape=shape, color=color)
-                link = found.setdefault(name, made)
+                link = links.setdefault(name, made)
                 link.ports[port.topic] = number
-        return found
+        return links
 
     def _add_link(self, link: _Link, visuals: tuple[Visual, ...], pose: Pose = _IDENTITY) -> None:
         frame = Frame(name=link.name, pose=pose, visuals=visuals, label=link.type, body=link.body)
@@ -304,11 +304,11 @@ def _is_moved(joint: Joint, known: set[str]) -> bool:
 
 def _below(model: Model, joints: Sequence[Joint]) -> set[str]:
     """Return the links that some joints move."""
-    found = {joint.child for joint in joints}
+    children = {joint.child for joint in joints}
     for joint in model.joints:
-        if joint.parent in found:
-            found.add(joint.child)
-    return found
+        if joint.parent in children:
+            children.add(joint.child)
+    return children
 
 
 def _item(values: Sequence[str] | None, number: int) -> str:

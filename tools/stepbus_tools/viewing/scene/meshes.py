@@ -65,12 +65,12 @@ def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]
     try:
         # Textures are not shown, and their files need not be there.
         loaded = trimesh.load(path, skip_materials=path.suffix.lower() == ".obj")
-        found = _by_color(trimesh, loaded)
+        colored = _by_color(trimesh, loaded)
     except Exception as exc:
         raise ValueError(f"{path.name} cannot be read: {exc}") from exc
-    if not found:
+    if not colored:
         raise ValueError(f"{path.name} has no triangles")
-    return tuple(_scaled(mesh, scale) for mesh in found)
+    return tuple(_scaled(mesh, scale) for mesh in colored)
 
 
 def _by_color(trimesh: Any, loaded: Any) -> list[Mesh]:

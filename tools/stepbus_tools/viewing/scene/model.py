@@ -100,11 +100,11 @@ class Model:
 
     def pose(self, link: str, positions: Mapping[str, float]) -> Pose:
         """Return the pose of a link in the root link."""
-        found = Pose()
+        pose = Pose()
         while (joint := self.above.get(link)) is not None:
-            found = joint.at(self.position(joint, positions)) @ found
+            pose = joint.at(self.position(joint, positions)) @ pose
             link = joint.parent
-        return found
+        return pose
 
 
 def load_model(path: Path, rest: Mapping[str, float] = {}) -> Model:
@@ -225,8 +225,8 @@ def _parents_first(root: str, joints: Mapping[str, Joint]) -> Iterator[Joint]:
 
 
 def _link(joint: ET.Element, side: str) -> str:
-    found = joint.find(side)
-    return "" if found is None else found.get("link", "")
+    element = joint.find(side)
+    return "" if element is None else element.get("link", "")
 
 
 def _origin(element: ET.Element) -> Pose:
@@ -256,8 +256,8 @@ def _numbers(element: ET.Element | None, key: str, default: tuple[float, ...]) -
     if text is None:
         return default
     try:
-        found = tuple(float(word) for word in text.split())
+        numbers = tuple(float(word) for word in text.split())
     except ValueError:
         return default
-    is_whole = len(found) == len(default) or not default
-    return found if is_whole and all(map(math.isfinite, found)) else default
+    is_whole = len(numbers) == len(default) or not default
+    return numbers if is_whole and all(map(math.isfinite, numbers)) else default

@@ -65,10 +65,10 @@ def wanted(message: Message) -> Sequence[float] | None:
 
 def all_positions(sources: Sequence[JointSource], messages: Messages) -> Positions:
     """Return where joints are by all sources; the first one that knows a joint counts."""
-    found: dict[str, float] = {}
+    positions: dict[str, float] = {}
     for source in reversed(sources):
-        found |= source.positions(messages)
-    return found
+        positions |= source.positions(messages)
+    return positions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -83,11 +83,11 @@ class LinkMotion:
 
     def poses(self, messages: Messages) -> Mapping[str, Pose]:
         """Return the newest pose of each link."""
-        found: dict[str, Pose] = {}
+        poses: dict[str, Pose] = {}
         known = [topic for topic in self.ports if topic in messages]
         for topic in sorted(known, key=lambda name: messages[name].step):
-            found |= link_poses(self.ports[topic], messages[topic].message)
-        return found
+            poses |= link_poses(self.ports[topic], messages[topic].message)
+        return poses
 
 
 def link_poses(frames: Sequence[str | None], message: Message) -> dict[str, Pose]:
@@ -117,9 +117,9 @@ class JointMotion:
 
     def poses(self, messages: Messages) -> Mapping[str, Pose]:
         """Return the pose of each link that a joint moves, in the link before it."""
-        found = all_positions(self.sources, messages)
+        positions = all_positions(self.sources, messages)
         return {
-            self.prefix + joint.child: joint.at(self.model.position(joint, found))
+            self.prefix + joint.child: joint.at(self.model.position(joint, positions))
             for joint in self.joints
         }
 

@@ -102,8 +102,8 @@ def _add_world(origin: Origin, folder: Path, name: str) -> None:
             model = _model(origin, given["urdf"], path.parent, _rest(given))
             if model is not None:
                 is_fixed = given.get("fixed_base") is True
-                found = Body(name=body, model=model, pose=_pose(given), is_fixed=is_fixed)
-                origin.bodies.append(found)
+                made = Body(name=body, model=model, pose=_pose(given), is_fixed=is_fixed)
+                origin.bodies.append(made)
     types = stock.get("types") if isinstance(stock, dict) else None
     for kind, given in types.items() if isinstance(types, dict) else ():
         if isinstance(given, dict) and isinstance(given.get("urdf"), str):
@@ -126,8 +126,8 @@ def _rest(body: Mapping[str, Any]) -> dict[str, float]:
     """Return where the joints of a body start, as its world file says."""
     joints = body.get("joints")
     rows = joints.items() if isinstance(joints, dict) else ()
-    found = {name: given.get("position") for name, given in rows if isinstance(given, dict)}
-    return {name: float(x) for name, x in found.items() if isinstance(x, int | float)}
+    positions = {name: given.get("position") for name, given in rows if isinstance(given, dict)}
+    return {name: float(x) for name, x in positions.items() if isinstance(x, int | float)}
 
 
 def _pose(body: Mapping[str, Any]) -> Pose:

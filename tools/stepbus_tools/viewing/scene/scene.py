@@ -91,10 +91,10 @@ class Scene:
 
     def poses(self, messages: Messages) -> dict[str, Pose]:
         """Return frame → its pose in its parent, of the frames that the messages place."""
-        found: dict[str, Pose] = {}
+        poses: dict[str, Pose] = {}
         for motion in self.motions:
-            found |= motion.poses(messages)
-        return found
+            poses |= motion.poses(messages)
+        return poses
 
     def world_poses(self, messages: Messages) -> dict[str, Pose]:
         """Return frame → its pose in the world, of all frames."""
@@ -102,8 +102,8 @@ class Scene:
 
     def placed(self, moved: Mapping[str, Pose]) -> dict[str, Pose]:
         """Return frame → its pose in the world. moved: frame → its pose in its parent."""
-        found = dict[str, Pose]()
+        poses = dict[str, Pose]()
         for frame in self.frames:
             pose = moved.get(frame.name, frame.pose)
-            found[frame.name] = found[frame.parent] @ pose if frame.parent else pose
-        return found
+            poses[frame.name] = poses[frame.parent] @ pose if frame.parent else pose
+        return poses

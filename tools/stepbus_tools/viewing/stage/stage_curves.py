@@ -30,15 +30,15 @@ class Signal:
 
 def signals(messages: Messages, names: dict[str, Sequence[str]]) -> list[Signal]:
     """Return the signals in the newest messages. names: of the vectors of each port."""
-    found = []
+    curves = []
     for topic, latest in messages.items():
         for field in latest.message.__struct_fields__:
             values = numbers(getattr(latest.message, field))
             if values:
                 own = tuple(names.get(topic, ()))
                 shown = own if len(own) == len(values) else tuple(map(str, range(len(values))))
-                found.append(Signal(topic=topic, field=field, names=shown[:_MOST]))
-    return found
+                curves.append(Signal(topic=topic, field=field, names=shown[:_MOST]))
+    return curves
 
 
 def numbers(value: object) -> list[float]:
@@ -48,15 +48,15 @@ def numbers(value: object) -> list[float]:
     if isinstance(value, int | float):
         return [float(value)]
     if isinstance(value, list | tuple) and value and not isinstance(value[0], list | tuple | str):
-        found = [number for item in value[:_MOST] for number in numbers(item)]
-        return found if len(found) == min(len(value), _MOST) else []
+        flat = [number for item in value[:_MOST] for number in numbers(item)]
+        return flat if len(flat) == min(len(value), _MOST) else []
     return []
 
 
 def value_of(signal: Signal, message: Any) -> list[float]:
     """Return the components of a signal in a message; NaN for what is absent."""
-    found = numbers(getattr(message, signal.field, None))[: len(signal.names)]
-    return found + [math.nan] * (len(signal.names) - len(found))
+    values = numbers(getattr(message, signal.field, None))[: len(signal.names)]
+    return values + [math.nan] * (len(signal.names) - len(values))
 
 
 NOTHING = "(none)"
@@ -89,9 +89,9 @@ class Curves:
         """Return the signal that is shown."""
         return self._signals.get(self._shown)
 
-    def offer(self, found: Sequence[Signal]) -> None:
+    def offer(self, offered: Sequence[Signal]) -> None:
         """Offer signals to choose from; the first one is chosen where none is yet."""
-        labels = {signal.label: signal for signal in found}
+        labels = {signal.label: signal for signal in offered}
         if labels.keys() <= self._signals.keys():
             return
         is_first = not self._signals

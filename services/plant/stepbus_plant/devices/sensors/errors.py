@@ -26,8 +26,10 @@ class Errors:
 
     def disturb(self, values: Sequence[float] | Array) -> Array:
         """Return a reading of true values, shape (count,)."""
-        found: Array = np.asarray(values, dtype=np.float64)
-        found = found + self._bias if self._bias.any() else found
+        disturbed: Array = np.asarray(values, dtype=np.float64)
+        disturbed = disturbed + self._bias if self._bias.any() else disturbed
         return (
-            found + self._noise * self._random.standard_normal(len(found)) if self._noise else found
+            disturbed + self._noise * self._random.standard_normal(len(disturbed))
+            if self._noise
+            else disturbed
         )
