@@ -33,7 +33,7 @@ test: setup
 
 # What `make fresh` could not try: tests that need more than Python, make and git, and those of the store.
 test-rest: setup
-	@$(PYTHON) -m pytest -n 3 --dist worksteal --but $(BUT)
+	@$(PYTHON) -m pytest -n 3 --dist worksteal --but=$(BUT)
 
 # The commands above as a stranger runs them; `make fresh FRESH=--help` has the options.
 fresh:

@@ -9,7 +9,7 @@ from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_schemas import RunError
 from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.ik import analytic
+from stepbus_store.motion.ik import branches
 from stepbus_store.motion.ik.branches import AnalyticChain, BranchSettings, BranchSolver
 
 BAXTER = package_path("package://example-robot-data/robots/baxter_description/urdf/baxter.urdf")
@@ -159,7 +159,7 @@ def test_a_chain_of_seven_joints_is_searched_instead():
 
 
 def test_without_eaik_the_same_pose_is_found_by_search(robot, monkeypatch):
-    monkeypatch.setattr(analytic, "HPRobot", None)
+    monkeypatch.setattr(branches, "HPRobot", None)
     target = above(0.5, 0.1, 0.2)
     ways = solver(robot).solve("tool0", target, HOME)
     assert len(ways) == 1

@@ -18,7 +18,7 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.ik import analytic
+from stepbus_store.motion.ik import branches
 from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 
@@ -180,7 +180,7 @@ def test_a_message_that_is_none_is_refused_in_one_sentence(tmp_path, message, se
 
 
 def test_that_eaik_is_missing_is_a_warning_and_given_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(analytic, "HPRobot", None)
+    monkeypatch.setattr(branches, "HPRobot", None)
     robot = Robot(config(tmp_path))
     for _ in range(3):
         robot.step()
