@@ -62,7 +62,7 @@ class Stand:
         specs = scenario.participants
         self.bus = HandBus()
         self.recorder = Recorder(McapFile(folder / "run.mcap"), list(specs), scenario.step_ns)
-        self.timing = TimingRecorder(folder / "timing.mcap")
+        self.timing = TimingRecorder(folder / "timing.mcap", time)
         self.session = Session(scenario, self.bus, TOKEN)
         self.loop = Run(
             self.session, AllStarted(), self.recorder, self.timing, out=folder, extensions=[Calls()]

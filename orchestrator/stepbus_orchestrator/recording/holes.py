@@ -24,7 +24,7 @@ class Holes:
         every = _every(scenario)
         self._participants = {name: _Participant(name, every[name]) for name in every}
         self._last_chain = -1
-        self.found: list[str] = []
+        self.gaps: list[str] = []
 
     def take(self, topic: str, step: int, data: bytes) -> None:
         """Take one message."""
@@ -39,24 +39,24 @@ class Holes:
     def end(self) -> list[str]:
         """Return all that is missing, once every message has been taken."""
         for participant in self._participants.values():
-            self.found += participant.silences(_REGULAR)
-        return self.found
+            self.gaps += participant.silences(_REGULAR)
+        return self.gaps
 
     def _check(self, step: int, data: bytes) -> None:
         if step > self._last_chain + CHAIN_EVERY:
             gap = f"between steps {self._last_chain} and {step}"
-            self.found.append(f"{layout.CHAIN_TOPIC}: nothing {gap}")
+            self.gaps.append(f"{layout.CHAIN_TOPIC}: nothing {gap}")
         self._last_chain = step
         try:
             hashes = _decode_chain(data).hashes
         except MessageError as exc:
-            self.found.append(f"{layout.CHAIN_TOPIC}: step {step} is {exc}")
+            self.gaps.append(f"{layout.CHAIN_TOPIC}: step {step} is {exc}")
             return
         for name, expected in hashes.items():
             participant = self._participants.get(name)
             if participant is not None and not participant.reaches(step, expected):
-                self.found += participant.silences(0)
-                self.found.append(f"{name}: the hash chain breaks at or before step {step}")
+                self.gaps += participant.silences(0)
+                self.gaps.append(f"{name}: the hash chain breaks at or before step {step}")
             if participant is not None:
                 participant.go_on(step, expected)
 

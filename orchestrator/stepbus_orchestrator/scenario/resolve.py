@@ -63,7 +63,7 @@ def files(scenario: Scenario) -> Mapping[str, Path]:
     or URDF and other XML; Python modules of the folder that are run, named as `module:Class`, or
     imported by one of these.
     """
-    return dict(sorted(search_files(scenario).found.items()))
+    return dict(sorted(search_files(scenario).files.items()))
 
 
 def left_out(scenario: Scenario) -> list[str]:

@@ -49,17 +49,17 @@ _HINTS = (
 class YamlFile:
     """A YAML map as plain data: str, int, float, bool, None, list, dict with str keys.
 
-    file: name used in messages. places: line of each value. found: what is wrong with it.
+    file: name used in messages. places: line of each value. own_problems: what is wrong with it.
     """
 
     file: str
     data: dict[str, Any]
     places: Mapping[Keys, Place]
-    found: tuple[Problem, ...] = ()
+    own_problems: tuple[Problem, ...] = ()
 
     def problems(self) -> Problems:
         """Return a collector with what is wrong so far, which knows the lines."""
-        return Problems(self.file, self.places, self.found)
+        return Problems(self.file, self.places, self.own_problems)
 
     def refuse(self, rows: Iterable[tuple[Keys, str]]) -> None:
         """Raise SettingsError with what was found wrong at some keys, if it is anything."""
@@ -88,7 +88,7 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
         what = "is empty" if data is None else "is no map"
         raise fatal(file, f"{what}; {expected}")
     return YamlFile(
-        file=file, data=data, places=conversion.places, found=tuple(conversion.problems)
+        file=file, data=data, places=conversion.places, own_problems=tuple(conversion.problems)
     )
 
 

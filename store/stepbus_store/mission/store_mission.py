@@ -305,8 +305,8 @@ class StoreMission(Participant):
 
 def _lost(inputs: Inputs) -> Outcome | None:
     """Return that a participant has failed whose safe messages show it."""
-    found, pose = inputs.detections, inputs.pose
-    if found is not None and not found.frame:
+    detections, pose = inputs.detections, inputs.pose
+    if detections is not None and not detections.frame:
         return Outcome(name="failed", cause="no_perception", text="perception has failed")
     if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
         return Outcome(name="failed", cause="no_pose", text="nobody knows where the base is")

@@ -44,18 +44,18 @@ class _Candidate:
     reach: from its axis to its outer edge [m]. edges: number of edge points fitted.
     """
 
-    found: Detection
+    detection: Detection
     reach: float
     edges: int
 
     @property
     def merit(self) -> float:
         """Return the confidence, reduced by the standard error of the fit."""
-        return self.found.confidence * float(1 - 1 / np.sqrt(self.edges))
+        return self.detection.confidence * float(1 - 1 / np.sqrt(self.edges))
 
     def excludes(self, other: _Candidate) -> bool:
         """Return whether it overlaps another one."""
-        apart = np.subtract(self.found.position[:2], other.found.position[:2])
+        apart = np.subtract(self.detection.position[:2], other.detection.position[:2])
         return bool(np.hypot(*apart) < max(self.reach, other.reach))
 
 
@@ -105,7 +105,7 @@ def _candidates(scene: Scene, among: Mask, types: Sequence[ItemType]) -> Iterato
     for patch in scene.patches(among):
         whole = [*_fits(scene, among, [patch], types)]
         yield from whole
-        if all(candidate.found.confidence < _EXPLAINED for candidate in whole):
+        if all(candidate.detection.confidence < _EXPLAINED for candidate in whole):
             for item_type in types:
                 for face in item_type.faces:
                     yield from _fits(scene, among, split(patch, face.outline.area), [item_type])
@@ -120,9 +120,9 @@ def _fits(
             for face in item_type.faces:
                 share = patch.area / face.outline.area
                 if len(patch.edge) >= _FEWEST_EDGES and _SHARES[0] < share < _SHARES[1]:
-                    found = _find(scene, among, patch, item_type, face)
+                    detection = _find(scene, among, patch, item_type, face)
                     reach = max(other.outline.reach for other in item_type.faces)
-                    yield _Candidate(found=found, reach=reach, edges=len(patch.edge))
+                    yield _Candidate(detection=detection, reach=reach, edges=len(patch.edge))
 
 
 def _find(scene: Scene, among: Mask, patch: Patch, item_type: ItemType, face: Face) -> Detection:
@@ -144,7 +144,9 @@ def _find(scene: Scene, among: Mask, patch: Patch, item_type: ItemType, face: Fa
 def _best(candidates: Sequence[_Candidate]) -> Iterator[Detection]:
     """Yield the best of the candidates that overlap."""
     kept: list[_Candidate] = []
-    for candidate in sorted(candidates, key=lambda c: (-c.merit, c.found.type, c.found.position)):
+    for candidate in sorted(
+        candidates, key=lambda c: (-c.merit, c.detection.type, c.detection.position)
+    ):
         if not any(candidate.excludes(other) for other in kept):
             kept.append(candidate)
-            yield candidate.found
+            yield candidate.detection

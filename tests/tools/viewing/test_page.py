@@ -4,6 +4,7 @@ import json
 import math
 import re
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         faults=["freeze controller at 110"], file="arm.yaml", overrides=["a.b=1 2"],
         real_time=LATE,
     ).save()  # fmt: skip
-    timing = TimingRecorder(tmp_path / "timing.mcap")
+    timing = TimingRecorder(tmp_path / "timing.mcap", time)
     timing.steps(
         "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
     )

@@ -36,7 +36,7 @@ class FileSearch:
     """
 
     folder: Path
-    found: dict[str, Path] = field(default_factory=dict)
+    files: dict[str, Path] = field(default_factory=dict)
     mistakes: list[tuple[Keys, str]] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     _queue: deque[tuple[Keys, Path]] = field(default_factory=deque)
@@ -90,7 +90,7 @@ class FileSearch:
     def take(self, paths: Iterable[Path]) -> None:
         """Take files as they are, without a search for what they name."""
         for path in map(_normal, paths):
-            self.found.setdefault(self._relative(path), path)
+            self.files.setdefault(self._relative(path), path)
 
     def run(self) -> None:
         """Read the files found so far for further names, and so on."""
@@ -125,8 +125,8 @@ class FileSearch:
 
     def _take(self, keys: Keys, path: Path) -> None:
         name = self._relative(path)
-        if name not in self.found:
-            self.found[name] = path
+        if name not in self.files:
+            self.files[name] = path
             self._queue.append((keys, path))
 
     def _is_outside(self, path: Path) -> bool:

@@ -109,7 +109,7 @@ def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
     if base is None or mistake is not None:
         line = document.places[_KEY,].line
         problem = Problem(file=file, line=line, path=_KEY, message=mistake or "")
-        raise SettingsError([*document.found, problem])
+        raise SettingsError([*document.own_problems, problem])
     below = _read(base, base.name if base.parent == path.parent else name, chain)
     return _on_top(document, moved(below, base.parent, path.parent))
 
@@ -135,5 +135,5 @@ def _on_top(top: YamlFile, base: YamlFile) -> YamlFile:
         file=top.file,
         data=merged(base.data, own),
         places={**base.places, **top.places},
-        found=(*base.found, *top.found),
+        own_problems=(*base.own_problems, *top.own_problems),
     )

@@ -25,7 +25,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     The first part of a path is a key of the scenario or the name of a participant. Values are
     YAML; null removes the key. A setting that cannot be applied becomes a problem of the document.
     """
-    data, places, problems = document.data, dict(document.places), list(document.found)
+    data, places, problems = document.data, dict(document.places), list(document.own_problems)
     for setting in settings:
         file = argument("--set", value=setting)
         try:
@@ -37,7 +37,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
             problems += exc.problems
         except WiringError as exc:
             problems.append(Problem(file=file, line=0, path="", message=str(exc)))
-    return YamlFile(file=document.file, data=data, places=places, found=tuple(problems))
+    return YamlFile(file=document.file, data=data, places=places, own_problems=tuple(problems))
 
 
 def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:

@@ -66,31 +66,31 @@ def instantiate(document: YamlFile) -> YamlFile:
     data = dict(document.data)
     templates = data.pop(_TEMPLATES, None) or {}
     rows = data.get("participants")
-    found, places = list(document.found), dict(document.places)
+    problems, places = list(document.own_problems), dict(document.places)
     if not isinstance(templates, dict):
-        found.append(_problem(document, (_TEMPLATES,), f"must be a map, not {show(templates)}"))
+        problems.append(_problem(document, (_TEMPLATES,), f"must be a map, not {show(templates)}"))
         templates = {}
     if not isinstance(rows, dict):
-        return dataclasses.replace(document, data=data, found=tuple(found))
+        return dataclasses.replace(document, data=data, own_problems=tuple(problems))
     made = {}
     for name, row in rows.items():
         made[name] = row
         if isinstance(row, dict) and (_TEMPLATE in row or _WITH in row):
             instance = _Instance(document, ("participants", name), row, templates)
             made[name] = instance.row()
-            found += instance.found
+            problems += instance.problems
             places = {**dict(instance.places()), **places}
     data["participants"] = made
-    return dataclasses.replace(document, data=data, places=places, found=tuple(found))
+    return dataclasses.replace(document, data=data, places=places, own_problems=tuple(problems))
 
 
 class _Instance:
-    """One participant that is made from a template. found: what is wrong with it."""
+    """One participant that is made from a template. problems: what is wrong with it."""
 
     def __init__(
         self, document: YamlFile, keys: Keys, row: Mapping[str, Any], templates: Mapping[str, Any]
     ) -> None:
-        self.found: list[Problem] = []
+        self.problems: list[Problem] = []
         self._document, self._keys, self._row = document, keys, row
         self._name = row.get(_TEMPLATE)
         self._values = row.get(_WITH) or {}
@@ -154,7 +154,7 @@ class _Instance:
         return self._values.get(name, "")
 
     def _add(self, below: Keys, text: str) -> None:
-        self.found.append(_problem(self._document, (*self._keys, *below), text))
+        self.problems.append(_problem(self._document, (*self._keys, *below), text))
 
 
 def _problem(document: YamlFile, keys: Keys, text: str) -> Problem:

@@ -89,16 +89,16 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
     return None if seen is None else seen[0]
 
 
-def nearest(store: StoreState, found: Detections, expected: Spot) -> tuple[Spot, float] | None:
+def nearest(store: StoreState, detections: Detections, expected: Spot) -> tuple[Spot, float] | None:
     """Return the detection of the item's type nearest to a spot, and the height of its centre [m].
 
     None: none is near enough.
     """
     _, item = store.now
-    _check(found)
-    rows = zip(found.types, found.position, found.orientation, strict=True)
+    _check(detections)
+    rows = zip(detections.types, detections.position, detections.orientation, strict=True)
     spots = [
-        (_in_odometry(store, found.frame, position, yaw_of(orientation)), position[2])
+        (_in_odometry(store, detections.frame, position, yaw_of(orientation)), position[2])
         for item_type, position, orientation in rows
         if item_type == item.type
     ]
@@ -108,15 +108,17 @@ def nearest(store: StoreState, found: Detections, expected: Spot) -> tuple[Spot,
     return seen
 
 
-def _check(found: Detections) -> None:
+def _check(detections: Detections) -> None:
     """Raise RunError for inconsistent detections and for poses that are not finite."""
-    counts = (len(found.types), len(found.position), len(found.orientation))
+    counts = (len(detections.types), len(detections.position), len(detections.orientation))
     if len(set(counts)) > 1:
         types, positions, orientations = counts
         raise RunError(
             f"detections have {types} types, {positions} positions, {orientations} orientations"
         )
-    for name, position, turn in zip(found.types, found.position, found.orientation, strict=True):
+    for name, position, turn in zip(
+        detections.types, detections.position, detections.orientation, strict=True
+    ):
         if not math.isfinite(sum(position) + sum(turn)):
             raise RunError(f"{name} has an invalid pose: position {position}, orientation {turn}")
 
@@ -137,10 +139,12 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
     return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)
 
 
-def _missing(store: StoreState, found: Detections) -> str:
+def _missing(store: StoreState, detections: Detections) -> str:
     _, item = store.now
     near = store.settings.tolerances.found * 1e3
-    types = ", ".join(t for t in dict.fromkeys(found.types) if t in store.stock.types) or "nothing"
+    types = (
+        ", ".join(t for t in dict.fromkeys(detections.types) if t in store.stock.types) or "nothing"
+    )
     return (
         f"missing, no {item.type} within {near:g} mm of where {item.name} should be in "
         f"{store.visit.views} views; seen: {types}"
@@ -179,15 +183,15 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
     if store.elapsed < waits.still:
         return None
     sale, item = store.now
-    found = store.inputs.detections
-    if found is None:
+    detections = store.inputs.detections
+    if detections is None:
         if store.elapsed < waits.camera * (1 + visit.views):
             return None
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
         return Outcome(name="misplaced", cause="blind", text=text)
     visit.views += 1
     spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
-    seen = nearest(store, found, spot)
+    seen = nearest(store, detections, spot)
     if seen is None:
         if visit.views < settings.views:
             return None

@@ -125,7 +125,7 @@ class Stills:
 
     def __init__(self, port: Port) -> None:
         self.port = port
-        self.found: list[tuple[float, Image]] = []
+        self.images: list[tuple[float, Image]] = []
         last = max(1, port.last_step)
         self._wanted = [last * i // (_STILLS - 1) for i in range(_STILLS)]
 
@@ -137,7 +137,7 @@ class Stills:
 
     def _see(self, step: int, t: float, message: Message) -> None:
         if self._wanted and step >= self._wanted[0] and isinstance(message, Image):
-            self.found.append((t, message))
+            self.images.append((t, message))
             self._wanted = [wanted for wanted in self._wanted if wanted > step]
 
 

@@ -223,7 +223,7 @@ def _scenes(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
 def _stills(run: RunPage) -> str:
     rows = []
     for stills in run.stills:
-        for t, image in stills.found:
+        for t, image in stills.images:
             pixels = _pixels(image)
             if pixels is not None:
                 name = f"{stills.port.participant}.{stills.port.name}, t = {t:.2f} s"
