@@ -9,7 +9,8 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 
-from .analysis.comparison import AnyTolerance, Tolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import AnyTolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
 from .errors import (

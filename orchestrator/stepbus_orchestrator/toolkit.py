@@ -27,7 +27,10 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.run.result import RESULT_FILE, Result
     from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 
-    from .analysis.comparison import FieldTolerance, PortComparison, Tolerance, differences
+    from stepbus_orchestrator.analysis.comparison.tolerance import FieldTolerance
+    from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
+    from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
+    from stepbus_orchestrator.analysis.comparison.tolerance import differences
     from .analysis.diff import diff
     from .processes.limits import check_limits
     from .processes.links.credentials import certificates, passwords

@@ -10,7 +10,10 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.comparison import AnyTolerance, fields_of, in_order, tolerance_of
+from stepbus_orchestrator.analysis.comparison.tolerance import AnyTolerance
+from stepbus_orchestrator.analysis.comparison.divergence import fields_of
+from stepbus_orchestrator.analysis.comparison.divergence import in_order
+from stepbus_orchestrator.analysis.comparison.tolerance import tolerance_of
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.limits import check_limits

@@ -8,7 +8,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.comparison import short
+from stepbus_orchestrator.analysis.comparison.tolerance import short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.folder import read_files

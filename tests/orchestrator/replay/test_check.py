@@ -4,7 +4,7 @@ import msgspec
 import pytest
 from support.messages.recordings import write
 
-from stepbus_orchestrator.analysis.comparison import Tolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.outputs.check import Check

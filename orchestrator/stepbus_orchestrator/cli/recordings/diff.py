@@ -3,7 +3,9 @@
 import argparse
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.comparison import Tolerance, parse_tolerance, read_tolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import parse_tolerance
+from stepbus_orchestrator.analysis.comparison.tolerance import read_tolerance
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.parameters import add_parameters, parameters_of

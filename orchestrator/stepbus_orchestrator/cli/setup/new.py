@@ -5,7 +5,7 @@ import shlex
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
-from stepbus_orchestrator.cli.setup.starters.starter import STARTERS, write_starter
+from stepbus_orchestrator.cli.setup.starter import STARTERS, write_starter
 from stepbus_orchestrator.cli.terminal.output import say
 
 

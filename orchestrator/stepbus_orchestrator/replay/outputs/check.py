@@ -4,12 +4,10 @@ import contextlib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.comparison import (
-    Divergence,
-    PortComparison,
-    PortResult,
-    Tolerance,
-)
+from stepbus_orchestrator.analysis.comparison.divergence import Divergence
+from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
+from stepbus_orchestrator.analysis.comparison.divergence import PortResult
+from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
 from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.layout import topic_of

@@ -5,7 +5,8 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import msgspec
 
-from stepbus_orchestrator.analysis.comparison import PortComparison, Tolerance
+from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
+from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink
 from stepbus_orchestrator.recording.layout import topic_of

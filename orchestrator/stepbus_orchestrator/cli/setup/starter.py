@@ -13,7 +13,7 @@ from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
-_PACKAGE = Path(__file__).parent
+_PACKAGE = Path(__file__).parent / "starters"
 _CHECKOUT = _PACKAGE.parents[4]
 _MODEL_FILES = ("two_link.urdf", "world.yaml")
 _NAME = re.compile(r"^name: .*$", re.MULTILINE)

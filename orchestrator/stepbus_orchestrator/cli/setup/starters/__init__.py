@@ -1,1 +1,0 @@
-"""What `stepbus new` writes."""
