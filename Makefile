@@ -61,7 +61,7 @@ check: setup
 	@.venv/bin/lint-imports
 	@PYTHONPATH=store .venv/bin/lint-imports --config store/pyproject.toml
 	@$(PYTHON) -m stepbus_schemas.generate --check
-	@$(PYTHON) -m stepbus_orchestrator.scenario.describe --check
+	@$(PYTHON) -m stepbus_orchestrator.scenario --check
 	@$(PYTHON) scripts/check_changelog.py
 
 coverage: setup

@@ -1,5 +1,10 @@
 """What `stepbus_orchestrator` exports."""
 
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance
+from stepbus_orchestrator.replay import ReplayResult
+from stepbus_orchestrator.replay import replay as replay_participant
+from stepbus_orchestrator.replay.branch import Branch
+from stepbus_orchestrator.replay.branch import branch as branch_recording
 from stepbus_orchestrator.run.describe import ParticipantDescription, describe
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.folder import first_new
@@ -8,9 +13,19 @@ from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import (
+    Overrides,
+    Problem,
+    Scenario,
+    ScenarioError,
+    check_data,
+    check_installed,
+    load,
+    override_texts,
+    plain_value,
+    yaml_text,
+)
 
-from stepbus_orchestrator.analysis.comparison.tolerance import AnyTolerance
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from .analysis.diff import Diff, diff
 from .analysis.verify import Verification, plan, verify
 from .errors import (
@@ -31,10 +46,6 @@ from .recording.layout import Source, recording_file
 from .recording.reader import Recording
 from .recording.recover import Recovery, recover
 from .recording.timing import StepTiming
-from .replay import ReplayResult
-from .replay import replay as replay_participant
-from .replay.branch import Branch
-from .replay.branch import branch as branch_recording
 from .replay.rerun import Rerun
 from .replay.rerun import rerun as rerun_recording
 from .run.episode import Episode
@@ -42,18 +53,6 @@ from .run.extension import RunExtension
 from .run.extensions.external import External, as_external
 from .run.extensions.real_time import RealTime
 from .run.live_file import call
-from .scenario import (
-    Overrides,
-    Problem,
-    Scenario,
-    ScenarioError,
-    check_data,
-    check_installed,
-    load,
-    override_texts,
-    plain_value,
-    yaml_text,
-)
 
 __all__ = [
     "AnyTolerance",

@@ -7,6 +7,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.analysis.divergence import PortComparison
     from stepbus_orchestrator.analysis.findings import findings, replaced
     from stepbus_orchestrator.analysis.signals import (
         Array,
@@ -18,8 +19,18 @@ if TYPE_CHECKING:
         tracking_pieces,
         tracking_rmse,
     )
+    from stepbus_orchestrator.analysis.tolerance import FieldTolerance, Tolerance, differences
     from stepbus_orchestrator.processes.child import Child
+    from stepbus_orchestrator.processes.credentials import certificates, passwords
+    from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, new_token, private_folder
     from stepbus_orchestrator.processes.launcher import PYTHON, Launcher
+    from stepbus_orchestrator.replay import ReplayResult, replay
+    from stepbus_orchestrator.replay.recorded import (
+        Recorded,
+        envelope,
+        recorded_descriptions,
+        without_bulk,
+    )
     from stepbus_orchestrator.run.bus import open_bus
     from stepbus_orchestrator.run.describe import describe
     from stepbus_orchestrator.run.folder import read_files, scratch_folder
@@ -27,18 +38,10 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.run.result import RESULT_FILE, Result
     from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 
-    from stepbus_orchestrator.analysis.comparison.tolerance import FieldTolerance
-    from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
-    from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
-    from stepbus_orchestrator.analysis.comparison.tolerance import differences
     from .analysis.diff import diff
     from .processes.limits import check_limits
-    from .processes.links.credentials import certificates, passwords
-    from .processes.links.endpoints import Mesh, make_mesh, new_token, private_folder
     from .processes.watchdog import Watchdog
     from .recording.timing import StepTiming
-    from .replay import ReplayResult, replay
-    from .replay.outputs.recorded import Recorded, envelope, recorded_descriptions, without_bulk
     from .replay.rerun import attached_files, unpack_files
     from .run.inprocess import check_scenario
     from .run.kernel.admission import max_message_bytes, welcome_of
@@ -48,48 +51,48 @@ if TYPE_CHECKING:
 _HOMES = {
     "Array": "analysis.signals",
     "Child": "processes.child",
-    "FieldTolerance": "analysis.comparison",
+    "FieldTolerance": "analysis.tolerance",
     "LIVE_FILE": "run.live_file",
     "Lateness": "run.reports",
     "Launcher": "processes.launcher",
     "Line": "run.live_file",
-    "Mesh": "processes.links.endpoints",
+    "Mesh": "processes.endpoints",
     "Observer": "run.reports",
     "Options": "run.run_scenario",
     "PYTHON": "processes.launcher",
-    "PortComparison": "analysis.comparison",
+    "PortComparison": "analysis.divergence",
     "RESULT_FILE": "run.result",
-    "Recorded": "replay.outputs.recorded",
+    "Recorded": "replay.recorded",
     "ReplayResult": "replay",
     "Result": "run.result",
     "Signal": "analysis.signals",
     "StepTiming": "recording.timing",
-    "Tolerance": "analysis.comparison",
+    "Tolerance": "analysis.tolerance",
     "Tracking": "analysis.signals",
     "TrackingError": "analysis.signals",
     "Watchdog": "processes.watchdog",
     "attached_files": "replay.rerun",
-    "certificates": "processes.links.credentials",
+    "certificates": "processes.credentials",
     "check_limits": "processes.limits",
     "check_scenario": "run.inprocess",
     "describe": "run.describe",
     "diff": "analysis.diff",
-    "differences": "analysis.comparison",
-    "envelope": "replay.outputs.recorded",
+    "differences": "analysis.tolerance",
+    "envelope": "replay.recorded",
     "findings": "analysis.findings",
     "host_of": "run.run_scenario",
     "in_units": "run.reports",
     "input_descriptions": "run.kernel.descriptions",
-    "make_mesh": "processes.links.endpoints",
+    "make_mesh": "processes.endpoints",
     "max_message_bytes": "run.kernel.admission",
-    "new_token": "processes.links.endpoints",
+    "new_token": "processes.endpoints",
     "open_bus": "run.bus",
-    "passwords": "processes.links.credentials",
-    "private_folder": "processes.links.endpoints",
+    "passwords": "processes.credentials",
+    "private_folder": "processes.endpoints",
     "read_files": "run.folder",
     "read_signal": "analysis.signals",
     "read_tracking": "analysis.signals",
-    "recorded_descriptions": "replay.outputs.recorded",
+    "recorded_descriptions": "replay.recorded",
     "replaced": "analysis.findings",
     "replay": "replay",
     "run": "run.run_scenario",
@@ -98,7 +101,7 @@ _HOMES = {
     "tracking_rmse": "analysis.signals",
     "unpack_files": "replay.rerun",
     "welcome_of": "run.kernel.admission",
-    "without_bulk": "replay.outputs.recorded",
+    "without_bulk": "replay.recorded",
 }
 """Name → its module."""
 

@@ -52,7 +52,7 @@ def published_vectors(number: int = PROTOCOL_VERSION) -> Published:
 def stale_files(root: Path) -> list[Path]:
     """Return the files that are missing, out of date, or schemas of no type."""
     files = generated_files(root)
-    # Those of scenarios and worlds come from stepbus_orchestrator.scenario.describe.
+    # Those of scenarios and worlds come from stepbus_orchestrator.scenario.
     ours = {path for path in (root / SCHEMAS_FOLDER).glob("*.json") if ".schema." not in path.name}
     left_over = sorted(ours - set(files))
     return left_over + [path for path, text in files.items() if not _holds(path, text)]

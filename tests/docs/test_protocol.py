@@ -3,6 +3,7 @@
 import json
 import re
 import time
+from types import SimpleNamespace
 from queue import SimpleQueue
 from typing import NamedTuple
 
@@ -13,7 +14,6 @@ from support.paths import DOCS, PROGRAMS
 from support.runs.joints import run_joints
 
 import stepbus_participant.session.admission
-import stepbus_participant.session.step_loop
 from stepbus_participant import Endpoint, Participant, Ticket, take_part
 from stepbus_participant.bus import zenoh_settings
 from stepbus_schemas import (
@@ -61,7 +61,7 @@ def taken(direction):
 class ScriptedBus:
     """Gives a participant the messages of the example, and keeps what it sends."""
 
-    clock = time
+    clock = SimpleNamespace(monotonic=time.monotonic, monotonic_ns=int)
     queue = SimpleQueue
 
     def __init__(self):
@@ -130,7 +130,6 @@ def test_our_participant_given_what_is_received_sends_what_is_sent(monkeypatch):
     monkeypatch.setattr(
         stepbus_participant.session.admission, "installed_version", lambda name: "0.1.0"
     )
-    monkeypatch.setattr(stepbus_participant.session.step_loop, "_now_ns", lambda: 0)
     bus = ScriptedBus()
     endpoint = Endpoint(listen=[], connect=[])
     take_part(Spring, Ticket(run="r", name="controller", token=TOKEN, endpoint=endpoint), bus)

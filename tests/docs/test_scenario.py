@@ -7,7 +7,7 @@ from support.paths import DOCS
 from support.runs.scenario import shipped, write
 
 from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
-from stepbus_orchestrator.scenario.reading.declaration import ParticipantRow, ScenarioFile
+from stepbus_orchestrator.scenario.declaration import ParticipantRow, ScenarioFile
 
 PAGE = (DOCS / "reference/scenario.md").read_text(encoding="utf-8")
 

@@ -6,19 +6,18 @@ from typing import TypeVar
 
 import msgspec
 
+from stepbus_orchestrator.analysis.divergence import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    fields_of,
+    in_order,
+    port_lines,
+)
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.recording import Entry, Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, Source
 from stepbus_schemas import SHIPPED
-
-from stepbus_orchestrator.analysis.comparison.tolerance import AnyTolerance
-from stepbus_orchestrator.analysis.comparison.divergence import Divergence
-from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
-from stepbus_orchestrator.analysis.comparison.divergence import PortResult
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
-from stepbus_orchestrator.analysis.comparison.divergence import fields_of
-from stepbus_orchestrator.analysis.comparison.divergence import in_order
-from stepbus_orchestrator.analysis.comparison.divergence import port_lines
-from stepbus_orchestrator.analysis.comparison.tolerance import tolerance_of
 
 T = TypeVar("T")
 

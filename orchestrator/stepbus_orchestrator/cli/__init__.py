@@ -10,6 +10,9 @@ from typing import TYPE_CHECKING, Any
 from .entry import main
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.cli.live import displayed
+    from stepbus_orchestrator.cli.output import print_error, say, say_json, visible
+
     from .command import (
         Command,
         add_foxglove,
@@ -21,8 +24,6 @@ if TYPE_CHECKING:
         seconds,
     )
     from .signals import interruptible, settle
-    from .terminal.live import displayed
-    from .terminal.output import print_error, say, say_json, visible
 
 _HOMES = {
     "Command": "command",

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.cli.command import Command
-from stepbus_orchestrator.cli.terminal.output import visible
+from stepbus_orchestrator.cli.output import visible
 from stepbus_orchestrator.processes.launcher import participant_environment
-from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, await_ticket
+from stepbus_orchestrator.processes.shared_ticket import JoinTicket, await_ticket
 from stepbus_orchestrator.scenario.program import command
 from stepbus_participant import parse_duration
 from stepbus_schemas import BRIDGE_FORMATS, WiringError

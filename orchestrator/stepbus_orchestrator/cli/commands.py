@@ -10,30 +10,30 @@ from importlib import import_module
 from pathlib import Path
 from typing import NoReturn
 
+from stepbus_orchestrator.cli.outlet import hurry
+from stepbus_orchestrator.cli.output import print_error
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
 
 from .command import Command
-from .terminal.outlet import hurry
-from .terminal.output import print_error
 
 _COLUMNS = 79
 
 _MODULES = {
-    "run": "scenarios.run",
-    "validate": "scenarios.validate",
-    "describe": "scenarios.describe",
-    "types": "scenarios.types",
-    "call": "scenarios.call",
-    "new": "setup.new",
-    "replay": "recordings.replay",
-    "diff": "recordings.diff",
-    "verify": "scenarios.verify",
-    "rerun": "recordings.rerun",
-    "branch": "recordings.branch",
-    "recover": "recordings.recover",
+    "run": "run",
+    "validate": "validate",
+    "describe": "describe",
+    "types": "types",
+    "call": "call",
+    "new": "new",
+    "replay": "replay",
+    "diff": "diff",
+    "verify": "verify",
+    "rerun": "rerun",
+    "branch": "branch",
+    "recover": "recover",
     "bridge": "attach:BRIDGE",
     "join": "attach:JOIN",
 }

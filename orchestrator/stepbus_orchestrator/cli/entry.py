@@ -9,9 +9,9 @@ import sys
 from collections.abc import Sequence
 from types import FrameType
 
+from stepbus_orchestrator.cli import signals
 from stepbus_orchestrator.processes.launcher import PYTHON
 
-from . import signals
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed
 from .supervisor import adopt, settle, supervise
 
@@ -51,8 +51,9 @@ def _guarded() -> int:
     retry_swallowed()
     if _hosts_participants() and not adopt():
         return supervise(PYTHON)
+    from stepbus_orchestrator.cli.outlet import outlets  # noqa: PLC0415
+
     from .commands import execute  # noqa: PLC0415  (loads everything)
-    from .terminal.outlet import outlets  # noqa: PLC0415
 
     with outlets():
         code: int | None = None

@@ -14,13 +14,12 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.cli.output import print_error, visible
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.turns import DEADLINES, Row, Stage, Turns, Word
 from stepbus_orchestrator.recording.recover import recover
 from stepbus_orchestrator.run.result import RESULT_FILE, Result, file_sha256
 from stepbus_participant import append_to
-
-from .terminal.output import print_error, visible
 
 _LATE = {"ready": ExitCode.START, "step": ExitCode.STEP_TIMEOUT, "stop": ExitCode.STOP_TIMEOUT}
 _DIED = {"ready": ExitCode.START, "step": ExitCode.DIED, "stop": ExitCode.DIED}

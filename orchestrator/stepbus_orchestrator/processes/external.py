@@ -8,8 +8,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
+from stepbus_orchestrator.processes.shared_ticket import SharedTicket
+
 from .activity import Activity, activity_of
-from .links.shared_ticket import SharedTicket
 
 
 class External:

@@ -9,9 +9,9 @@ from msgspec.structs import asdict
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.external import External
-from stepbus_orchestrator.processes.links.port_users import cut_links
-from stepbus_orchestrator.processes.links.shared_ticket import JoinTicket, SharedTicket
+from stepbus_orchestrator.processes.port_users import cut_links
 from stepbus_orchestrator.processes.reaping import LeftBehind, Reaper
+from stepbus_orchestrator.processes.shared_ticket import JoinTicket, SharedTicket
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import (
     NO_CHECKPOINTS,

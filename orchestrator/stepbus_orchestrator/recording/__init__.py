@@ -5,8 +5,8 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
+from stepbus_orchestrator.recording.file import McapFile
 from stepbus_orchestrator.recording.layout import recorded_decoder, upgraded
-from stepbus_orchestrator.recording.mcap.file import McapFile
 from stepbus_orchestrator.recording.recorder import Descriptions, Recorder, Sink
 
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState
@@ -43,6 +43,6 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from . import reader  # noqa: PLC0415  (NumPy takes longer to load than the rest)
+    from stepbus_orchestrator.recording import reader  # noqa: PLC0415  (NumPy takes longer to load than the rest)
 
     return getattr(reader, name)

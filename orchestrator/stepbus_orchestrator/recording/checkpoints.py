@@ -13,10 +13,9 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
 from stepbus_participant import make_new_folder, read_file, write_file
 from stepbus_schemas import UNDECODABLE, explained
-
-from . import layout
 
 
 class _Index(msgspec.Struct):

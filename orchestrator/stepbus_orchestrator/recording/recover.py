@@ -13,9 +13,9 @@ from mcap.writer import CompressionType, IndexType
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
-from stepbus_orchestrator.recording.mcap.reserved_file import is_being_written
-from stepbus_orchestrator.recording.mcap.scanner import Scanner
+from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording.reserved_file import is_being_written
+from stepbus_orchestrator.recording.scanner import Scanner
 from stepbus_participant import Disk, NewFile, irregular, parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError

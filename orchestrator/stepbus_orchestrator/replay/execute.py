@@ -10,28 +10,26 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.comparison.tolerance import AnyTolerance
-from stepbus_orchestrator.analysis.comparison.divergence import fields_of
-from stepbus_orchestrator.analysis.comparison.divergence import in_order
-from stepbus_orchestrator.analysis.comparison.tolerance import tolerance_of
+from stepbus_orchestrator.analysis.divergence import fields_of, in_order
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.processes.links.endpoints import (
+from stepbus_orchestrator.processes.endpoints import (
     Mesh,
     make_mesh,
     new_token,
     private_folder,
 )
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import Descriptions, Recorder, Recording, TimingRecorder, layout
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.outputs.check import Check, new_reference
-from stepbus_orchestrator.replay.outputs.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.replay.check import Check, new_reference
 from stepbus_orchestrator.replay.peers import Peer, Peers
 from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
-from stepbus_orchestrator.replay.programs.trust import programs_of
-from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
+from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
+from stepbus_orchestrator.replay.trust import programs_of
+from stepbus_orchestrator.replay.work_tree import find_work_tree
 from stepbus_orchestrator.run.bus import Session, open_bus
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import scratch_folder

@@ -2,12 +2,11 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 
+from stepbus_orchestrator.replay.recorded import Recorded, envelope, without_bulk
 from stepbus_orchestrator.run.bus import Announcer
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import stamp
 from stepbus_schemas import HANDSHAKE_STEP, Outputs, encode
-
-from .outputs.recorded import Recorded, envelope, without_bulk
 
 
 class Speaker:

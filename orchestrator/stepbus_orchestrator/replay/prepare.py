@@ -8,17 +8,17 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.comparison.tolerance import short
+from stepbus_orchestrator.analysis.tolerance import short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.recorded import replayable_steps
+from stepbus_orchestrator.replay.trust import recorded_programs
+from stepbus_orchestrator.replay.work_tree import WorkTree
 from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, files, load, low_latency
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from .outputs.recorded import replayable_steps
-from .programs.trust import recorded_programs
-from .programs.work_tree import WorkTree
 from .rerun import Origin, origin_of, refuse_others, unpack
 
 _NO_PROGRAM = "[python]"

@@ -7,12 +7,13 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.analysis.comparison.divergence import Divergence
-from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
-from stepbus_orchestrator.analysis.comparison.divergence import PortResult
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
-from stepbus_orchestrator.analysis.comparison.divergence import port_lines
-from stepbus_orchestrator.analysis.comparison.tolerance import short
+from stepbus_orchestrator.analysis.divergence import (
+    Divergence,
+    PortComparison,
+    PortResult,
+    port_lines,
+)
+from stepbus_orchestrator.analysis.tolerance import Tolerance, short
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.scenario import Scenario, Schedule
 

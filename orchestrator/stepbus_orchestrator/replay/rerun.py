@@ -13,6 +13,8 @@ from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, Source, recording_file
+from stepbus_orchestrator.replay.prefix import RecordedPrefix
+from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
@@ -28,9 +30,6 @@ from stepbus_orchestrator.scenario import (
 from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord
-
-from .outputs.recorded import counts_from_of, recorded_end
-from .prefix import RecordedPrefix
 
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from stepbus_orchestrator.processes.links.endpoints import Mesh
+from stepbus_orchestrator.processes.endpoints import Mesh
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus, Clock, Disk

@@ -10,8 +10,8 @@ from typing import Any, ClassVar
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.processes.links.endpoints import Mesh, make_mesh, private_folder
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.host import NoPeers, Opening, Strategy, ready_descriptions

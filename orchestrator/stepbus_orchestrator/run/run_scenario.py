@@ -8,8 +8,8 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed, RunFailure
+from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.processes.links.endpoints import new_token
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults

@@ -1,7 +1,7 @@
 """Start-up: participants are started, admitted and ready; then the clock starts (P4)."""
 
 from stepbus_orchestrator.errors import BusFailed, ParticipantFault, RunFailure, StartFailed
-from stepbus_orchestrator.processes.links.endpoints import Mesh, gone, tcp_ports
+from stepbus_orchestrator.processes.endpoints import Mesh, gone, tcp_ports
 from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.deadlines import check_start
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions

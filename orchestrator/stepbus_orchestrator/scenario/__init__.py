@@ -1,8 +1,10 @@
 """Scenarios: what takes part in a run, how it is coupled, and whether that can work."""
 
 from stepbus_orchestrator.scenario.check import check_classes
+from stepbus_orchestrator.scenario.earlier import upgraded
+from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.locate import builtin_folders, builtin_names
 from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missing
-from stepbus_orchestrator.scenario.reading.extend import read_data
 from stepbus_participant.parameters import Problem
 
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
@@ -22,8 +24,6 @@ from .model import (
 )
 from .program import command, python_target, replaced_program, start_command, written_program
 from .python_values import Overrides, override_texts, plain_value, yaml_text
-from .reading.earlier import upgraded
-from .reading.locate import builtin_folders, builtin_names
 from .resolve import files, left_out, resolved
 from .schedule import Schedule
 

@@ -8,10 +8,10 @@ import subprocess
 from collections.abc import Iterable, Sequence
 from functools import partial
 
-from stepbus_orchestrator.scenario.files.search import search_files
 from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import PYTHON, check_class, check_command
 from stepbus_orchestrator.scenario.schedule import find_loops
+from stepbus_orchestrator.scenario.search import search_files
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
 from stepbus_schemas import Types, raw_problem

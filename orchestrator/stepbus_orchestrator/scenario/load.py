@@ -9,17 +9,17 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
-from stepbus_orchestrator.scenario.reading.extend import read_extended
-from stepbus_orchestrator.scenario.reading.template import instantiate
+from stepbus_orchestrator.scenario.earlier import upgraded
+from stepbus_orchestrator.scenario.extend import read_extended
+from stepbus_orchestrator.scenario.locate import locate
+from stepbus_orchestrator.scenario.override import add_faults, override
+from stepbus_orchestrator.scenario.template import instantiate
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
 
 from .model import Scenario
-from .reading.build import build
-from .reading.earlier import upgraded
-from .reading.locate import locate
-from .reading.override import add_faults, override
 
 
 class ScenarioError(SettingsError):

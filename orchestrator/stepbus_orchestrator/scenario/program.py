@@ -12,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.packages import participant_classes
+from stepbus_orchestrator.scenario.paths import is_file, is_folder
 from stepbus_participant import extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
-from .files.paths import is_file, is_folder
 from .model import BridgeSpec, ParticipantSpec
 
 _PACKAGES = {

@@ -11,10 +11,10 @@ from ruamel.yaml import YAML
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
 
+from stepbus_orchestrator.scenario.search import search_files
 from stepbus_participant import format_duration
 
 from .faults import format_fault
-from .files.search import search_files
 from .model import BridgeSpec, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
 
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")

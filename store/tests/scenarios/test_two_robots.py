@@ -10,7 +10,7 @@ from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_orchestrator.scenario import read_data
-from stepbus_orchestrator.scenario.reading.locate import locate
+from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
 
 SIDES = ("left", "right")

@@ -5,9 +5,8 @@ import math
 import msgspec
 import pytest
 
-from stepbus_orchestrator.analysis.comparison.tolerance import FieldTolerance
-from stepbus_orchestrator.analysis.comparison.divergence import PortComparison
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
+from stepbus_orchestrator.analysis.divergence import PortComparison
+from stepbus_orchestrator.analysis.tolerance import FieldTolerance, Tolerance
 from stepbus_schemas import JointCommand, JointState, Poses, encode
 
 TOPIC = "controller/command"

@@ -2,10 +2,12 @@
 
 import pytest
 
-from stepbus_orchestrator.analysis.comparison.tolerance import FieldTolerance
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
-from stepbus_orchestrator.analysis.comparison.tolerance import parse_tolerance
-from stepbus_orchestrator.analysis.comparison.tolerance import read_tolerance
+from stepbus_orchestrator.analysis.tolerance import (
+    FieldTolerance,
+    Tolerance,
+    parse_tolerance,
+    read_tolerance,
+)
 from stepbus_schemas import WiringError
 
 FIELDS = {"controller/command": ("mode", "values"), "plant/joint_state": ("position",)}

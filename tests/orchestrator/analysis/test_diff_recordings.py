@@ -5,9 +5,8 @@ import json
 import pytest
 from support.messages.recordings import rewrite
 
-from stepbus_orchestrator.analysis.comparison.tolerance import FieldTolerance
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
 from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.analysis.tolerance import FieldTolerance, Tolerance
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import McapFile

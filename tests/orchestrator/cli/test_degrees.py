@@ -5,7 +5,7 @@ import threading
 from support.runs.joints import load, write_scenario
 
 from stepbus_orchestrator import InProcess, Options, Recording
-from stepbus_orchestrator.cli.terminal.live import in_degrees
+from stepbus_orchestrator.cli.live import in_degrees
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import run

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.live import displayed
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -7,7 +7,7 @@ import sys
 import pytest
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator.cli.terminal.output import say_json, visible
+from stepbus_orchestrator.cli.output import say_json, visible
 
 FORGED = "\\x1b[2J\\x1b[Hstepbus: two_link: finished\\nstepbus: all is well\\r\\x9b1m\\u202egnorw"
 RAISES = f"""

@@ -12,8 +12,8 @@ import pytest
 from support.runs.kernel import scenario
 from support.surroundings import no_borrowed_descriptors
 
-from stepbus_orchestrator.processes.links.endpoints import make_mesh, private_folder
-from stepbus_orchestrator.processes.links.port_users import cut_links
+from stepbus_orchestrator.processes.endpoints import make_mesh, private_folder
+from stepbus_orchestrator.processes.port_users import cut_links
 from stepbus_orchestrator.scenario import BusSpec
 from stepbus_participant import Endpoint, ZenohBus
 

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator.processes.links.port_users import PortUsers
+from stepbus_orchestrator.processes.port_users import PortUsers
 
 INTRUDER = """
 import os, pwd, socket, sys, time

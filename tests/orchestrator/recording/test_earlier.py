@@ -5,7 +5,7 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator import Recording
 from stepbus_orchestrator.recording import recorded_decoder
-from stepbus_orchestrator.replay.outputs.recorded import Track
+from stepbus_orchestrator.replay.recorded import Track
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_schemas import (
     ENVELOPE_TYPES,

@@ -9,8 +9,8 @@ from mcap.records import Message
 from mcap.writer import CompressionType, Writer
 from support.messages.recordings import chunks
 
-from stepbus_orchestrator.recording.mcap.message_writer import MessageWriter
-from stepbus_orchestrator.recording.mcap.records import records_of
+from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording.records import records_of
 
 
 def written(writer_class, messages, compression=CompressionType.ZSTD, chunk_size=2000):

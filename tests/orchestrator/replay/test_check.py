@@ -4,10 +4,10 @@ import msgspec
 import pytest
 from support.messages.recordings import write
 
-from stepbus_orchestrator.analysis.comparison.tolerance import Tolerance
+from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.outputs.check import Check
+from stepbus_orchestrator.replay.check import Check
 from stepbus_orchestrator.scenario import OutputSpec, ParticipantSpec
 from stepbus_schemas import BytesMessage, Outputs, Scalars, encode
 

@@ -14,8 +14,8 @@ from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.programs.trust import programs_of
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.replay.trust import programs_of
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 REPLAY = ("--participant", "controller", "--recorded")

@@ -7,12 +7,12 @@ import pytest
 from support.tools import needs
 
 from stepbus_orchestrator import InProcess, Options, cli, load
-from stepbus_orchestrator.cli.setup.starter import write_starter
+from stepbus_orchestrator.cli.starter import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.programs.trust import programs_of
-from stepbus_orchestrator.replay.programs.work_tree import find_work_tree
+from stepbus_orchestrator.replay.trust import programs_of
+from stepbus_orchestrator.replay.work_tree import find_work_tree
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_schemas import WiringError
 
@@ -161,7 +161,7 @@ def test_a_work_tree_that_others_may_write_is_shown_first(project, log, capsys):
 def test_files_of_another_user_are_no_work_tree_of_a_recording(project, log, monkeypatch):
     monkeypatch.setattr("os.geteuid", lambda: 12345)
     monkeypatch.setattr(
-        "stepbus_orchestrator.replay.programs.work_tree._owner",
+        "stepbus_orchestrator.replay.work_tree._owner",
         lambda path: 12345 if path == log else 54321,
     )
     assert find_work_tree(Recording(log), "controller") is None

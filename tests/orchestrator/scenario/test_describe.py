@@ -11,7 +11,7 @@ from support.paths import CHECKOUT
 from support.runs.scenario import shipped
 
 from stepbus_orchestrator.scenario import builtin_names
-from stepbus_orchestrator.scenario.describe.__main__ import generated_files, main
+from stepbus_orchestrator.scenario.__main__ import generated_files, main
 
 COMMENT = "# yaml-language-server: $schema="
 SCENARIO = """\

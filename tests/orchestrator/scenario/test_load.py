@@ -13,7 +13,7 @@ from stepbus_orchestrator.scenario import (
     builtin_names,
     load,
 )
-from stepbus_orchestrator.scenario.reading.locate import locate, package_url
+from stepbus_orchestrator.scenario.locate import locate, package_url
 from stepbus_participant import is_installed
 
 
@@ -128,7 +128,7 @@ def test_no_folder_replaces_a_package_that_declares_participants():
 
 @pytest.mark.parametrize("name", ["store", "baxter/round_trip", "store/truth"])
 def test_a_scenario_of_a_package_that_is_not_installed_says_what_installs_it(monkeypatch, name):
-    monkeypatch.setattr("stepbus_orchestrator.scenario.reading.locate.scenario_folders", dict)
+    monkeypatch.setattr("stepbus_orchestrator.scenario.locate.scenario_folders", dict)
     with pytest.raises(ScenarioError, match=f"^{name}: that scenario .*run `make robots`$"):
         load(name)
 

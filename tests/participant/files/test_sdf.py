@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stepbus_kinematics import RobotModel
-from stepbus_orchestrator.scenario.files.names import names_in
+from stepbus_orchestrator.scenario.names import names_in
 from stepbus_participant import read_urdf_text
 from stepbus_participant.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params

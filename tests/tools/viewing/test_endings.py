@@ -17,7 +17,7 @@ from support.surroundings import comes_true
 
 import stepbus
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.scenarios.viewer import _pass_on, viewed
+from stepbus_orchestrator.cli.viewer import _pass_on, viewed
 from stepbus_schemas import JointState
 
 TARGETS = {
@@ -147,7 +147,7 @@ def test_what_a_view_complains_of_is_passed_on_but_not_its_end(capsys):
 
 
 SILENT = [sys.executable, "-c", "import time; time.sleep(1000)"]
-VIEWER = "stepbus_orchestrator.cli.scenarios.viewer"
+VIEWER = "stepbus_orchestrator.cli.viewer"
 
 
 def test_a_view_that_does_not_begin_is_not_waited_for(tmp_path, capsys, monkeypatch):

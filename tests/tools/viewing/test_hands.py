@@ -11,7 +11,7 @@ from support.paused import Paused, calls_of, followed
 from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.scenario.reading.locate import locate
+from stepbus_orchestrator.scenario.locate import locate
 from stepbus_tools.viewing.live.run_client import newest
 
 CRATE = """<robot name="crate"><link name="crate">

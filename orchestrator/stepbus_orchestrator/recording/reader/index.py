@@ -28,8 +28,8 @@ from mcap.records import (
 )
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.records import HEAD, MAGIC, DamagedRecord, records_of
-from stepbus_orchestrator.recording.mcap.scanner import Scanner
+from stepbus_orchestrator.recording.records import HEAD, MAGIC, DamagedRecord, records_of
+from stepbus_orchestrator.recording.scanner import Scanner
 
 _FOOTER = struct.Struct("<QQI")  # start of the summary, of its offsets, CRC
 _CHUNK_INDEX = struct.Struct("<QQQQI")  # two times, offset and length of the chunk, map bytes

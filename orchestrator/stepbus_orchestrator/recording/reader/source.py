@@ -15,14 +15,14 @@ from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.records import (
+from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
     DamagedRecord,
     check_head,
     chunk_content,
 )
-from stepbus_orchestrator.recording.mcap.reserved_file import is_locked
+from stepbus_orchestrator.recording.reserved_file import is_locked
 from stepbus_participant import open_regular
 
 from .index import Block, Index, read_index

@@ -11,17 +11,17 @@ from mcap.records import Attachment, Channel, Message, Schema
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.mcap.records import (
+from stepbus_orchestrator.recording.reader.descriptions import (
+    Names,
+    read_description,
+    recorded_types,
+)
+from stepbus_orchestrator.recording.records import (
     HEAD,
     MAGIC,
     STEP_END,
     DamagedRecord,
     records_of,
-)
-from stepbus_orchestrator.recording.reader.descriptions import (
-    Names,
-    read_description,
-    recorded_types,
 )
 from stepbus_participant import open_regular
 from stepbus_schemas import Decoder, Description, MessageError, StepbusError, Types

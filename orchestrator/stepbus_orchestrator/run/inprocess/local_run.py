@@ -10,7 +10,7 @@ from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
-from stepbus_orchestrator.processes.links.endpoints import private_folder
+from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
 from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
 from stepbus_orchestrator.recording import Descriptions

@@ -13,8 +13,8 @@ from support.runs.asker import Asker
 from support.runs.joints import run_joints, write_scenario
 
 from stepbus_orchestrator import Options, Pace, call, load
+from stepbus_orchestrator.cli import call as call_command
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.scenarios import call as call_command
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay

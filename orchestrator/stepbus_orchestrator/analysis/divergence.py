@@ -1,0 +1,289 @@
+"""What comparing the messages of a port finds, and how it reads."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, Literal
+
+import msgspec
+
+from stepbus_orchestrator.analysis.tolerance import (
+    Difference,
+    FieldTolerance,
+    Tolerance,
+    difference,
+    differences,
+    short,
+)
+from stepbus_orchestrator.errors import argument
+from stepbus_orchestrator.recording import recorded_decoder
+from stepbus_schemas import SHIPPED, MessageError, Types, WiringError
+
+DivergenceType = Literal["value", "encoding", "missing", "added"]
+
+
+class Divergence(msgspec.Struct, frozen=True, kw_only=True):
+    """Where two recordings diverge.
+
+    field: with its index, e.g. `values[1]`; empty for a whole message. type: `value`: both are
+    there and differ; `encoding`: the same values in other bytes; `missing`, `added`: only the
+    first, or only the second, has a message. first, second: both values.
+    """
+
+    step: int
+    topic: str
+    type: DivergenceType
+    field: str = ""
+    first: Any = None
+    second: Any = None
+
+    def text(self, first: str = "first", second: str = "second") -> str:
+        """Return it in words; first, second: names of the two sides."""
+        where = f"step {self.step}: {self.topic}"
+        match self.type:
+            case "encoding":
+                return (
+                    f"{where}: the same values in other bytes; "
+                    f"give {argument(f'--abs {self.topic}=0', 'tolerance')} to compare values"
+                )
+            case "missing":
+                return f"{where}: the {first} has a message, the {second} has none"
+            case "added":
+                return f"{where}: the {second} has a message, the {first} has none"
+        if not self.field:
+            return f"{where}: {first} {short(self.first)}, {second} {short(self.second)}"
+        gap = difference(self.first, self.second)
+        by = "" if gap is None else f" (difference {gap:.3g})"
+        return (
+            f"{where}: {self.field}: {first} {short(self.first)}, {second} {short(self.second)}{by}"
+        )
+
+
+class FieldCount(msgspec.Struct, frozen=True, kw_only=True):
+    """How much one field of a port differs.
+
+    different: messages in which it is not equal to the bit. beyond: those in which it is beyond
+    the tolerance. largest: largest |first − second| of its numbers; at_step, at: where that is.
+    """
+
+    field: str
+    different: int
+    beyond: int
+    largest: float
+    at_step: int
+    at: str
+
+
+class PortResult(msgspec.Struct, frozen=True, kw_only=True):
+    """The comparison of one port.
+
+    equal: messages equal to the byte. within: others that are within the tolerance. different:
+    messages that are not. missing, added: messages only the first, or only the second, has.
+    divergence: the first one.
+    """
+
+    topic: str
+    type: str
+    equal: int
+    within: int
+    different: int
+    missing: int
+    added: int
+    fields: tuple[FieldCount, ...]
+    divergence: Divergence | None
+
+    @property
+    def first_step(self) -> float:
+        """Return the step of the first divergence; infinity without one."""
+        return math.inf if self.divergence is None else self.divergence.step
+
+
+def in_order(results: Iterable[PortResult]) -> list[PortResult]:
+    """Return the results by the step of their first divergence; equal ones come last."""
+    return sorted(results, key=lambda result: result.first_step)
+
+
+def port_lines(
+    port: PortResult, first: str, second: str, shown: Divergence | None
+) -> Iterator[str]:
+    """Return the lines of one port.
+
+    first, second: names of the two sides. shown: a divergence that was shown already.
+    """
+    yield f"{port.topic}: {', '.join(_parts(port, first, second))}"
+    if port.divergence is not None and port.divergence is not shown:
+        yield f"  {port.divergence.text(first, second)}"
+    for count in port.fields:
+        yield f"  {_field(count)}"
+
+
+def _parts(port: PortResult, first: str, second: str) -> Iterator[str]:
+    total = port.equal + port.within + port.different
+    if total == port.equal:
+        yield f"{total} messages equal"
+    else:
+        yield f"{port.different} of {total} messages differ"
+        if port.within:
+            yield f"{port.within} are within the tolerance"
+    if port.missing:
+        yield f"{port.missing} only in the {first}"
+    if port.added:
+        yield f"{port.added} only in the {second}"
+
+
+def _field(count: FieldCount) -> str:
+    text = f"{count.field}: differs in {count.different} messages"
+    if count.beyond < count.different:
+        text += f", beyond the tolerance in {count.beyond}"
+    if count.largest:
+        text += f"; largest difference {count.largest:.3g} ({count.at} at step {count.at_step})"
+    return text
+
+
+_decode_any = msgspec.msgpack.Decoder().decode
+
+
+class PortComparison:
+    """Compares one port, message by message in the order of their steps.
+
+    type_name: a message type, `Name/major`; an unknown one is compared as plain MessagePack.
+    types: of the scenario or recording. decode: decodes its messages. divergence: the first one so
+    far.
+    """
+
+    def __init__(
+        self, topic: str, type_name: str, tolerance: Tolerance, types: Types = SHIPPED
+    ) -> None:
+        self.topic = topic
+        self.type_name = type_name
+        self.divergence: Divergence | None = None
+        self.decode = _decoder(type_name, types)
+        self._tolerance = tolerance
+        self._by_value = tolerance.concerns(topic)
+        self._fields: dict[str, FieldTolerance | None] = {}
+        self._counts: dict[str, _Count] = {}
+        self._equal = self._within = self._different = self._missing = self._added = 0
+
+    def take(self, step: int, first: bytes | None, second: bytes | None) -> bool:
+        """Compare the messages of one step, None for none; return whether they count as equal."""
+        if first == second:
+            self._equal += first is not None
+            return True
+        if first is None or second is None:
+            return self._one_sided(step, first, second)
+        divergence = self._compare(step, first, second)
+        if divergence is None:
+            self._within += 1
+            return True
+        self._different += 1
+        self._add(divergence)
+        return False
+
+    def plain(self, data: bytes) -> Any:
+        """Return a message as plain values; the bytes in hexadecimal where they are none."""
+        try:
+            return msgspec.to_builtins(self.decode(data))
+        except (MessageError, msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
+            return data.hex()
+
+    def result(self) -> PortResult:
+        """Return the comparison so far."""
+        return PortResult(
+            topic=self.topic,
+            type=self.type_name,
+            equal=self._equal,
+            within=self._within,
+            different=self._different,
+            missing=self._missing,
+            added=self._added,
+            fields=tuple(count.result(name) for name, count in self._counts.items()),
+            divergence=self.divergence,
+        )
+
+    def _one_sided(self, step: int, first: bytes | None, second: bytes | None) -> bool:
+        self._missing += second is None
+        self._added += first is None
+        one, other = (None if data is None else self.plain(data) for data in (first, second))
+        self._add(self._divergence(step, "missing" if second is None else "added", one, other))
+        return False
+
+    def _add(self, divergence: Divergence) -> None:
+        self.divergence = self.divergence or divergence
+
+    def _compare(self, step: int, first: bytes, second: bytes) -> Divergence | None:
+        """Return the first field beyond its tolerance, None where there is none."""
+        one, other = self.plain(first), self.plain(second)
+        if not isinstance(one, dict) or not isinstance(other, dict):
+            return self._divergence(step, "value", one, other)
+        worst: Difference | None = None
+        any_difference = False
+        for name in dict.fromkeys((*one, *other)):
+            tolerance = self._tolerance_of(name)
+            values = list(differences(name, one.get(name), other.get(name), tolerance))
+            if values:
+                any_difference = True
+                self._counts.setdefault(name, _Count()).take(step, values)
+                worst = worst or next((item for item in values if item.beyond), None)
+        if worst is not None:
+            return self._divergence(step, "value", worst.first, worst.second, worst.path)
+        unexplained = not any_difference and not self._by_value
+        return self._divergence(step, "encoding") if unexplained else None
+
+    def _divergence(
+        self,
+        step: int,
+        divergence_type: DivergenceType,
+        first: Any = None,
+        second: Any = None,
+        field: str = "",
+    ) -> Divergence:
+        return Divergence(
+            step=step,
+            topic=self.topic,
+            type=divergence_type,
+            field=field,
+            first=first,
+            second=second,
+        )
+
+    def _tolerance_of(self, name: str) -> FieldTolerance | None:
+        if name not in self._fields:
+            self._fields[name] = self._tolerance.of(self.topic, name)
+        return self._fields[name]
+
+
+class _Count:
+    """A `FieldCount` that grows."""
+
+    def __init__(self) -> None:
+        self.different = 0
+        self.beyond = 0
+        self.largest = 0.0
+        self.at_step = -1
+        self.at = ""
+
+    def take(self, step: int, values: Sequence[Difference]) -> None:
+        self.different += 1
+        self.beyond += any(item.beyond for item in values)
+        for item in values:
+            size = difference(item.first, item.second)
+            if size is not None and size > self.largest:
+                self.largest, self.at_step, self.at = size, step, item.path
+
+    def result(self, name: str) -> FieldCount:
+        return FieldCount(field=name, **vars(self))
+
+
+def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
+    """Return the fields of a message type; none for an unknown type."""
+    try:
+        return types[type_name].__struct_fields__
+    except WiringError:
+        return ()
+
+
+def _decoder(type_name: str, types: Types) -> Callable[[bytes], Any]:
+    """Return the decoder of a message type, or one of any MessagePack for an unknown type."""
+    try:
+        return recorded_decoder(types[type_name])
+    except WiringError:
+        return _decode_any

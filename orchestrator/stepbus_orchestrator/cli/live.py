@@ -1,0 +1,177 @@
+"""Show the progress of a run: a live table, or plain lines without a terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from functools import partial
+from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+from stepbus_orchestrator.cli.keys import HELP
+from stepbus_orchestrator.cli.output import visible
+from stepbus_orchestrator.run.reports import Progress
+
+# With --json, nothing is shown; else rich is imported when there is something to show.
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+_PLAIN_EVERY_S = 2.0
+_LAST_S = 10.0
+"""How long the last sentences may take; where nobody reads them, the outlet gives up earlier."""
+
+
+class Display:
+    """Shows sentences only: a debugger has the terminal."""
+
+    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
+        self._title = title
+        self._console = console
+        self._degrees = degrees
+
+    def progress(self, progress: Progress) -> None:
+        """Show the progress of the run."""
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Print a sentence, above a table if there is one."""
+        where = who if step < 0 else f"{who} at step {step}"
+        self._print(f"{level}: {where}: {text}")
+
+    def close(self) -> None:
+        """Remove what is not to stay."""
+
+    def _print(self, text: str) -> None:
+        self._console.print(visible(text), markup=False, soft_wrap=True)
+
+
+class LiveTable(Display):
+    """Shows progress as a table, drawn again with each report."""
+
+    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
+        from rich.live import Live  # noqa: PLC0415  see above
+
+        super().__init__(title, console, degrees=degrees)
+        self._live = Live(console=console, auto_refresh=False, transient=True)
+        self._live.start()
+
+    def progress(self, progress: Progress) -> None:
+        """Draw the table again."""
+        angles = f"\n{in_degrees(progress)}" if self._degrees else ""
+        self._live.update(_table(self._title, progress, angles), refresh=True)
+
+    def close(self) -> None:
+        """Remove the table."""
+        self._live.stop()
+
+
+class PlainLines(Display):
+    """Shows progress as a line every two seconds."""
+
+    _shown_s = -_PLAIN_EVERY_S
+
+    def progress(self, progress: Progress) -> None:
+        """Print a line if the last one is two seconds old."""
+        if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
+            self._shown_s = progress.elapsed_s
+            angles = f"; {in_degrees(progress)}" if self._degrees and progress.angles else ""
+            self._print(f"{self._title}: {_headline(progress)}{angles}")
+
+
+class Aside:
+    """Shows everything from a thread of its own.
+
+    A terminal that nobody reads, or that Ctrl-S holds, blocks its writer; the run must continue.
+    When there is no time, progress is left out, sentences are not.
+    """
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+        self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._work, name="display", daemon=True)
+        self._thread.start()
+
+    def progress(self, progress: Progress) -> None:
+        """Show the progress of the run if there is time for it."""
+        if self._queue.empty():
+            self._queue.put(partial(self._display.progress, progress))
+
+    def event(self, level: str, who: str, step: int, text: str) -> None:
+        """Show a sentence."""
+        self._queue.put(partial(self._display.event, level, who, step, text))
+
+    def close(self) -> None:
+        """Show what is left if the terminal accepts it, then remove the table."""
+        self._queue.put(self._display.close)
+        self._queue.put(None)
+        self._thread.join(_LAST_S)
+
+    def _work(self) -> None:
+        while (show := self._queue.get()) is not None:  # no time-out: a daemon thread
+            show()
+
+
+@contextlib.contextmanager
+def displayed(
+    title: str, *, quiet: bool, plain: bool = False, degrees: bool = False, invites: bool = False
+) -> Iterator[Aside | None]:
+    """Yield the display for where stdout goes.
+
+    plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
+    invites: even so, sentences go to stderr: somebody has to read whom the run waits for.
+    """
+    if quiet and not invites:
+        yield None
+        return
+    from rich.console import Console  # noqa: PLC0415  see above
+
+    # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
+    # and what this prints from its own thread would land in that participant's log.
+    console = Console(file=sys.stderr if quiet else sys.stdout)
+    shown = Display if plain or quiet else LiveTable if console.is_terminal else PlainLines
+    with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
+        yield display
+
+
+def in_degrees(progress: Progress) -> str:
+    """Return the measured angle of each joint [°]."""
+    rows = progress.angles.items()
+    return ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in rows)
+
+
+def _headline(progress: Progress) -> str:
+    if progress.phase == "starting":
+        late = [name for name, phase in progress.phases.items() if phase != "ready"]
+        return f"starting, waiting for {', '.join(late)}"
+    simulated_s = progress.step * progress.step_ns * 1e-9
+    total = "" if progress.steps is None else f" of {progress.steps}"
+    if progress.phase == "paused":
+        return f"paused before step {progress.step}{total}, t = {simulated_s:.3f} s"
+    factor = simulated_s / progress.elapsed_s if progress.elapsed_s else 0.0
+    return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
+
+
+def _table(title: str, progress: Progress, angles: str = "") -> Table:
+    from rich.table import Table  # noqa: PLC0415  see above
+
+    table = Table(
+        title=f"{title}: {_headline(progress)}{angles}",
+        title_justify="left",
+        caption=HELP,
+        caption_justify="left",
+    )
+    for column in ("participant", "state", "µs per step", "dropped"):
+        table.add_column(column, justify="left" if column in {"participant", "state"} else "right")
+    for name, phase in progress.phases.items():
+        state = "holds the step" if name in progress.holders else phase
+        compute = progress.compute_us.get(name)
+        table.add_row(
+            name,
+            state,
+            "" if compute is None else f"{compute:.0f}",
+            str(progress.drops.get(name, 0)),
+        )
+    return table

@@ -1,0 +1,157 @@
+"""Standard output and error that neither fail nor hold up whoever writes to them.
+
+A command ends with its own exit code and in its own time, whatever becomes of its output: a pipe
+that its reader has closed, a full disk, a terminal that Ctrl-S holds or that nobody reads.
+"""
+
+import contextlib
+import errno
+import io
+import os
+import select
+import sys
+import threading
+from collections.abc import Iterator
+from typing import Any, TextIO
+
+from stepbus_orchestrator.cli.output import open_closed_streams, print_error
+
+_POLL_S = 0.5
+_PATIENCE_S = 1.0
+"""How long a run waits for a reader that takes nothing [s]."""
+_BACKLOG_BYTES = 1 << 16
+_CHUNK_BYTES = 4096
+
+
+class Outlet(io.BufferedIOBase):
+    """Writes to a descriptor from a thread of its own.
+
+    patience_s: how long a write waits for a reader that takes nothing [s]; None: for ever, as a
+    pager needs. Once a reader has been waited for in vain, no write waits until it reads again,
+    and what comes beyond 64 KiB of backlog is left out. failure: why nothing more can be written;
+    0: none. is_incomplete: something was left out.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._changed = threading.Condition()
+        self._waiting = bytearray()
+        self._is_stuck = False
+        self._thread: threading.Thread | None = None
+        self.patience_s: float | None = None
+        self.failure = 0
+        self.is_incomplete = False
+
+    def writable(self) -> bool:
+        """Return True."""
+        return True
+
+    def isatty(self) -> bool:
+        """Return whether the descriptor is a terminal."""
+        return os.isatty(self._descriptor)
+
+    def fileno(self) -> int:
+        """Return the descriptor."""
+        return self._descriptor
+
+    def write(self, data: Any) -> int:
+        """Hand bytes to the thread; wait until they are written, as far as patience goes."""
+        with self._changed:
+            if self._is_stuck and len(self._waiting) > _BACKLOG_BYTES:
+                self.is_incomplete = True
+            elif not self.failure:
+                self._waiting += data
+                self._wake()
+            self._wait()
+        return len(data)
+
+    def flush(self) -> None:
+        """Wait until everything is written, as far as patience goes."""
+        with self._changed:
+            self._wait()
+
+    def finish(self) -> None:
+        """Give the reader a last chance, then leave out what it has not taken."""
+        with self._changed:
+            self.patience_s, self._is_stuck = _PATIENCE_S, False
+            self._wait()
+            self.is_incomplete |= bool(self._waiting)
+            self._waiting.clear()
+
+    def _wait(self) -> None:
+        while self._waiting and not self.failure and not self._is_stuck:
+            self._is_stuck = not self._changed.wait(self.patience_s)
+
+    def _wake(self) -> None:
+        if self._thread is None:
+            thread = threading.Thread(target=self._work, name="outlet", daemon=True)
+            try:
+                thread.start()
+            except RuntimeError:
+                # This user may start no more threads (`ulimit -u`).
+                self._write_here()
+                return
+            self._thread = thread
+        self._changed.notify_all()
+
+    def _write_here(self) -> None:
+        while self._waiting and not self.failure:
+            written, self.failure = self._write(bytes(self._waiting[:_CHUNK_BYTES]))
+            del self._waiting[: None if self.failure else written]
+
+    def _work(self) -> None:
+        while not self.failure:
+            with self._changed:
+                self._changed.wait_for(lambda: self._waiting)  # no time-out: a daemon thread
+                chunk = bytes(self._waiting[:_CHUNK_BYTES])
+            written, failure = self._write(chunk)
+            with self._changed:
+                del self._waiting[: None if failure else written]
+                self.failure, self._is_stuck = failure, False
+                self._changed.notify_all()
+
+    def _write(self, chunk: bytes) -> tuple[int, int]:
+        """Return how much could be written, and the error number or 0."""
+        try:
+            return os.write(self._descriptor, chunk), 0
+        except BlockingIOError:
+            # Somebody else has made the terminal or pipe non-blocking.
+            select.select([], [self._descriptor], [], _POLL_S)
+            return 0, 0
+        except OSError as exc:
+            return 0, exc.errno or errno.EIO
+
+
+@contextlib.contextmanager
+def outlets() -> Iterator[None]:
+    """Let standard output and error be outlets while this is open; report what was lost."""
+    open_closed_streams()
+    before = sys.stdout, sys.stderr
+    # Copies: a run in one process sends what libraries in C print elsewhere.
+    output, error = (Outlet(os.dup(stream.fileno())) for stream in before)
+    sys.stdout, sys.stderr = _text(output, before[0]), _text(error, before[1])
+    try:
+        yield
+    finally:
+        output.finish()
+        # A closed pipe is how `head` ends, and a closed terminal has nobody left to tell.
+        if output.failure not in {0, errno.EPIPE, errno.EIO}:
+            print_error(f"stdout: {os.strerror(output.failure)}; the output is incomplete")
+        elif output.is_incomplete:
+            print_error("stdout: nobody reads it; the output is incomplete")
+        error.finish()
+        sys.stdout, sys.stderr = before
+
+
+def _text(outlet: Any, stream: TextIO) -> TextIO:
+    return io.TextIOWrapper(
+        outlet, encoding=stream.encoding, errors=stream.errors, write_through=True
+    )
+
+
+def hurry() -> None:
+    """Wait for readers only so long from now on: a run ends in time though nobody reads."""
+    for stream in (sys.stdout, sys.stderr):
+        outlet = getattr(stream, "buffer", None)
+        if isinstance(outlet, Outlet):
+            outlet.patience_s = _PATIENCE_S

@@ -1,0 +1,53 @@
+"""Asks before the programs of a recording that was made elsewhere are started."""
+
+import argparse
+import sys
+
+from stepbus_orchestrator.cli.output import visible
+from stepbus_orchestrator.errors import Untrusted, indented
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.trust import Programs, programs_of
+from stepbus_orchestrator.replay.work_tree import WorkTree
+
+
+def add_trust(parser: argparse.ArgumentParser) -> None:
+    """Declare `--trust`."""
+    parser.add_argument(
+        "--trust",
+        action="store_true",
+        help="start its programs without asking, though your work tree has others",
+    )
+
+
+def trusted_programs(
+    args: argparse.Namespace,
+    participant: str | None = None,
+    *,
+    own_program: bool = False,
+    tree: WorkTree | None = None,
+) -> str:
+    """Return the fingerprint of the programs that may be started.
+
+    Those that are not in a work tree of this user's are shown, and need `--trust` or a yes. Raises
+    Untrusted without one.
+    """
+    recording = Recording(args.recording)
+    programs = programs_of(recording, participant, own_program=own_program, tree=tree)
+    if not (programs.is_harmless or args.trust):
+        _ask(args, programs, tree)
+    return programs.fingerprint
+
+
+def _ask(args: argparse.Namespace, programs: Programs, tree: WorkTree | None) -> None:
+    has_terminal = sys.stdin.isatty() and sys.stderr.isatty()
+    rows = "\n".join(f"  {indented(line)}" for line in programs.lines())
+    shown = f"{args.recording} has other programs than your work tree. It starts, with your rights:"
+    if tree is not None:
+        shown = f"{tree.shown()} is not yours alone. It starts, with your rights:"
+    if has_terminal:
+        sys.stderr.write(visible(f"{shown}\n{rows}\nStart that? [y/N] "))
+        sys.stderr.flush()
+        if sys.stdin.readline().strip().lower() in {"y", "yes"}:
+            return
+        raise Untrusted("nothing was started")
+    raise Untrusted(f"{shown}\n{rows}\nnothing was started; if you trust that, use --trust")

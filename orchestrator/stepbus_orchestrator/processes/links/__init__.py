@@ -1,1 +1,0 @@
-"""How the processes of a run find and authenticate each other."""

@@ -1,1 +1,0 @@
-"""What the replayed participant publishes, beside what it published in the recording."""

@@ -1,1 +1,0 @@
-"""Whose programs a replay starts: those of the recording, or of the work tree."""

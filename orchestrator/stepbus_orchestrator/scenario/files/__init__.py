@@ -1,1 +1,0 @@
-"""The files that a scenario names, and those that these name in turn."""

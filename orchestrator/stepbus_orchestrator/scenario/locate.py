@@ -1,0 +1,78 @@
+"""Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
+
+from pathlib import Path
+
+from stepbus_orchestrator.scenario.packages import scenario_folders
+from stepbus_orchestrator.scenario.paths import is_file, is_folder, is_scenario
+from stepbus_participant import extra_hint, suggest
+from stepbus_participant.parameters import fatal
+
+MAIN_FILE = "scenario.yaml"
+
+
+def locate(name: str | Path) -> Path:
+    """Return the absolute path of a scenario's file.
+
+    name: a YAML file, a folder with a scenario.yaml, or the name of a built-in scenario such as
+    `two_link` (its scenario.yaml) or `two_link/pd` (its pd.yaml).
+
+    Raises SettingsError when there is no such scenario.
+    """
+    path = Path(name)
+    for file in (path, path / MAIN_FILE):
+        if is_file(file):
+            return file.resolve()
+    builtin = _builtin_files()
+    if str(name) in builtin:
+        return builtin[str(name)]
+    raise fatal(str(name), _missing(path, str(name), builtin))
+
+
+def locate_from(name: str, folder: Path) -> Path | None:
+    """Return the file of a scenario as `locate` does, relative to a folder; None: there is none."""
+    paths = (folder / name, folder / name / MAIN_FILE)
+    return next((path for path in paths if is_file(path)), _builtin_files().get(name))
+
+
+def package_url(file: Path) -> str | None:
+    """Return the `package://` name of a file that ships with stepbus; None of any other."""
+    for package, folder in scenario_folders().items():
+        if file.is_relative_to(folder):
+            path = file.relative_to(folder).as_posix()
+            return f"package://{package.replace('.', '/')}/{path}"
+    return None
+
+
+def builtin_names() -> tuple[str, ...]:
+    """Return the names of the scenarios that ship with stepbus, sorted."""
+    return tuple(_builtin_files())
+
+
+def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
+    hint = extra_hint(name.partition("/")[0])
+    if hint and not path.suffix:
+        return f"that scenario is not installed{hint}"
+    if is_folder(path):
+        return f"the folder has no {MAIN_FILE}"
+    if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
+        return f"no such file or folder (looked in {Path.cwd()})"
+    return (
+        f"no file, no folder and no built-in scenario of that name{suggest(name, builtin)}; "
+        f"a scenario of your own is given by path, e.g. ./my_robot/{MAIN_FILE}"
+    )
+
+
+def builtin_folders() -> tuple[Path, ...]:
+    """Return the folders of the scenarios that ship with stepbus."""
+    return tuple(scenario_folders().values())
+
+
+def _builtin_files() -> dict[str, Path]:
+    """Return the built-in scenarios by name, sorted."""
+    files = [file for folder in builtin_folders() for file in folder.glob("*/*.yaml")]
+    return {_name(file): file.resolve() for file in sorted(files, key=_name) if is_scenario(file)}
+
+
+def _name(file: Path) -> str:
+    folder = file.parent.name
+    return folder if file.name == MAIN_FILE else f"{folder}/{file.stem}"
