@@ -3,8 +3,8 @@
 import json
 import re
 import time
-from types import SimpleNamespace
 from queue import SimpleQueue
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import msgspec

@@ -31,16 +31,16 @@ _HOMES = {
     "add_overrides": "command",
     "add_recording": "command",
     "add_scenario_arguments": "command",
-    "displayed": "terminal.live",
+    "displayed": "live",
     "interruptible": "signals",
     "number": "command",
     "port": "command",
-    "print_error": "terminal.output",
-    "say": "terminal.output",
-    "say_json": "terminal.output",
+    "print_error": "output",
+    "say": "output",
+    "say_json": "output",
     "seconds": "command",
     "settle": "signals",
-    "visible": "terminal.output",
+    "visible": "output",
 }
 """Name → its module."""
 

@@ -5,8 +5,8 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
-from stepbus_orchestrator.recording.file import McapFile
 from stepbus_orchestrator.recording.layout import recorded_decoder, upgraded
+from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.recorder import Descriptions, Recorder, Sink
 
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState

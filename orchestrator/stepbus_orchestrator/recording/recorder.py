@@ -9,7 +9,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.file import McapFile
+from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.step_order import (
     HashChain,
     Published,

@@ -9,7 +9,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording.file import McapFile
+from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_participant import Clock, Disk
 
 # In synchronous mode a record for each step and trigger was a quarter of the orchestrator's work.

@@ -19,8 +19,8 @@ from typing import Any
 
 from stepbus_orchestrator.scenario.declaration import ParticipantRow, ScenarioFile
 from stepbus_orchestrator.scenario.packages import participant_classes
-from stepbus_orchestrator.scenario.schema import SchemaWriter
-from stepbus_orchestrator.scenario.tables import table, tables
+from stepbus_orchestrator.scenario.parameter_tables import table, tables
+from stepbus_orchestrator.scenario.scenario_schema import SchemaWriter
 from stepbus_participant import Settings, declared_parameters
 
 CHECKOUT = Path(__file__).resolve().parents[3]

@@ -6,7 +6,7 @@ from typing import Any
 
 from msgspec import inspect as types
 
-from stepbus_orchestrator.scenario.tables import (
+from stepbus_orchestrator.scenario.parameter_tables import (
     descriptions,
     fields_of,
     is_duration,
