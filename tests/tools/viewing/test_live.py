@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE
-from stepbus_tools.viewing.live import follow
+from stepbus_tools.viewing.live.live_page import follow
 from stepbus_tools.viewing.stage import open_page
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
