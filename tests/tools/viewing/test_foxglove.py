@@ -24,9 +24,8 @@ from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Event, JointState, StepbusError
-from stepbus_tools.viewing.foxglove.feed import follow
+from stepbus_tools.viewing.foxglove.feed import follow, play
 from stepbus_tools.viewing.foxglove.foxglove_server import open_server
-from stepbus_tools.viewing.foxglove.feed import play
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 LATEST = "foxglove.sdk.v1"

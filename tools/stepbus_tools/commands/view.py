@@ -110,7 +110,7 @@ def _follow(args: argparse.Namespace, show: Show) -> int:
 
 @contextmanager
 def _open_page(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
-    from stepbus_tools.viewing.live.live_page import follow(as above)
+    from stepbus_tools.viewing.live.live_page import follow  # noqa: PLC0415  (as above)
     from stepbus_tools.viewing.playback import Playback, play  # noqa: PLC0415
     from stepbus_tools.viewing.stage import open_page  # noqa: PLC0415
 

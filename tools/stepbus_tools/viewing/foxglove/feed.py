@@ -8,11 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.recording import Port, Recording, Tail, TailPort
 from stepbus_schemas import Event, StepbusError
-from stepbus_tools.viewing.live.run_client import FRAME_S
-from stepbus_tools.viewing.live.run_client import Link
-from stepbus_tools.viewing.live.run_client import Turn
-from stepbus_tools.viewing.live.run_client import follow_run
-from stepbus_tools.viewing.live.run_client import latest_of
+from stepbus_tools.viewing.live.run_client import FRAME_S, Link, Turn, follow_run, latest_of
 from stepbus_tools.viewing.playback import History
 from stepbus_tools.viewing.scene import Messages, Scene, build_scene
 
