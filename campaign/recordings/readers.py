@@ -20,7 +20,7 @@ from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.replay_result import inputs_of
 from stepbus_orchestrator.replay.rerun import read_origin, unpack
 from stepbus_schemas import StepbusError
-from stepbus_tools.conformance.harness import material
+from stepbus_tools.conformance import material
 from stepbus_tools.report.panels import field_panels
 from stepbus_tools.report.summary import Summary
 

@@ -25,7 +25,7 @@ from ruamel.yaml import YAML
 from stepbus import Event, JointState, Message, Recording, testing
 from stepbus.messages import Detections, GripperState, Image, Poses
 from stepbus_plant import Params, load_world
-from stepbus_plant.physics.engine import Physics
+from stepbus_plant.engine import Physics
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (h, w, 3)."""

@@ -7,7 +7,7 @@ from stepbus_orchestrator import Options, Recording
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.run_scenario import run
-from stepbus_tools.viewing.live.live_page import follow
+from stepbus_tools.viewing.live_page import follow
 
 
 class Paused:

@@ -13,11 +13,11 @@ from typing import Any
 import msgspec
 import pybullet as bullet
 
-from stepbus_plant.joints.sensing import Sensors, Warnings
+from stepbus_plant.drives import Drive
+from stepbus_plant.engine import Physics
+from stepbus_plant.sensing import Sensors, Warnings
 
-from .joints.drives import Drive
 from .params import Params
-from .physics.engine import Physics
 from .world.file import World
 
 _DEVICES = (

@@ -18,11 +18,9 @@ from stepbus_participant import (
     Vector3,
 )
 from stepbus_participant.parameters import Keys
+from stepbus_plant.world.declaration import Action, Actuation, StockParams, read_world
 from stepbus_plant.world.models import refuse_missing_meshes
 from stepbus_schemas import WiringError
-
-from .world.actions import Action
-from .world.declaration import Actuation, StockParams, read_world
 
 Quantity = Literal["position", "velocity", "effort"]
 

@@ -17,9 +17,11 @@ from stepbus_participant import (
     installed_version,
 )
 from stepbus_plant import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
+from stepbus_plant.commander import Commander
 from stepbus_plant.devices import camera
 from stepbus_plant.devices import device_registry as devices
 from stepbus_plant.devices import sensor_registry as sensors
+from stepbus_plant.devices.base import BaseDriver
 from stepbus_plant.devices.device_registry import Driver
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world.script import WorldCalls
@@ -33,8 +35,6 @@ from stepbus_schemas import (
     WiringError,
 )
 
-from .devices.base import BaseDriver
-from .joints.commander import Commander
 from .params import Params
 from .world.file import load_world
 

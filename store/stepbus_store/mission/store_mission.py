@@ -34,11 +34,11 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+from stepbus_store.mission.checks import PLANNABLE, check_of
+from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
-from stepbus_store.mission.states.checks import PLANNABLE, check_of
-from stepbus_store.mission.states.goals import GOALS
-from stepbus_store.mission.states.state import (
+from stepbus_store.mission.state import (
     FIRST,
     LAST,
     STATES,

@@ -8,7 +8,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
-from stepbus_store.motion.goals.outcome import Outcome, Refused
+from stepbus_store.motion.outcome import Outcome, Refused
 
 _SLOW = 0.3
 """Velocity up to which the torques of an arm are those of its weight [rad/s]."""

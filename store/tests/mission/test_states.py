@@ -5,9 +5,9 @@ from support.services.mission_sale import sell
 from support.services.mission_store import FakeStore, shelf_a
 from support.store_paths import STORE_DOCS
 
-from stepbus_store.mission.states.checks import CHECKS
-from stepbus_store.mission.states.goals import GOALS
-from stepbus_store.mission.states.state import LAST, STATES, diagram
+from stepbus_store.mission.checks import CHECKS
+from stepbus_store.mission.goals import GOALS
+from stepbus_store.mission.state import LAST, STATES, diagram
 
 GOODS = (("cola", 2), ("cola", 3))
 PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}

@@ -9,8 +9,8 @@ from support.services.mission_store import FakeStore, Thing, config, shelf_a
 
 from stepbus_participant import CallError
 from stepbus_schemas import Description, WiringError, encode
-from stepbus_store.mission.states.approaches import APPROACHES
-from stepbus_store.mission.states.checks import PLANNABLE
+from stepbus_store.mission.checks import PLANNABLE
+from stepbus_store.mission.state import APPROACHES
 from stepbus_store.mission.store_mission import StoreMission
 
 ONE_SALE = (

@@ -8,7 +8,7 @@ import pytest
 from stepbus_schemas import BaseState, Goal
 from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.settings import BaseSettings
-from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.outcome import Refused
 
 DT = 0.008
 TRACK = 0.5

@@ -3,8 +3,8 @@
 import pytest
 
 from stepbus_schemas import Goal, GripperState
-from stepbus_store.motion.goals.outcome import Refused
 from stepbus_store.motion.gripper import Gripper, GripperSettings
+from stepbus_store.motion.outcome import Refused
 
 DT = 0.008
 

@@ -3,8 +3,8 @@
 import pytest
 
 from stepbus_schemas import Contacts
-from stepbus_store.motion.collisions.monitor import CollisionMonitor
-from stepbus_store.motion.collisions.sensed import MonitorSettings
+from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.sensed import MonitorSettings
 
 LINKS = frozenset({"chassis", "left_wheel", "elbow", "hand", "left_pad", "right_pad"})
 FLOOR = ("floor", "left_wheel", 400.0, 0.0)

@@ -5,14 +5,14 @@ from support.services.manipulator import DOWN, HOME, UR5, make_limits, make_robo
 
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import Plan
-from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.motions.clock import MotionClock
-from stepbus_store.motion.motions.fitting import fitted
-from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits, motion_to
-from stepbus_store.motion.motions.player import planned
-from stepbus_store.motion.motions.trajectory import AlongPath, Joined, Rest, Stretched
-from stepbus_store.motion.paths.follow import JointPath, Lost, follow, joint_path, line
-from stepbus_store.motion.paths.spiral import SpiralCurve
+from stepbus_store.motion.fitting import fitted
+from stepbus_store.motion.follow import JointPath, Lost, follow, joint_path, line
+from stepbus_store.motion.joint_clock import MotionClock
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_to
+from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.player import planned
+from stepbus_store.motion.spiral import SpiralCurve
+from stepbus_store.motion.trajectory import AlongPath, Joined, Rest, Stretched
 
 TIP = "tool0"
 

@@ -9,8 +9,8 @@ from support.paths import PROGRAMS
 from stepbus_orchestrator import load
 from stepbus_tools.conformance import CHECKS, select
 from stepbus_tools.conformance.check import run_checks
-from stepbus_tools.conformance.harness.kit import Kit
-from stepbus_tools.conformance.harness.material import read
+from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.material import read
 
 # Mistake of wrong_controller.py → the checks that find it; all others pass or are skipped.
 FOUND_BY = {

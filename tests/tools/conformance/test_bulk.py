@@ -8,7 +8,7 @@ from support.paths import PROGRAMS
 from support.runs.conformance import failed, outcomes, program
 
 from stepbus_orchestrator import load
-from stepbus_tools.conformance.harness.material import record
+from stepbus_tools.conformance.material import record
 
 SCENARIO = """\
 name: bulk

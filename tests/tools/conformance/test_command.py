@@ -10,7 +10,7 @@ from support.paths import DOCS
 from stepbus_orchestrator.cli import main
 from stepbus_schemas import JointCommand, encode
 from stepbus_tools.conformance import CHECKS
-from stepbus_tools.conformance.harness.feeds import repeated, reverse, shifted
+from stepbus_tools.conformance.feeds import repeated, reverse, shifted
 
 
 def test_a_check_that_fails_is_in_the_json_the_junit_file_and_the_exit_code(tmp_path, capsys):

@@ -11,10 +11,10 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Tail
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
-from stepbus_tools.viewing.live.live_page import LivePage
-from stepbus_tools.viewing.live.steer_panel import Points
+from stepbus_tools.viewing.live_page import LivePage
 from stepbus_tools.viewing.stage import open_page
 from stepbus_tools.viewing.stage.stage_curves import Signal, _span
+from stepbus_tools.viewing.steer_panel import Points
 
 STEP_NS = 20_000_000
 OWN = Types({

@@ -24,8 +24,8 @@ from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Event, JointState, StepbusError
-from stepbus_tools.viewing.foxglove.feed import follow, play
-from stepbus_tools.viewing.foxglove.foxglove_server import open_server
+from stepbus_tools.viewing.foxglove_feed import follow, play
+from stepbus_tools.viewing.foxglove_server import open_server
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 LATEST = "foxglove.sdk.v1"

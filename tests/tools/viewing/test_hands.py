@@ -12,7 +12,7 @@ from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.scenario.locate import locate
-from stepbus_tools.viewing.live.run_client import newest
+from stepbus_tools.viewing.run_client import newest
 
 CRATE = """<robot name="crate"><link name="crate">
 <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>

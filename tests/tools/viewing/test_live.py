@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE
-from stepbus_tools.viewing.live.live_page import follow
+from stepbus_tools.viewing.live_page import follow
 from stepbus_tools.viewing.stage import open_page
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
@@ -107,7 +107,7 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
 
 
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
-    monkeypatch.setattr("stepbus_tools.viewing.live.run_client._IDLE_S", 0.1)
+    monkeypatch.setattr("stepbus_tools.viewing.run_client._IDLE_S", 0.1)
     killed = tmp_path / "run"
     killed.mkdir()
     (killed / LIVE_FILE).write_text("of a process that is no more")

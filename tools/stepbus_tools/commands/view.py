@@ -110,7 +110,7 @@ def _follow(args: argparse.Namespace, show: Show) -> int:
 
 @contextmanager
 def _open_page(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
-    from stepbus_tools.viewing.live.live_page import follow  # noqa: PLC0415  (as above)
+    from stepbus_tools.viewing.live_page import follow  # noqa: PLC0415  (as above)
     from stepbus_tools.viewing.playback import Playback, play  # noqa: PLC0415
     from stepbus_tools.viewing.stage import open_page  # noqa: PLC0415
 
@@ -140,9 +140,8 @@ def _open_page(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
 
 @contextmanager
 def _open_foxglove(args: argparse.Namespace, label: str) -> Iterator[_Shown]:
-    from stepbus_tools.viewing.foxglove.feed import follow
-    from stepbus_tools.viewing.foxglove.foxglove_server import open_server
-    from stepbus_tools.viewing.foxglove.feed import play
+    from stepbus_tools.viewing.foxglove_feed import follow, play  # noqa: PLC0415  (as above)
+    from stepbus_tools.viewing.foxglove_server import open_server  # noqa: PLC0415
 
     def show(
         recording: Recording, _: Recording | None, is_over: IsOver, *, from_end: bool = False

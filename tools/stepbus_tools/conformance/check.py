@@ -6,9 +6,8 @@ from dataclasses import dataclass
 
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_schemas import error_text
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import CheckResult, Failed, Outcome, Skipped
-
-from .harness.kit import Kit
 
 Run = Callable[[Kit], str]
 

@@ -13,12 +13,12 @@ from stepbus_orchestrator.scenario import (
     start_command,
 )
 from stepbus_schemas import BridgeFormat, raw_fields
-from stepbus_tools.conformance.harness.material import find, record
+from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.material import find, record
 from stepbus_tools.conformance.outcome import CheckResult, Report
 
 from .check import Check, run_checks
 from .checks import CHECKS
-from .harness.kit import Kit
 
 
 def conformance(

@@ -11,8 +11,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.toolkit import Array, replaced
 from stepbus_schemas import WiringError
-from stepbus_tools.report.curves import Curve, Line
-from stepbus_tools.report.plot_style import legend, line
+from stepbus_tools.report.curves import Curve, Line, legend, line
 
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
 MOST_LINES = 20

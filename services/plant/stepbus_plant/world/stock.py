@@ -12,9 +12,8 @@ import numpy as np
 
 from stepbus_participant import suggest
 from stepbus_participant.parameters import Keys
+from stepbus_plant.world.declaration import ItemTypeChange, RowSettings, StockParams, StockSettings
 from stepbus_schemas import WiringError
-
-from .declaration import ItemTypeChange, RowSettings, StockParams, StockSettings
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -13,13 +13,17 @@ from stepbus_schemas import (
     Message,
 )
 from stepbus_store.motion.arm import Params
-from stepbus_store.motion.goals.executor import GoalExecutor
-from stepbus_store.motion.goals.outcome import JointReading, JointSensor, Measured
-from stepbus_store.motion.goals.parts import Parts
-from stepbus_store.motion.manipulator.build import searching_manipulator
-from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
+from stepbus_store.motion.executor import GoalExecutor
+from stepbus_store.motion.joint_motion import MotionLimits
+from stepbus_store.motion.manipulator.settings import (
+    make_limits,
+    make_robot,
+    make_settling,
+    searching_manipulator,
+)
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.motions.joint_motion import MotionLimits
+from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.parts import Parts
 
 
 @dataclass(frozen=True, kw_only=True)

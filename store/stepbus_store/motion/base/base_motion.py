@@ -25,8 +25,8 @@ from stepbus_store.motion.base.tracking import (
     tracking_command,
     tracking_error,
 )
-from stepbus_store.motion.goals.outcome import Outcome
-from stepbus_store.motion.motions.joint_motion import JointMotion, Motion, motion_to, stop_from
+from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
+from stepbus_store.motion.outcome import Outcome
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""

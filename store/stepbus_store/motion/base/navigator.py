@@ -8,7 +8,7 @@ from msgspec.structs import replace
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
 from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.route import base_route, first_part
-from stepbus_store.motion.goals.outcome import Outcome, Refused
+from stepbus_store.motion.outcome import Outcome, Refused
 
 
 @dataclass(kw_only=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState, Goal, Point
-from stepbus_store.motion.goals.outcome import FARTHEST, Refused
+from stepbus_store.motion.outcome import FARTHEST, Refused
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -12,12 +12,12 @@ import pinocchio as pin
 from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
 from stepbus_participant import suggest
 from stepbus_schemas import BaseState, Goal, RunError
-from stepbus_store.motion.goals.outcome import FARTHEST, Refused
-from stepbus_store.motion.ik.branches import BranchSolver
-from stepbus_store.motion.ik.ik_search import InverseKinematics, Solution
+from stepbus_store.motion.branches import BranchSolver
+from stepbus_store.motion.follow import JointPath, follow, line
+from stepbus_store.motion.ik_search import InverseKinematics, Solution
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.paths.follow import JointPath, follow, line
-from stepbus_store.motion.paths.spiral import SpiralPlanner
+from stepbus_store.motion.outcome import FARTHEST, Refused
+from stepbus_store.motion.spiral import SpiralPlanner
 
 ODOMETRY = "odometry"
 """Frame of a goal: the base's pose at the start."""

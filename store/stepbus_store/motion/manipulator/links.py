@@ -7,7 +7,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Point, Quaternion
-from stepbus_store.motion.motions.joint_motion import JointMotion
+from stepbus_store.motion.joint_motion import JointMotion
 
 _LINK_RADIUS = 0.1
 """How far the points of a link are from the axis about which it turns [m]."""

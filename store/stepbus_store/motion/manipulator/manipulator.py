@@ -10,7 +10,9 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
-from stepbus_store.motion.goals.outcome import Outcome, Refused
+from stepbus_store.motion.fitting import fitted
+from stepbus_store.motion.follow import joint_path
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.manipulator.candidates import Candidate, CandidateFinder
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.planner_search import (
@@ -19,16 +21,17 @@ from stepbus_store.motion.manipulator.planner_search import (
     refusal_of,
 )
 from stepbus_store.motion.manipulator.routes import Router
-from stepbus_store.motion.motions.fitting import fitted
-from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
-from stepbus_store.motion.motions.player import MotionPlayer, planned
-from stepbus_store.motion.motions.trajectory import AlongPath, Rest, Trajectory
-from stepbus_store.motion.paths.follow import joint_path
+from stepbus_store.motion.manipulator.segments import (
+    BackOffPath,
+    Beside,
+    SegmentFitter,
+    about_as_near,
+)
+from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.player import MotionPlayer, planned
+from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
-from .back_off import BackOffPath
-from .beside import Beside, about_as_near
 from .links import Links
-from .segments import SegmentFitter
 from .settling import SettleWatch, Settling
 
 

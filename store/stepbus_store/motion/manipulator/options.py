@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from stepbus_store.motion.motions.joint_motion import MotionLimits
+from stepbus_store.motion.joint_motion import MotionLimits
 
 
 @dataclass(frozen=True, kw_only=True)

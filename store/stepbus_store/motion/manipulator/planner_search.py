@@ -8,9 +8,9 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, Plan, PlanRequest, Point
-from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.manipulator.candidates import Candidate
-from stepbus_store.motion.paths.follow import JointPath
+from stepbus_store.motion.outcome import Refused
 
 _CAUSES = {
     "bad_request": "invalid", "not_holdable": "not_holdable", "path_collides": "blocked",

@@ -8,18 +8,18 @@ from typing import Protocol
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
-from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.manipulator.candidates import Candidate
-from stepbus_store.motion.manipulator.segments import SegmentFitter
-from stepbus_store.motion.motions.fitting import sampled
-from stepbus_store.motion.motions.joint_motion import (
+from stepbus_store.motion.fitting import sampled
+from stepbus_store.motion.joint_motion import (
     JointMotion,
     Motion,
     MotionLimits,
     motion_to,
     stop_from,
 )
-from stepbus_store.motion.motions.trajectory import Joined, Trajectory
+from stepbus_store.motion.manipulator.candidates import Candidate
+from stepbus_store.motion.manipulator.segments import SegmentFitter
+from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.trajectory import Joined, Trajectory
 
 _SLOWER = (1.0, 1.5, 2.5)
 """Factors on the duration of a motion, tried where the motors are too weak for it."""

@@ -1,15 +1,79 @@
-"""From the parameters of an arm to its robot, limits and settling."""
+"""Arms of two types, put together."""
 
 from collections.abc import Mapping
 
 import numpy as np
 
-from stepbus_kinematics import RobotModel
+from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import PerName, Problems
+from stepbus_store.motion.branches import BranchSettings, BranchSolver
+from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.joint_params import JointParams
-from stepbus_store.motion.motions.joint_motion import MotionLimits
+from stepbus_store.motion.manipulator.candidates import BranchCandidates, SearchedCandidates
+from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
+from stepbus_store.motion.manipulator.segments import SegmentFitter
+from stepbus_store.motion.manipulator.settling import Settling
+from stepbus_store.motion.spiral import SpiralPlanner, SpiralSettings
 
-from .settling import Settling
+
+def branching_manipulator(
+    robot: RobotModel,
+    limits: MotionLimits,
+    settling: Settling,
+    options: ManipulatorOptions,
+    *,
+    seed: int,
+    uses_planner: bool = False,
+    collisions: SelfCollisions | None = None,
+) -> Manipulator:
+    """Return an arm that knows all its solutions, and avoids obstacles by a planner.
+
+    seed: of the search for poses without an analytic solution. uses_planner: without it, the arm
+    goes straight, and nothing checks for obstacles. collisions: with itself, of lines, spirals,
+    motions without a planner, and stops; None: not checked.
+    """
+    branches = BranchSettings(
+        singular_below=options.singular_below, effort_share=options.effort_share
+    )
+    solver = BranchSolver(robot, branches, seed=seed)
+    spirals = SpiralSettings(
+        raise_by=options.raise_by,
+        most_raises=options.most_raises,
+        singular_below=options.singular_below,
+        turn_radius=options.turn_radius,
+    )
+    spiral_planner = SpiralPlanner(robot, solver, spirals)
+    finder = BranchCandidates(robot, options, solver, spiral_planner, collisions)
+    segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
+    router = None if uses_planner else DirectRouter(limits, segments, collisions)
+    return Manipulator(finder, limits, settling, options, router=router, collisions=collisions)
+
+
+def searching_manipulator(
+    robot: RobotModel,
+    limits: MotionLimits,
+    settling: Settling,
+    *,
+    period: float,
+    seed: int,
+    collisions: SelfCollisions | None = None,
+    tries_unholdable: bool = False,
+) -> Manipulator:
+    """Return an arm of any number of joints that avoids colliding with itself.
+
+    period: between two commands [s]. seed: of all that is random. collisions: None: not checked.
+    tries_unholdable: it also goes to poses that the motors cannot hold.
+    """
+    # It stops within the limits of its motions.
+    options = ManipulatorOptions(period=period, tip="", brake_acceleration=0.0, brake_jerk=0.0)
+    ik = InverseKinematics(robot, IkSettings(), seed=seed, collisions=collisions)
+    finder = SearchedCandidates(robot, ik, tries_unholdable=tries_unholdable)
+    router = DetourRouter(robot, limits, seed=seed, collisions=collisions)
+    return Manipulator(finder, limits, settling, options, router=router)
+
 
 _VELOCITY_SHARE = 0.8
 """Of the URDF's velocity limits, by default."""

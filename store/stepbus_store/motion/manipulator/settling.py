@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
-from stepbus_store.motion.goals.outcome import Outcome
-from stepbus_store.motion.motions.trajectory import Trajectory
+from stepbus_store.motion.outcome import Outcome
+from stepbus_store.motion.trajectory import Trajectory
 
 
 @dataclass(frozen=True, kw_only=True)

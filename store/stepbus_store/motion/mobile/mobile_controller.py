@@ -23,14 +23,14 @@ from stepbus_schemas import (
 )
 from stepbus_store.motion.base.base_motion import BaseMotion
 from stepbus_store.motion.base.navigator import Navigator
-from stepbus_store.motion.collisions.monitor import CollisionMonitor
-from stepbus_store.motion.goals.executor import GoalExecutor
-from stepbus_store.motion.goals.outcome import JointReading, JointSensor, Measured
-from stepbus_store.motion.goals.parts import Parts
+from stepbus_store.motion.branches import AnalyticChain
+from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
-from stepbus_store.motion.ik.branches import AnalyticChain
-from stepbus_store.motion.manipulator.build import branching_manipulator
+from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.mobile.mobile_settings import MobileSettings, read_mobile_settings
+from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
+from stepbus_store.motion.parts import Parts
 
 _PLANNER_FAILED = "planner_failed"
 """Cause of a plan that stepbus sends instead of a failed planner with `on_fault: hold`."""

@@ -5,10 +5,10 @@ import pytest
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import package_path
-from stepbus_store.motion.ik.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.manipulator.routes import DetourRouter
-from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
-from stepbus_store.motion.motions.trajectory import Joined
+from stepbus_store.motion.trajectory import Joined
 
 ROBOT = "package://example-robot-data/robots/baxter_description/"
 JOINTS = [f"{a}_{j}" for a in ("right", "left") for j in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]

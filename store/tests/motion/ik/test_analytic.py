@@ -8,9 +8,9 @@ from support.services.manipulator import DOWN, HOME, UR5, make_robot, with_effor
 from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_schemas import RunError
-from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.ik import branches
-from stepbus_store.motion.ik.branches import AnalyticChain, BranchSettings, BranchSolver
+from stepbus_store.motion import branches
+from stepbus_store.motion.branches import AnalyticChain, BranchSettings, BranchSolver
+from stepbus_store.motion.outcome import Refused
 
 BAXTER = package_path("package://example-robot-data/robots/baxter_description/urdf/baxter.urdf")
 LEFT = [f"left_{name}" for name in ("s0", "s1", "e0", "e1", "w0", "w1", "w2")]

@@ -16,8 +16,8 @@ from support.services.ur5 import ASIDE, SPIRAL, TIP, joints_goal, tips
 
 from stepbus_schemas import Plan
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.manipulator.beside import Beside
-from stepbus_store.motion.motions.joint_motion import JointMotion, motion_to
+from stepbus_store.motion.joint_motion import JointMotion, motion_to
+from stepbus_store.motion.manipulator.segments import Beside
 
 
 def good_planner(robot):

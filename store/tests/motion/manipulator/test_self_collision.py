@@ -9,16 +9,16 @@ from support.store_paths import SCENARIOS
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.goals.outcome import Refused
-from stepbus_store.motion.ik.branches import BranchSettings, BranchSolver
-from stepbus_store.motion.manipulator.build import branching_manipulator
+from stepbus_store.motion.braking import stop_on_path
+from stepbus_store.motion.branches import BranchSettings, BranchSolver
+from stepbus_store.motion.joint_motion import JointMotion, motion_to
 from stepbus_store.motion.manipulator.candidates import BranchCandidates
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.motions.braking import stop_on_path
-from stepbus_store.motion.motions.joint_motion import JointMotion, motion_to
-from stepbus_store.motion.motions.player import MotionPlayer
-from stepbus_store.motion.paths.spiral import SpiralPlanner, SpiralSettings
+from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.player import MotionPlayer
+from stepbus_store.motion.spiral import SpiralPlanner, SpiralSettings
 
 STORE = SCENARIOS / "store"
 READY = np.array([0.0, -1.6, 1.9, -1.87, -np.pi / 2, -np.pi / 2])

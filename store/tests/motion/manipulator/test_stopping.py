@@ -5,7 +5,7 @@ import pytest
 from support.services.manipulator import HOME, PERIOD, Log, Stage, make_arm, make_robot, pose_goal
 from support.services.ur5 import ASIDE, SPIRAL, joints_goal, refusal, tips
 
-from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.outcome import Refused
 
 
 def test_a_pause_holds_the_arm_on_its_way_within_the_acceleration_limits(robot):

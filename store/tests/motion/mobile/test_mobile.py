@@ -18,7 +18,7 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.ik import branches
+from stepbus_store.motion import branches
 from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 

@@ -11,7 +11,7 @@ from support.store_paths import SCENARIOS
 from stepbus_kinematics import RobotModel
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_plant.world.declaration import StockParams
-from stepbus_store.motion.ik.branches import AnalyticChain
+from stepbus_store.motion.branches import AnalyticChain
 
 STORE = SCENARIOS / "store"
 ROBOT = STORE / "robot.urdf.xacro"

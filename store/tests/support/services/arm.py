@@ -9,13 +9,13 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import Goal, GoalStatus
-from stepbus_store.motion.goals.executor import GoalExecutor
-from stepbus_store.motion.goals.outcome import Measured
-from stepbus_store.motion.goals.parts import Parts
-from stepbus_store.motion.ik.ik_search import IkSettings, InverseKinematics
-from stepbus_store.motion.manipulator.build import searching_manipulator
+from stepbus_store.motion.executor import GoalExecutor
+from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.manipulator.settings import searching_manipulator
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.motions.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.outcome import Measured
+from stepbus_store.motion.parts import Parts
 
 JOINTS = ("one", "two", "three")
 PERIOD = 0.05

@@ -14,12 +14,12 @@ from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
-from stepbus_store.motion.goals.outcome import Outcome
-from stepbus_store.motion.manipulator.build import branching_manipulator
+from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
+from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.motions.joint_motion import MotionLimits
+from stepbus_store.motion.outcome import Outcome
 
 JOINTS = (
     "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",

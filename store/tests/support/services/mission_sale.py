@@ -10,7 +10,7 @@ from support.services.mission_store import FakeStore, config
 from stepbus_schemas import (
     RunError,
 )
-from stepbus_store.mission.states.goals import GOALS
+from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.store_mission import StoreMission
 
 

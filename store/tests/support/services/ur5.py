@@ -6,7 +6,7 @@ from support.services.manipulator import HOME, JOINTS, pose_goal
 
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.goals.outcome import Refused
+from stepbus_store.motion.outcome import Refused
 
 TIP = "tool0"
 AROUND = Spiral(centre=(0.45, 0.0, 0.3), radius=(0.3, 0.1), turns=2.0, rise=0.2)

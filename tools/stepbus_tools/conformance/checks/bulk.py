@@ -3,9 +3,9 @@
 from collections.abc import Collection
 
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import Ports
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit
+from stepbus_tools.conformance.feeds import Ports
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Skipped
 
 from .faults import blames

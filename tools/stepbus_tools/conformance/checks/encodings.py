@@ -9,14 +9,14 @@ import msgspec
 from stepbus_orchestrator.toolkit import FieldTolerance, differences
 from stepbus_schemas import Description, encode
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import (
+from stepbus_tools.conformance.feeds import (
     edited,
     plain,
     reverse,
     reverse_description,
     vectors_of,
 )
-from stepbus_tools.conformance.harness.kit import Kit, Trace
+from stepbus_tools.conformance.kit import Kit, Trace
 from stepbus_tools.conformance.outcome import Skipped
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)

@@ -6,9 +6,9 @@ import msgspec
 
 from stepbus_schemas import Fault
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import Ports
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit
+from stepbus_tools.conformance.feeds import Ports
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 Spoil = Callable[[Harness, str, int, Ports], None]

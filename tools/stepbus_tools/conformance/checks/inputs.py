@@ -3,10 +3,10 @@
 from collections.abc import Mapping
 
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import Feed, repeated, shifted
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit, Trace
-from stepbus_tools.conformance.harness.material import Setup
+from stepbus_tools.conformance.feeds import Feed, repeated, shifted
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit, Trace
+from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 _SLOW_S = 0.1

@@ -8,8 +8,8 @@ from stepbus_orchestrator.toolkit import Child
 from stepbus_participant import TICKET_VARIABLE
 from stepbus_schemas import PROTOCOL_VERSION, Types, WiringError
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.kit import Kit
-from stepbus_tools.conformance.harness.material import Setup
+from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 _LATE_S = 0.5

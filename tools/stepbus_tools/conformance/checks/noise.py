@@ -9,9 +9,9 @@ import msgspec
 from stepbus_orchestrator.toolkit import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import Feed, Ports
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit
+from stepbus_tools.conformance.feeds import Feed, Ports
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Skipped
 
 _OTHER_RUN = "1234567890abcdef"

@@ -5,10 +5,10 @@ from typing import Any
 
 from stepbus_schemas import Description, Ready
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.feeds import reverse_description
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit, Trace
-from stepbus_tools.conformance.harness.material import Setup
+from stepbus_tools.conformance.feeds import reverse_description
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit, Trace
+from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed
 
 

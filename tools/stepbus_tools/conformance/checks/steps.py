@@ -6,9 +6,9 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.toolkit import ReplayResult, replay
 from stepbus_schemas import encoding_of
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit
-from stepbus_tools.conformance.harness.material import Setup
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed
 
 WINDOWS = (1, 2, 7, 64)

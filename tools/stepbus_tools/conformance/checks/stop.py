@@ -3,8 +3,8 @@
 import signal
 
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.harness.harness import Harness
-from stepbus_tools.conformance.harness.kit import Kit
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 _TERM_S = 1.0

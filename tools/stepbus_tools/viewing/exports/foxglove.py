@@ -13,8 +13,8 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_tools.viewing.exports.export_files import Exported, Reached
-from stepbus_tools.viewing.foxglove.conversion import PER_S, SHOWN, Conversion, topic_of
-from stepbus_tools.viewing.foxglove.layout import layout_of
+from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion, topic_of
+from stepbus_tools.viewing.foxglove_layout import layout_of
 
 from .moments import NS, Moving, Rate, instants, readable
 

@@ -7,10 +7,9 @@ from typing import Any
 from stepbus_schemas import BaseState, GripperState
 from stepbus_tools.viewing.scene import Messages, Ports, Scene, recorded_topics
 from stepbus_tools.viewing.stage.camera import look_at
-from stepbus_tools.viewing.stage.overlays import Overlays
+from stepbus_tools.viewing.stage.overlays import Images, Overlays
 from stepbus_tools.viewing.stage.stage_curves import Curves, Data, Signal, signals
 
-from .camera_images import Images
 from .stage import Stage
 
 _MOST_EVENTS = 40

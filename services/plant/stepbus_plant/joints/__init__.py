@@ -1,1 +1,0 @@
-"""Joints: commands, drives, sensors, warnings, and calls about them."""

@@ -1,1 +1,0 @@
-"""The physics engine, and the joints it simulates."""

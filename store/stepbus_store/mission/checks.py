@@ -1,0 +1,349 @@
+"""Decides when each state ends, and with which outcome: one function per state."""
+
+from collections.abc import Callable, Mapping
+
+from stepbus_store.mission.report import Unsold
+from stepbus_store.mission.state import APPROACHES, STATES, Outcome, Sale, StoreState
+from stepbus_store.mission.stock import Item
+from stepbus_store.mission.verification import aim, correct, find, verify
+
+Check = Callable[[StoreState], Outcome | None]
+"""Returns the outcome of a state, or None while the state continues."""
+
+HOPELESS = (
+    "invalid", "limits", "no_answer", "no_force", "no_plan", "not_done", "not_holdable",
+    "singular", "unreachable",
+)  # fmt: skip
+"""Causes that another attempt at the same item does not remove."""
+
+REFUSED = (
+    "blocked", "limits", "no_path", "not_holdable", "singular", "unreachable",
+)  # fmt: skip
+"""Causes that another approach to the item may remove."""
+
+PLANNABLE = ("shift", "lift", "lower", "place", "up", "back_off")
+"""States for whose straight line a planned path may stand."""
+
+_APPROACHING = ("approaching it", "following it", "opening less", "moving down")
+"""Activities before the gripper has closed."""
+
+_NO_ANSWER = "the controller does not answer"
+_BESIDE = (
+    "fold", "ready", "reach", "arrive", "draw_in", "bring", "come_home",
+)  # fmt: skip
+"""States while the base drives."""
+
+_LOST = ("no_answer", "no_perception", "no_plan", "no_pose")
+"""Causes after which somebody is missing: the run ends soon, and nothing may move then."""
+
+_SAME_WIDTH = 1e-3
+"""Difference of two openings that need no motion of the fingers [m]."""
+
+_AT_REST = 0.005
+"""Velocity below which the base is at rest [m/s, rad/s]."""
+
+
+def choose(store: StoreState) -> Outcome | None:
+    """Choose the next item: another one for the same order if the last one was missing.
+
+    An order that cannot be fulfilled is left out, unless it is the last one and nothing was sold.
+    """
+    settings = store.settings
+    if store.sale is None:
+        if store.started == len(settings.orders):
+            return Outcome(name="all_sold")
+        order = settings.orders[store.started]
+        store.started += 1
+        store.sale = Sale(number=store.started, order=order, start_ns=store.inputs.t_ns)
+    sale = store.sale
+    sale.item = _next_item(store, sale)
+    if sale.item is None:
+        return _leave_out(store, sale, "shelf_empty", _sold_out(store, sale))
+    sale.detected, sale.attempts, sale.tries = None, 0, 0
+    problem = _misfit(store, sale.item)
+    if problem:
+        return _leave_out(store, sale, "too_wide", problem)
+    store.report(f"fetching {sale.item.name}")
+    return Outcome(name="together" if settings.together else "chosen")
+
+
+def _leave_out(store: StoreState, sale: Sale, cause: str, text: str) -> Outcome:
+    """Go on to the next order, if there is one or something was sold."""
+    store.unsold.append(Unsold(number=sale.number, order=str(sale.order), reason=text))
+    if not store.results and store.started == len(store.settings.orders):
+        return Outcome(name="nothing_sold", cause=cause, text=text)
+    store.report(text, "warning")
+    store.sale = None
+    return Outcome(name="skipped")
+
+
+def _next_item(store: StoreState, sale: Sale) -> Item | None:
+    unavailable = {*store.missing, *store.sold}
+    candidates = (
+        item
+        for item in store.stock.items.values()
+        if item.name not in unavailable and item.shelf and sale.order.item in {"", item.name}
+    )
+    item_type = sale.order.type
+    return next((item for item in candidates if item_type in {"", item.type}), None)
+
+
+def _sold_out(store: StoreState, sale: Sale) -> str:
+    counts = f"{len(store.sold)} sold, {len(store.missing)} missing"
+    if sale.order.item:
+        return f"shelf empty, {sale.order.item} is not there; {counts}"
+    return f"shelf empty, no {sale.order.type} is left; {counts}"
+
+
+def _misfit(store: StoreState, item: Item) -> str:
+    """Return why an item does not fit into the open gripper; empty: it does."""
+    width, opening = item.width_along(store.opening_yaw(item.yaw)), store.settings.opening
+    if width < opening:
+        return ""
+    return f"too wide, {width:.3f} m, and the gripper opens to {opening:.3f} m"
+
+
+def arrived(store: StoreState) -> Outcome | None:
+    """Wait until the controller reports the end of the goal."""
+    status = store.inputs.status
+    if ended := _dropped(store) or _trip_failed(store):
+        return ended
+    if status is not None and status.state == "succeeded":
+        if status.cause:
+            store.report(f"{STATES[store.visit.state].doing} {status.text.partition('; ')[0]}")
+        return Outcome(name="done")
+    if status is not None and status.state in {"failed", "cancelled"}:
+        cause = status.cause or status.state
+        return Outcome(name="failed", cause=cause, text=_phrase(cause, status.text))
+    if status is not None and status.text and status.state == "running":
+        _forward(store, status.text)
+    return _timeout(store)
+
+
+def departed(store: StoreState) -> Outcome | None:
+    """Wait until the controller has taken the goal of the base; others follow beside it."""
+    status = store.inputs.status
+    if status is not None and status.state in {"accepted", "running"}:
+        return Outcome(name="done")
+    return arrived(store)
+
+
+def landed(store: StoreState) -> Outcome | None:
+    """Wait until the base has arrived, beside which others were carried out."""
+    if ended := _dropped(store) or _trip_failed(store):
+        return ended
+    trip = store.inputs.trip
+    if trip is not None and trip.state == "succeeded":
+        return Outcome(name="done")
+    if store.elapsed < store.settings.waits.motion:
+        return None
+    text = (
+        f"not done, goal {store.trip} (go_together) goes on after {store.settings.waits.motion:g} s"
+    )
+    return Outcome(name="failed", cause="not_done", text=text)
+
+
+def _trip_failed(store: StoreState) -> Outcome | None:
+    """Return a failure if the base's goal has failed while others are carried out beside it."""
+    trip = store.inputs.trip
+    if trip is None or store.visit.state not in _BESIDE:
+        return None
+    if trip.state == "running" and trip.text and trip.text != store.trip_text:
+        store.trip_text = trip.text
+        store.report(trip.text, "warning")
+    if trip.state not in {"failed", "cancelled"}:
+        return None
+    cause = trip.cause or trip.state
+    text = _phrase(cause, trip.text)
+    return Outcome(name="failed", cause=cause, text=text, doing=store.trip_doing)
+
+
+def _forward(store: StoreState, text: str) -> None:
+    """Log a new text of the running goal, such as a search for another path."""
+    if text != store.visit.last_text:
+        store.visit.last_text = text
+        store.report(text, "warning")
+
+
+def _phrase(cause: str, text: str) -> str:
+    """Return cause and text of a status without repeating the cause."""
+    words = cause.replace("_", " ")
+    if not text or text.lower().startswith(words):
+        return text or words
+    return f"{words}, {text}"
+
+
+def _timeout(store: StoreState) -> Outcome | None:
+    """Return a failure if the controller takes too long to answer or to reach the goal."""
+    status, waits = store.inputs.status, store.settings.waits
+    goal = f"goal {store.visit.goal} ({store.visit.goal_type})"
+    if status is None and store.elapsed >= waits.answer:
+        text = f"{_NO_ANSWER}: {goal} has no status after {waits.answer:g} s; is it running?"
+        return Outcome(name="failed", cause="no_answer", text=text)
+    if status is not None and store.elapsed >= waits.motion:
+        text = f"not done, {goal} is still {status.state} after {waits.motion:g} s"
+        return Outcome(name="failed", cause="not_done", text=text)
+    return None
+
+
+def _dropped(store: StoreState) -> Outcome | None:
+    """Return a failure if the carried item has not been held for long enough."""
+    if not store.carries:
+        return None
+    sale, _ = store.now
+    if store.inputs.gripper.holding:
+        sale.lost_ns = None
+        return None
+    if sale.lost_ns is None:
+        sale.lost_ns = store.inputs.t_ns
+    if store.since(sale.lost_ns) < store.settings.waits.lost:
+        return None
+    text = f"dropped, width {store.inputs.gripper.width:.3f} m"
+    return Outcome(name="dropped", cause="dropped", text=text)
+
+
+def _aim(store: StoreState) -> Outcome | None:
+    """Locate the outlet, unless the item is lost."""
+    return _dropped(store) or aim(store)
+
+
+def check_grip(store: StoreState) -> Outcome | None:
+    """Check that the closed gripper holds something as wide as the item."""
+    return _held(store, "not_held", "not held")
+
+
+def check_lift(store: StoreState) -> Outcome | None:
+    """Check that the gripper has lifted the item."""
+    outcome = _held(store, "slipped", "slipped")
+    if outcome is not None and outcome.name == "held":
+        gripper = store.inputs.gripper
+        width = f"{gripper.width * 1e3:.1f} mm"
+        store.report(f"lifted, held with {gripper.force:.1f} N at a width of {width}")
+        if store.settings.together:
+            return Outcome(name="together")
+    return outcome
+
+
+def _held(store: StoreState, cause: str, text: str) -> Outcome | None:
+    if store.elapsed < store.settings.waits.still:
+        return None
+    _, item = store.now
+    gripper, yaw = store.inputs.gripper, store.expected().yaw
+    expected = item.width_along(yaw)
+    if gripper.holding and gripper.width >= expected - store.settings.width_tolerance:
+        return Outcome(name="held")
+    text = f"{text}, width {gripper.width:.3f} m"
+    if gripper.holding:
+        text += f" instead of {expected:.3f} m"
+    return Outcome(name=cause, cause=cause, text=text)
+
+
+def check_height(store: StoreState) -> Outcome | None:
+    """Check that the tip is low enough for the base to move."""
+    sale, _ = store.now
+    is_safe = sale.tip <= store.settings.safe_height
+    return Outcome(name="safe" if is_safe else "too_high")
+
+
+def retry(store: StoreState) -> Outcome | None:
+    """Decide whether to try again."""
+    sale, _ = store.now
+    problem = store.problem
+    if problem is None:
+        raise LookupError("nothing has gone wrong")
+    if store.doing in _APPROACHING and problem.cause in REFUSED:
+        return _other_approach(store, problem)
+    attempts = store.settings.attempts
+    if problem.cause in HOPELESS:
+        return Outcome(name="over")
+    text = f"attempt {sale.attempts} of {attempts} failed while {store.doing}: {problem.text}"
+    store.report(text, "error")
+    if sale.attempts < attempts:
+        sale.tries += 1
+        return Outcome(name="again")
+    many = "attempt" if sale.attempts == 1 else "attempts"
+    return Outcome(name="over", text=f"after {sale.attempts} {many}")
+
+
+def _other_approach(store: StoreState, problem: Outcome) -> Outcome:
+    """Take the next approach that the item fits into, if there is one."""
+    sale, item = store.now
+    text = f"{sale.approach.text}: {problem.text}"
+    while sale.tries + 1 < len(APPROACHES):
+        sale.tries += 1
+        if not _misfit(store, item):
+            store.report(f"{text}; next, {sale.approach.text}", "warning")
+            return Outcome(name="other")
+    return Outcome(name="over", text=f"after {len(APPROACHES)} approaches")
+
+
+def check_width(store: StoreState) -> Outcome | None:
+    """Check that the gripper is open no wider than the approach wants it."""
+    sale, _ = store.now
+    is_wide = sale.opening > store.opening() + _SAME_WIDTH
+    return Outcome(name="too_wide" if is_wide else "wide")
+
+
+def at_rest(store: StoreState) -> Outcome | None:
+    """Wait until the arm is at rest and the base has been at rest for a while."""
+    visit, waits = store.visit, store.settings.waits
+    base = store.inputs.odometry
+    status = store.inputs.status
+    base_at_rest = max(abs(base.vx), abs(base.wz)) < _AT_REST
+    if not base_at_rest or status is None or status.state != "succeeded":
+        visit.since_ns = None
+    elif visit.since_ns is None:
+        visit.since_ns = store.inputs.t_ns
+    if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
+        store.rest = "everything is at rest"
+        cause = store.problem.cause if store.problem is not None else ""
+        recovers = store.settings.recover and cause not in _LOST
+        return Outcome(name="recover" if recovers else "rest")
+    if store.elapsed < waits.halt:
+        return None
+    store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
+    return Outcome(name="restless")
+
+
+def _restless(store: StoreState) -> str:
+    base, status = store.inputs.odometry, store.inputs.status
+    if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
+        return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
+    if status is None:
+        return _NO_ANSWER
+    return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
+
+
+def recovered(store: StoreState) -> Outcome | None:
+    """Wait until the arm is back at rest, or until there is no way."""
+    outcome = arrived(store)
+    if outcome is not None:
+        is_back = outcome.name == "done"
+        store.rest += "; the arm is back at rest" if is_back else f"; {outcome.text}"
+    return outcome
+
+
+CHECKS: Mapping[str, Check] = {
+    "order": choose,
+    "find": find,
+    "correct": correct,
+    "aim": _aim,
+    "check_width": check_width,
+    "check_grip": check_grip,
+    "check_lift": check_lift,
+    "check_height": check_height,
+    "depart": departed,
+    "return": departed,
+    "arrive": landed,
+    "come_home": landed,
+    "verify": verify,
+    "retry": retry,
+    "stop": at_rest,
+    "recover": recovered,
+}
+"""State → its check; other states end when the controller reports the end of the goal."""
+
+
+def check_of(state: str) -> Check:
+    """Return the check of a state."""
+    return CHECKS.get(state, arrived)

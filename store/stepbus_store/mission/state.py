@@ -1,0 +1,376 @@
+"""How the gripper may come to an item: one approach after the other."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Point, Poses
+from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of
+from stepbus_store.mission.params import Order, Params
+from stepbus_store.mission.report import SaleResult, Unsold
+from stepbus_store.mission.stock import Item, Stock
+from stepbus_store.mission.witness import Witness
+
+
+@dataclass(frozen=True, kw_only=True)
+class Approach:
+    """One approach; text: a phrase about it.
+
+    turn: of the gripper about the vertical [rad]. farther: height above the usual one [m]. slack:
+    how much wider than the item the gripper opens; None: as wide as usual [m]. is_straight: down in
+    a straight line; else along a planned path.
+    """
+
+    text: str
+    turn: float = 0.0
+    farther: float = 0.0
+    slack: float | None = None
+    is_straight: bool = True
+
+
+_QUARTER = math.pi / 2
+_NARROW = 0.02
+"""Room between an item and the pads of a gripper that opens no wider than it has to [m]."""
+
+APPROACHES = (
+    Approach(text="straight down"),
+    Approach(text="with the gripper turned by 90°", turn=_QUARTER),
+    Approach(text="with the gripper turned by -90°", turn=-_QUARTER),
+    Approach(text="with the gripper turned by 180°, from farther", turn=math.pi, farther=0.1),
+    Approach(text="along a planned path", is_straight=False),
+    Approach(text="turned by 90°, along a planned path", turn=_QUARTER, is_straight=False),
+    Approach(text="opened less", slack=_NARROW),
+    Approach(text="turned by 90°, opened less", turn=_QUARTER, slack=_NARROW),
+)
+"""In this order; another attempt takes the next one."""
+
+
+__all__ = ["FIRST", "LAST", "STATES", "State", "diagram"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class State:
+    """One state.
+
+    doing: its activity, as in `... failed while <doing>`. then: outcome → next state; the first
+    one is the nominal flow. carries: the gripper carries an item; losing it is the outcome
+    `dropped`.
+    """
+
+    doing: str
+    then: Mapping[str, str]
+    carries: bool = False
+
+
+def _goal(doing: str, then: str) -> State:
+    return State(doing=doing, then={"done": then, "failed": "stop"})
+
+
+def _grasp(doing: str, then: str) -> State:
+    return State(doing=doing, then={"done": then, "failed": "retry"})
+
+
+def _carry(doing: str, then: str) -> State:
+    then_by_outcome = {"done": then, "failed": "stop", "dropped": "stop"}
+    return State(doing=doing, then=then_by_outcome, carries=True)
+
+
+FIRST = "order"
+LAST = ("end", "failed")
+
+STATES: Mapping[str, State] = {
+    "order": State(
+        doing="choosing an item",
+        then={
+            "chosen": "tuck",
+            "together": "depart",
+            "skipped": "order",
+            "all_sold": "park",
+            "nothing_sold": "stop",
+        },
+    ),
+    "tuck": _goal("tucking the arm in", "drive"),
+    "drive": _goal("driving to the shelf", "open"),
+    "open": _goal("opening the gripper", "inspect"),
+    "inspect": _goal("moving above its position", "find"),
+    "find": State(
+        doing="searching for it",
+        then={"found": "approach", "missing": "order", "blind": "stop"},
+    ),
+    "approach": _grasp("approaching it", "correct"),
+    "correct": State(
+        doing="locating it from close up",
+        then={"steady": "check_width", "moved": "shift", "missing": "retry", "blind": "stop"},
+    ),
+    "check_width": State(doing="opening", then={"wide": "down", "too_wide": "narrow"}),
+    "narrow": _grasp("opening less", "down"),
+    "down": _grasp("moving down", "close"),
+    "close": _grasp("closing the gripper", "check_grip"),
+    "check_grip": State(doing="grasping", then={"held": "lift", "not_held": "retry"}),
+    "lift": _grasp("lifting", "check_lift"),
+    "check_lift": State(
+        doing="lifting", then={"held": "retreat", "slipped": "retry", "together": "return"}
+    ),
+    "retreat": _carry("taking it off the shelf", "check_height"),
+    "check_height": State(doing="lowering it", then={"safe": "reverse", "too_high": "lower"}),
+    "reverse": _carry("driving back from the shelf", "home"),
+    "home": _carry("driving home", "above"),
+    "above": _carry("moving above the outlet", "aim"),
+    "aim": State(
+        doing="locating the outlet", then={"aimed": "place", "dropped": "stop"}, carries=True
+    ),
+    "place": _carry("placing it", "let_go"),
+    "let_go": _goal("releasing it", "up"),
+    "up": _goal("leaving it in the outlet", "verify"),
+    "verify": State(doing="verifying its pose", then={"good": "order", "misplaced": "stop"}),
+    "park": _goal("tucking the arm in after the last sale", "end"),
+    "end": State(doing="being done", then={}),
+    "lower": _carry("lowering it", "check_height"),
+    "depart": _goal("driving to the shelf", "fold"),
+    "fold": _goal("tucking the arm in", "ready"),
+    "ready": _goal("opening the gripper", "reach"),
+    "reach": _goal("moving above its position", "arrive"),
+    "arrive": _goal("driving to the shelf", "find"),
+    "return": _goal("driving home", "draw_in"),
+    "draw_in": _carry("taking it off the shelf", "bring"),
+    "bring": _carry("moving above the outlet", "come_home"),
+    "come_home": _carry("driving home", "aim"),
+    "shift": _grasp("following it", "correct"),
+    "retry": State(
+        doing="trying again", then={"again": "release", "other": "approach", "over": "stop"}
+    ),
+    "release": _goal("releasing it", "back_off"),
+    "back_off": _goal("moving up", "inspect"),
+    "stop": State(
+        doing="stopping", then={"rest": "failed", "restless": "failed", "recover": "recover"}
+    ),
+    "recover": State(doing="going back to rest", then={"done": "failed", "failed": "failed"}),
+    "failed": State(doing="being stopped", then={}),
+}
+
+
+def diagram() -> str:
+    """Return the table as text, one line per state; ↓ leads to the state in the next line."""
+    names = list(STATES)
+    below = dict(zip(names, [*names[1:], ""], strict=True))
+    return "\n".join(_line(name, STATES[name], below[name]) for name in names)
+
+
+def _line(name: str, state: State, below: str) -> str:
+    arrows = [f"{end} {'↓' if to == below else f'→ {to}'}" for end, to in state.then.items()]
+    first, others = (arrows or ["■"])[0], arrows[1:]
+    return f"{name:<13} {first:<20} {'   '.join(others)}".rstrip()
+
+
+Level = Literal["info", "warning", "error"]
+LogEntry = tuple[Level, str]
+"""Severity and text."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """How a state ended.
+
+    name: of the outcome in the table of states. cause: one word for programs; text: a phrase with
+    numbers; both are empty unless something went wrong. doing: the activity that failed, if it is
+    not that of the state.
+    """
+
+    name: str
+    cause: str = ""
+    text: str = ""
+    doing: str = ""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Inputs:
+    """The inputs at one step.
+
+    pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
+    yet. trip: the same of the base's goal, where others are carried out beside it. detections: None
+    unless new at this step. contacts: of the robot; None where nothing senses them.
+    """
+
+    t_ns: int
+    poses: Poses
+    odometry: BaseState
+    gripper: GripperState
+    pose: BaseState | None = None
+    status: GoalStatus | None = None
+    trip: GoalStatus | None = None
+    detections: Detections | None = None
+    contacts: Contacts | None = None
+
+
+@dataclass(kw_only=True)
+class Visit:
+    """One visit to a state.
+
+    start_ns: when it started [ns]. goal: id of the goal sent, -1: none. views: detections
+    received. last_text: latest text of the running goal's status. since_ns: since when the
+    condition holds that the state waits for [ns]. is_planned: a planned path stands for a line.
+    """
+
+    state: str
+    start_ns: int
+    goal: int = -1
+    goal_type: str = ""
+    views: int = 0
+    last_text: str = ""
+    since_ns: int | None = None
+    is_planned: bool = False
+
+
+@dataclass(kw_only=True)
+class Sale:
+    """One order in progress.
+
+    number: counted from 1. start_ns: when it started [ns]. item: None: not chosen yet. detected:
+    latest detected position, with the heading along which the gripper opens. tip: height of the
+    gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
+    latest detection [m]; None: nobody knows. lost_ns: since when a carried item is not held [ns].
+    """
+
+    number: int
+    order: Order
+    start_ns: int
+    item: Item | None = None
+    detected: Spot | None = None
+    tip: float = 0.0
+    attempts: int = 0
+    tries: int = 0
+    opening: float = 0.0
+    corrections: int = 0
+    detection_error: float | None = None
+    lost_ns: int | None = None
+
+    @property
+    def approach(self) -> Approach:
+        """Return how the gripper comes to the item; each try takes another approach."""
+        return APPROACHES[min(self.tries, len(APPROACHES) - 1)]
+
+    def __str__(self) -> str:
+        return f"sale {self.number} ({self.item.name if self.item else self.order})"
+
+
+@dataclass(kw_only=True)
+class StoreState:
+    """All that the states read and write.
+
+    settings: of the scenario. planned: number of orders at the start. witness: of items that move;
+    None: nobody sees that. started: number of orders started. missing: names of items not found.
+    unsold: orders that were left out. log: entries of this step. problem: the latest failure;
+    doing: the activity that failed; attempts_text: how many attempts failed. rest: how the
+    emergency stop went. trip: id of the goal of the base beside which others are carried out, with
+    its destination, activity and latest text.
+    """
+
+    settings: Params
+    planned: int
+    stock: Stock
+    witness: Witness | None
+    visit: Visit
+    inputs: Inputs
+    sale: Sale | None = None
+    started: int = 0
+    missing: list[str] = field(default_factory=list)
+    sold: list[str] = field(default_factory=list)
+    results: list[SaleResult] = field(default_factory=list)
+    unsold: list[Unsold] = field(default_factory=list)
+    log: list[LogEntry] = field(default_factory=list)
+    problem: Outcome | None = None
+    doing: str = ""
+    attempts_text: str = ""
+    rest: str = ""
+    trip: int = -1
+    destination: Point | None = None
+    trip_doing: str = ""
+    trip_text: str = ""
+
+    @property
+    def now(self) -> tuple[Sale, Item]:
+        """Return the sale in progress and its item."""
+        if self.sale is None or self.sale.item is None:
+            raise LookupError(f"state {self.visit.state!r} needs an item")
+        return self.sale, self.sale.item
+
+    def report(self, text: str, level: Level = "info") -> None:
+        """Log a sentence about the sale in progress."""
+        self.log.append((level, f"{self.sale}: {text}"))
+
+    @property
+    def carries(self) -> bool:
+        """Return whether the gripper carries an item, which may be lost."""
+        return STATES[self.visit.state].carries
+
+    @property
+    def elapsed(self) -> float:
+        """Return the time since the state was entered [s]."""
+        return self.since(self.visit.start_ns)
+
+    def since(self, t_ns: int) -> float:
+        """Return the time since `t_ns` [ns] in seconds."""
+        return (self.inputs.t_ns - t_ns) * 1e-9
+
+    def record_problem(self, outcome: Outcome) -> None:
+        """Record the failure of the state that ends."""
+        if self.visit.state == "retry":
+            self.attempts_text = outcome.text
+        else:
+            self.problem = outcome
+            self.doing = outcome.doing or STATES[self.visit.state].doing
+            self.attempts_text = ""
+
+    def failure(self) -> str:
+        """Return a sentence about the failure, and how the stop went."""
+        subject = self.sale or "the mission"
+        text = self.problem.text if self.problem else ""
+        attempts = f", {self.attempts_text}" if self.attempts_text else ""
+        return f"{subject} failed while {self.doing}: {text}{attempts}; {self.rest}"
+
+    def shelf(self, item: Item) -> Spot:
+        """Return a point on the front line of an item's shelf, with the heading towards it."""
+        return self.settings.shelves[item.shelf].spot
+
+    def in_odometry(self, spot: Spot) -> Spot:
+        """Return a spot of the map in the frame of odometry, which drifts (ROS, REP 105)."""
+        pose = self.inputs.pose
+        if pose is None:
+            return spot
+        base = spot_of(self.inputs.odometry)
+        ahead, left = spot_of(pose).sees(spot.x, spot.y)
+        return replace(base.ahead(ahead, left), yaw=base.yaw + spot.yaw - pose.yaw)
+
+    def expected(self) -> Spot:
+        """Return the item's expected position, with the heading along which the gripper opens."""
+        sale, item = self.now
+        if sale.detected is not None:
+            return replace(sale.detected, yaw=self.opening_yaw(sale.detected.yaw))
+        spot = self.in_odometry(Spot(x=item.position[0], y=item.position[1], yaw=item.yaw))
+        return replace(spot, yaw=self.opening_yaw(spot.yaw))
+
+    def opening_yaw(self, yaw: float) -> float:
+        """Return the heading along which the gripper opens, for an item with this yaw [rad].
+
+        It points into the shelf, between the item's neighbours, unless the approach is turned; a
+        box is gripped at its sides.
+        """
+        sale, item = self.now
+        shelf = self.in_odometry(self.shelf(item))
+        along = shelf.yaw + self.settings.gripper_yaw + sale.approach.turn
+        return nearest_quarter(yaw, along) if item.measures.is_box else along
+
+    def opening(self) -> float:
+        """Return how wide the gripper opens for the item [m]."""
+        sale, item = self.now
+        slack, widest = sale.approach.slack, self.settings.opening
+        if slack is None:
+            return widest
+        return min(item.width_along(self.expected().yaw) + slack, widest)
+
+    def grip_height(self) -> float:
+        """Return the height of the tip when it grips the item [m]."""
+        _, item = self.now
+        settings = self.settings
+        return max(item.body_top - settings.grasp_depth, item.top - settings.grasp_reach)

@@ -1,0 +1,258 @@
+"""What the mission sees at the shelf: it looks for the item, and verifies what it holds."""
+
+import math
+
+from stepbus_participant import suggest
+from stepbus_schemas import Detections, Point, RunError
+from stepbus_store.mission.geometry import Spot, spot_of, tilt_of, yaw_of
+from stepbus_store.mission.goals import ODOMETRY
+from stepbus_store.mission.report import SaleResult
+from stepbus_store.mission.state import Outcome, StoreState
+from stepbus_store.mission.witness import Witness
+
+_AIMS = 2
+"""Views of the outlet before an item is put down: the second one is corrected by the first."""
+
+
+def find(store: StoreState) -> Outcome | None:
+    """Locate the item near its expected position."""
+    sale, item = store.now
+    spot = _locate(store)
+    if isinstance(spot, Outcome):
+        if spot.name == "missing":
+            store.missing.append(item.name)
+            store.report(spot.text, "warning")
+        return spot
+    if spot is not None:
+        off = _distance(spot, store.expected())
+        store.report(f"found {item.name}, {off * 1e3:.1f} mm from where it was expected")
+        sale.detected, sale.corrections = spot, 0
+        sale.attempts += 1
+        return Outcome(name="found")
+    return None
+
+
+def aim(store: StoreState) -> Outcome | None:
+    """Wait above the outlet until its landmarks have corrected the pose of the base."""
+    visit, waits = store.visit, store.settings.waits
+    if store.inputs.pose is None:
+        return Outcome(name="aimed")
+    if store.elapsed >= waits.still and store.inputs.detections is not None:
+        visit.views += 1
+    if visit.views < _AIMS and store.elapsed < waits.camera:
+        return None
+    if visit.views < _AIMS:
+        store.report(f"the camera shows nothing above the outlet for {waits.camera:g} s", "warning")
+    return Outcome(name="aimed")
+
+
+def correct(store: StoreState) -> Outcome | None:
+    """Locate the item again from close up, until it is below the gripper."""
+    sale, item = store.now
+    spot = _locate(store)
+    if spot is None or isinstance(spot, Outcome):
+        return spot
+    off = _distance(spot, store.expected())
+    if store.settings.verification == "truth":
+        truth = store.stock.pose(item.name, store.inputs.poses)[0]
+        sale.detection_error = math.hypot(spot.x - truth[0], spot.y - truth[1])
+    sale.detected = spot
+    if off < store.settings.tolerances.steady:
+        return Outcome(name="steady")
+    if sale.corrections == store.settings.corrections:
+        text = f"still seen {off * 1e3:.1f} mm away after {sale.corrections} corrections"
+        store.report(text, "warning")
+        return Outcome(name="steady")
+    sale.corrections += 1
+    return Outcome(name="moved")
+
+
+def _locate(store: StoreState) -> Spot | Outcome | None:
+    """Return the item's detected position, with the heading along which the gripper opens.
+
+    An outcome: it is missing, or there was no image; None: wait for the next image.
+    """
+    visit, waits = store.visit, store.settings.waits
+    if store.elapsed < waits.still:
+        return None
+    if store.inputs.detections is None:
+        if store.elapsed < waits.camera * (1 + visit.views):
+            return None
+        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
+        return Outcome(name="blind", cause="blind", text=text)
+    visit.views += 1
+    seen = nearest(store, store.inputs.detections, store.expected())
+    if seen is None and visit.views == store.settings.views:
+        return Outcome(
+            name="missing", cause="missing", text=_missing(store, store.inputs.detections)
+        )
+    return None if seen is None else seen[0]
+
+
+def nearest(store: StoreState, detections: Detections, expected: Spot) -> tuple[Spot, float] | None:
+    """Return the detection of the item's type nearest to a spot, and the height of its centre [m].
+
+    None: none is near enough.
+    """
+    _, item = store.now
+    _check(detections)
+    rows = zip(detections.types, detections.position, detections.orientation, strict=True)
+    spots = [
+        (_in_odometry(store, detections.frame, position, yaw_of(orientation)), position[2])
+        for item_type, position, orientation in rows
+        if item_type == item.type
+    ]
+    seen = min(spots, key=lambda row: _distance(row[0], expected), default=None)
+    if seen is None or _distance(seen[0], expected) > store.settings.tolerances.found:
+        return None
+    return seen
+
+
+def _check(detections: Detections) -> None:
+    """Raise RunError for inconsistent detections and for poses that are not finite."""
+    counts = (len(detections.types), len(detections.position), len(detections.orientation))
+    if len(set(counts)) > 1:
+        types, positions, orientations = counts
+        raise RunError(
+            f"detections have {types} types, {positions} positions, {orientations} orientations"
+        )
+    for name, position, turn in zip(
+        detections.types, detections.position, detections.orientation, strict=True
+    ):
+        if not math.isfinite(sum(position) + sum(turn)):
+            raise RunError(f"{name} has an invalid pose: position {position}, orientation {turn}")
+
+
+def _distance(a: Spot, b: Spot) -> float:
+    return math.hypot(a.x - b.x, a.y - b.y)
+
+
+def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> Spot:
+    """Return a detection in the odometry frame; raises RunError for an unknown frame."""
+    if frame in {ODOMETRY, "world"}:
+        return Spot(x=position[0], y=position[1], yaw=yaw)
+    if frame != store.settings.base_frame:
+        known = [store.settings.base_frame, ODOMETRY]
+        raise RunError(f"detections are given in frame {frame!r}{suggest(frame, known)}")
+    base = spot_of(store.inputs.odometry)
+    spot = base.ahead(position[0], left=position[1])
+    return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)
+
+
+def _missing(store: StoreState, detections: Detections) -> str:
+    _, item = store.now
+    near = store.settings.tolerances.found * 1e3
+    types = (
+        ", ".join(t for t in dict.fromkeys(detections.types) if t in store.stock.types) or "nothing"
+    )
+    return (
+        f"missing, no {item.type} within {near:g} mm of where {item.name} should be in "
+        f"{store.visit.views} views; seen: {types}"
+    )
+
+
+def verify(store: StoreState) -> Outcome | None:
+    """Check where the item stands, and that no other item was moved, as far as that is seen."""
+    if store.settings.verification == "camera":
+        return _verify_by_camera(store)
+    if store.elapsed < store.settings.waits.rest:
+        return None
+    result = _measure(store)
+    return _conclude(store, result, _fault(store, result))
+
+
+def _conclude(store: StoreState, result: SaleResult, fault: str) -> Outcome:
+    """End the sale; fault: what is wrong with the placement; empty: nothing."""
+    if fault:
+        return Outcome(name="misplaced", cause="misplaced", text=fault)
+    store.results.append(result)
+    store.report(
+        f"placed {result.place_error * 1e3:.1f} mm from its spot after {result.duration:.1f} s"
+    )
+    store.sold.append(result.item)
+    store.stock.update(result.item, store.inputs.poses)
+    if store.witness is not None:
+        store.witness.settle(result.item, store.inputs.poses)
+    store.sale = None
+    return Outcome(name="good")
+
+
+def _verify_by_camera(store: StoreState) -> Outcome | None:
+    """Check the placement by the camera, which also sees the landmarks of the outlet."""
+    visit, waits, settings = store.visit, store.settings.waits, store.settings
+    if store.elapsed < waits.still:
+        return None
+    sale, item = store.now
+    detections = store.inputs.detections
+    if detections is None:
+        if store.elapsed < waits.camera * (1 + visit.views):
+            return None
+        text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
+        return Outcome(name="misplaced", cause="blind", text=text)
+    visit.views += 1
+    spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
+    seen = nearest(store, detections, spot)
+    if seen is None:
+        if visit.views < settings.views:
+            return None
+        near = settings.tolerances.found * 1e3
+        text = f"no upright {item.type} is seen within {near:g} mm of its spot"
+        return Outcome(name="misplaced", cause="misplaced", text=f"misplaced, {text}")
+    at, height = seen
+    result = SaleResult(
+        number=sale.number,
+        item=item.name,
+        attempts=sale.attempts,
+        detection_error=sale.detection_error,
+        place_error=math.hypot(at.x - spot.x, at.y - spot.y),
+        moved=None,
+        duration=store.since(sale.start_ns),
+    )
+    raised = height - (item.top - item.bottom) / 2 - settings.outlet.position[2]
+    return _conclude(store, result, _off(store, result.place_error, raised))
+
+
+def _off(store: StoreState, away: float, raised: float) -> str:
+    """Return that an item is too far from its spot, or above the outlet [m]; empty: it is not."""
+    allowed = store.settings.tolerances.placed
+    if away > allowed:
+        return f"misplaced, {away * 1e3:.1f} mm from its spot"
+    if abs(raised) > allowed:
+        return f"misplaced, its bottom is {raised * 1e3:.1f} mm above the top of the outlet"
+    return ""
+
+
+def _witness(store: StoreState) -> Witness:
+    if store.witness is None:
+        raise LookupError("verification by the truth needs a witness")
+    return store.witness
+
+
+def _measure(store: StoreState) -> SaleResult:
+    """Return the result of the sale, measured from the true poses."""
+    sale, item = store.now
+    x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
+    spot = store.settings.outlet_spot(sale.number - 1, store.planned)
+    return SaleResult(
+        number=sale.number,
+        item=item.name,
+        attempts=sale.attempts,
+        detection_error=sale.detection_error,
+        place_error=math.hypot(x - spot.x, y - spot.y),
+        moved=_witness(store).largest(store.inputs.poses, item.name)[0],
+        duration=store.since(sale.start_ns),
+    )
+
+
+def _fault(store: StoreState, result: SaleResult) -> str:
+    """Return what is wrong with the placement; empty: nothing."""
+    allowed = store.settings.tolerances
+    _, item = store.now
+    position, turn = store.stock.pose(item.name, store.inputs.poses)
+    raised = position[2] + item.measures.bottom - store.settings.outlet.position[2]
+    if tilt_of(turn) > allowed.tilt and result.place_error <= allowed.placed:
+        return f"not upright, tilted by {math.degrees(tilt_of(turn)):.0f}°"
+    if fault := _off(store, result.place_error, raised):
+        return fault
+    moved, other = _witness(store).largest(store.inputs.poses, item.name)
+    return f"{other} was moved by {moved * 1e3:.1f} mm" if moved > allowed.moved else ""

@@ -1,0 +1,371 @@
+"""What is done about collisions and things that come into the path."""
+
+import math
+from dataclasses import dataclass
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import Goal, RunError
+from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.outcome import Measured, Outcome, Reports
+from stepbus_store.motion.parts import MOVES, Part, Parts
+from stepbus_store.motion.retreat import ArmRetreat, BaseBackOff
+from stepbus_store.motion.sensed import Approach, Collision, SensedThings, Strange, Watch
+
+_REACH = 0.5
+"""Of the robot from the axis about which its base turns [m]."""
+
+_APART = 5e-3
+"""Farther than this from what it backs off from, the robot must not touch that again [m]."""
+
+_COMES = 2e-3
+"""What needs less than this to stop does not come closer, but is measured with noise [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AvoidanceSettings:
+    """What is done about things that come into the path.
+
+    back_off: how far the robot goes back from what it has touched [m]. stop_within: an arm on a
+    planner's path stops before something is closer [m]; must be less than the planner's margin.
+    replans: how often a goal may get another path. range: of the contacts [m].
+    """
+
+    back_off: float = 0.05
+    stop_within: float = 0.004
+    replans: int = 3
+    range: float = 0.08
+
+
+@dataclass(frozen=True, kw_only=True)
+class _BackOff:
+    """Backing off from a collision; failure: of the goal, unless it gets another path."""
+
+    failure: Outcome
+    collision: Collision
+    replans: bool
+
+
+class Avoidance:
+    """Watches a goal for collisions: slows the robot down, stops it, backs it off, replans.
+
+    monitor: None: nothing senses contacts. In each step: `scale`, then `react` where a goal is
+    under way.
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        reports: Reports,
+        monitor: CollisionMonitor | None,
+        settings: AvoidanceSettings,
+    ) -> None:
+        self._parts = parts
+        self._reports = reports
+        self._monitor = monitor
+        self._settings = settings
+        self._watch: Watch | None = None
+        self._touched: tuple[str, str] | None = None
+        self._is_slow = False
+        self._back_off: _BackOff | None = None
+        self._is_apart = False
+        self._base_back_off: BaseBackOff | None = None
+        self._near: Approach | None = None
+        self._replans = 0
+        self._sensed = SensedThings(settings.stop_within)
+        self._hindrance: Approach | None = None
+        self._q: Vector | None = None
+        self._retreat: ArmRetreat | None = None
+        self.slowest = ""
+        """What the robot was nearest to while the goal slowed down for it; empty: nothing."""
+        self._least_scale = 1.0
+        self._is_beside = False
+
+    @property
+    def held(self) -> str:
+        """Return the link of the world in the gripper; empty: none."""
+        return self._monitor.held if self._monitor is not None else ""
+
+    def start(self, goal: Goal, part: Part) -> None:
+        """Watch a new goal."""
+        self._touched, self._is_slow = None, False
+        self._back_off, self._retreat, self._replans = None, None, 0
+        self.slowest, self._least_scale = "", 1.0
+        self._base_back_off, self._near = None, None
+        self._is_beside = False
+        self._monitor_goal(goal, part, grips=goal.type == "grip")
+
+    def join(self, goal: Goal, part: Part, driving: Goal | None = None) -> None:
+        """Watch a goal in the place of another one, or beside that of the base.
+
+        What has happened to the base is not forgotten.
+        """
+        self._back_off, self._retreat, self._replans = None, None, 0
+        self.slowest, self._least_scale = "", 1.0
+        self._is_beside = driving is not None
+        if self._monitor is not None:
+            touches = [*goal.touches, *(driving.touches if driving is not None else ())]
+            moves = "all" if driving is not None else MOVES[part]
+            self._monitor.start(touches, grips=goal.type == "grip", moves=moves)
+
+    def _monitor_goal(self, goal: Goal, part: Part, *, grips: bool = False) -> None:
+        if self._monitor is not None:
+            self._monitor.start(goal.touches, grips=grips, moves=MOVES[part])
+
+    def scale(self, now: Measured, dt: float, *, has_goal: bool) -> float | None:
+        """Return the share of its full speed for the robot; None: nothing is monitored.
+
+        dt: time since the step before [s].
+        """
+        if self._monitor is None or now.contacts is None:
+            self._watch = None
+            return None
+        holding = now.gripper is not None and now.gripper.holding
+        watch = self._watch = self._monitor.update(
+            now.contacts,
+            holding=holding,
+            dt=dt,
+            speed_of=self._parts.arm.link_speeds(),
+            base_speed=abs(now.base.vx) + _REACH * abs(now.base.wz),
+        )
+        if watch.near is not None and not self._is_slow and has_goal:
+            self._reports.warn(f"{_gap(watch)}: slower")
+        self._is_slow = watch.near is not None
+        self._q = now.q
+        self._sensed.update(watch.strange, is_moving=self._parts.arm.is_moving)
+        self._monitor.wary = self._sensed.known
+        if watch.slow is not None and watch.scale < self._least_scale:
+            ours, other, gap = watch.slow
+            self._least_scale = watch.scale
+            self.slowest = f"{ours} is {gap * 1e3:.0f} mm from {other}"
+        return watch.scale
+
+    @property
+    def room(self) -> float:
+        """Return how far the base may go until it must not be any closer to something [m].
+
+        What contacts do not report may be just beyond their range.
+        """
+        if self._watch is None:
+            return math.inf
+        room = min(self._watch.room, self._settings.range)
+        # Where the arm moves beside the base, each of them may use up one half.
+        return room / 2 if self._is_beside and room < self._settings.range else room
+
+    def new_collision(self) -> Collision | None:
+        """Return a collision when it starts; each pair of links once for each goal."""
+        collision = self._watch.collision if self._watch is not None else None
+        pair = collision.pair if collision is not None else None
+        is_old, self._touched = pair == self._touched, pair
+        return None if is_old else collision
+
+    def collide(self, goal: Goal, part: Part, collision: Collision, t: float) -> Outcome | None:
+        """Stop, and back off along the path so far; return the end of a goal that cannot."""
+        text = f"{collision}; stopped"
+        if part == "base" and self._parts.base is not None and self._monitor is not None:
+            # To drive away from itself helps nobody.
+            own = self._monitor.is_own(collision)
+            distance = 0.0 if own else self._settings.back_off
+            self._base_back_off = BaseBackOff(
+                self._parts.base, self._monitor, goal, collision, distance
+            )
+            return None
+        if part == "gripper":
+            self._parts.rest(part, t)
+            return Outcome(state="failed", cause="collision", text=text)
+        may_replan = part == "arm" and self._parts.arm.follows_plan
+        length = self._parts.back_off_arm(t, self._settings.back_off)
+        replans = may_replan and length > 0.0 and self._replans < self._settings.replans
+        text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
+        failure = Outcome(state="failed", cause="collision", text=text)
+        self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
+        self._is_apart = False
+        self._monitor_goal(goal, part)
+        return None
+
+    @property
+    def backs_off(self) -> bool:
+        """Return whether the robot backs off from what it has touched, or has stopped before."""
+        backs_off = (self._back_off, self._base_back_off, self._retreat)
+        return any(each is not None for each in backs_off)
+
+    def check_back_off(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
+        """Return the end of the goal once the robot has backed off, unless it gets another path.
+
+        end: of the part's motion. collision: that has just started.
+        """
+        if self._base_back_off is not None:
+            return self._base_back_off.check(collision)
+        if self._retreat is not None:
+            return self._check_retreat(goal, part, end, collision, t)
+        return self._check_arm(goal, part, end, collision, t)
+
+    def _check_arm(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
+        back_off = self._back_off
+        if back_off is None:
+            return None
+        obstacle = self._behind(back_off.collision, collision)
+        if not obstacle and end is None:
+            return None
+        if obstacle:
+            self._parts.rest(part, t, touches=True)
+            text = f"{back_off.collision}; stopped; while backing off, {obstacle}"
+            self._reports.warn(text)
+            return Outcome(state="failed", cause="collision", text=text)
+        if back_off.replans and end is not None and end.state == "succeeded":
+            self._back_off = None
+            return self.replan(goal, part, back_off.failure.text, t)
+        return back_off.failure
+
+    def _check_retreat(
+        self, goal: Goal, part: Part, end: Outcome | None, collision: Collision | None, t: float
+    ) -> Outcome | None:
+        """Return the end of the goal of an arm that leaves what it has stopped for."""
+        retreat, strange = self._retreat, self._strange
+        if retreat is None:
+            return None
+        if collision is not None and not retreat.leaves:
+            self._retreat = None
+            return self.collide(goal, part, collision, t)
+        if retreat.leaves:
+            obstacle = collision or self._sensed.hindrance(strange, on_plan=True)
+            if obstacle is not None:
+                self._parts.rest(part, t, touches=True)
+                return retreat.failure(obstacle)
+        gaps = (near.gap for near, _ in strange if near.other == retreat.other)
+        if end is None or not retreat.is_over(end, min(gaps, default=math.inf), t):
+            return None
+        if end.state != "succeeded":
+            return retreat.failure()
+        self._retreat = None
+        return self.replan(goal, part, retreat.text, t)
+
+    def _behind(self, left: Collision, collision: Collision | None) -> str:
+        """Return what is in the way of an arm that backs off; empty: nothing.
+
+        left: what it backs off from, which counts again once the arm was apart from it.
+        collision: that has just started.
+        """
+        if self._monitor is not None and not self._is_apart:
+            force, gap = self._monitor.touch(left.pair)
+            self._is_apart = force == 0.0 and (gap is None or gap > _APART)
+        if collision is not None and (self._is_apart or collision.pair != left.pair):
+            return str(collision)
+        near, room = self._nearest
+        if near is None or (near.pair == left.pair and not self._is_apart):
+            return ""
+        return str(near) if _comes(near, room) and room < self._settings.stop_within else ""
+
+    def approach(self, goal: Goal, part: Part) -> Outcome | None:
+        """Halt a base that comes too close to something; return the end of its goal."""
+        base, monitor = self._parts.base, self._monitor
+        if part != "base" or base is None or monitor is None:
+            return None
+        if self._near is None:
+            self._near = monitor.approach() if base.is_moving else None
+            if self._near is not None:
+                base.halt()
+            return None
+        if base.is_halting:
+            return None
+        text = f"{monitor.measured(self._near)}; stopped before it touches"
+        self._near = None
+        navigator = self._parts.navigator
+        if navigator is not None and (asked := navigator.replan(text)):
+            self._reports.status(goal.id, "running", text=asked)
+            self._reports.warn(asked)
+            return None
+        return Outcome(state="failed", cause="blocked", text=text)
+
+    def hindrance(self, part: Part) -> str:
+        """Return a sentence about what hinders an arm on a path; empty: nothing."""
+        arm = self._parts.arm
+        if part != "arm":
+            return ""
+        # How close its own links come on a path, the planner has checked.
+        self._hindrance = None
+        if arm.blocked:
+            return arm.blocked
+        self._hindrance = self._sensed.hindrance(self._strange, on_plan=arm.follows_plan)
+        return "" if self._hindrance is None else str(self._hindrance)
+
+    def remember(self) -> bool:
+        """Remember where what is sensed hinders the arm; return whether it has done so before."""
+        near = self._hindrance
+        if near is None or self._q is None:
+            return False
+        return self._sensed.remember(near, self._parts.arm.links.position(near.ours, self._q))
+
+    @property
+    def _strange(self) -> Strange:
+        return self._watch.strange if self._watch is not None else ()
+
+    @property
+    def _nearest(self) -> tuple[Approach | None, float]:
+        """Return what the arm can least avoid, and what the hardest stop would leave [m]."""
+        return self._strange[0] if self._strange else (None, math.inf)
+
+    @property
+    def is_urgent(self) -> bool:
+        """Return whether the arm hits something unless it stops harder than the gripper holds."""
+        return self._nearest[1] < 0.0
+
+    def hurry(self, t: float) -> None:
+        """Stop harder than the gripper holds, where the stop under way turns out too weak."""
+        if self.is_urgent:
+            self._parts.arm.stop_harder(t)
+
+    def evade(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
+        """Stop for a hindrance; ask for another path, or return the end of a goal without one.
+
+        A straight line has no other path. What only the skin senses, the planner may not know: the
+        arm leaves it first, and gives up where another path leads to the same place.
+        """
+        again = self.remember()
+        if not self._parts.arm.follows_plan:
+            return self._give_up(part, f"{why}; stopped", t, "blocked")
+        if again:
+            return self._give_up(part, f"{why}; stopped; another path leads there again", t)
+        if self._hindrance is None:
+            return self.replan(goal, part, why, t)
+        distance, is_urgent = self._settings.back_off, self.is_urgent
+        self._retreat = ArmRetreat(
+            self._parts, self._hindrance, why, distance, t, is_urgent=is_urgent
+        )
+        self._reports.warn(f"{why}; stops")
+        return None
+
+    def replan(self, goal: Goal, part: Part, why: str, t: float) -> Outcome | None:
+        """Stop and ask for another path; return the end of a goal that cannot have one."""
+        most = self._settings.replans
+        stopped = why if "; stopped" in why else f"{why}; stopped"
+        if self._replans == most:
+            tried = f", after {most} other path{'s' if most > 1 else ''}" if most else ""
+            return self._give_up(part, f"{stopped}{tried}", t)
+        self._replans += 1
+        try:
+            self._parts.arm.replan(t, touches=self.is_urgent)
+        except RunError as exc:
+            return self._give_up(part, f"{stopped}; {exc}", t)
+        self._monitor_goal(goal, part)
+        text = f"{stopped}, asked for another path ({self._replans} of {most})"
+        self._reports.status(goal.id, "running", text=text)
+        self._reports.warn(text)
+        return None
+
+    def _give_up(self, part: Part, text: str, t: float, cause: str = "no_path") -> Outcome:
+        self._parts.rest(part, t, touches=self.is_urgent)
+        return Outcome(state="failed", cause=cause, text=text)
+
+
+def _comes(near: Approach, left: float) -> bool:
+    """Return whether two links come closer; left: of their gap after the hardest stop [m]."""
+    return near.gap - left > _COMES
+
+
+def _gap(watch: Watch) -> str:
+    ours, other = watch.near or ("", "")
+    return f"{ours} is {watch.gap * 1e3:.0f} mm from {other}"

@@ -1,0 +1,274 @@
+"""Analytic inverse kinematics of six revolute joints."""
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import Indices, Overload, RobotModel, Vector
+from stepbus_participant import extra_hint
+from stepbus_schemas import RunError
+from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.outcome import Refused
+
+try:
+    from eaik.IK_HP import HPRobot
+except ModuleNotFoundError:  # The extra `robots` is not installed: `AnalyticChain.warning`.
+    HPRobot = None
+
+TURN = 2 * math.pi
+
+_EXACT = 1e-6
+"""Largest error of a branch, of any entry of the pose [m, -]; others are none."""
+
+_SAME = 1e-6
+"""Joint distance below which two branches are one [rad]."""
+
+
+class AnalyticChain:
+    """Analytic inverse kinematics of six revolute joints in a row, by eaik.
+
+    Ostermeier, Külz, Althoff: Automatic Geometric Decomposition for Analytical Inverse Kinematics,
+    IEEE RA-L, 2025. tip: frame fixed to the last of them. Raises RunError for an unknown frame.
+    solves: whether the tip is moved by such joints and their geometry can be decomposed. warning:
+    that eaik is missing where it might; empty otherwise.
+    """
+
+    def __init__(self, robot: RobotModel, tip: str) -> None:
+        self._robot = robot
+        self._chain = robot.chain(tip)
+        self._tip = robot.frame_id(tip)
+        self._solver: Any = None
+        self.warning = ""
+        if HPRobot is not None and self._is_six_revolute():
+            self._set_up()
+        elif self._is_six_revolute():
+            self.warning = (
+                f"tip {tip!r}: eaik is not installed, so one solution of a pose is searched, "
+                f"instead of all computed{extra_hint('eaik')}"
+            )
+
+    @property
+    def solves(self) -> bool:
+        """Return whether there are analytic solutions."""
+        return self._solver is not None
+
+    def branches(self, target: Any, q: Vector) -> list[Vector]:
+        """Return all solutions for a pose of the tip, each of shape (n,) in [-π, π] [rad].
+
+        target: in the robot's base, a `pinocchio.SE3`. q: shape (n,) [rad]; joints that do not
+        move the tip stay there. Forward kinematics verified each; limits are not checked.
+        """
+        last = (target * self._tip_in_last.inverse()).homogeneous
+        # eaik counts the orientation from the one with all joints at 0.
+        last[:3, :3] = last[:3, :3] @ self._turned_at_zero.T
+        branches: list[Vector] = []
+        for row in self._solver.IK(last).Q:
+            branch = q.copy()
+            branch[self._order] = np.remainder(np.array(row) + math.pi, TURN) - math.pi
+            is_new = all(np.abs(_wrapped(branch - other)).max() > _SAME for other in branches)
+            if is_new and self._reaches(branch, target):
+                branches.append(branch)
+        return branches
+
+    def _is_six_revolute(self) -> bool:
+        model = self._robot.model
+        types = [model.joints[model.getJointId(name)].shortname() for name in self._names()]
+        return len(types) == 6 and all(name.startswith("JointModelR") for name in types)
+
+    def _names(self) -> list[str]:
+        """Return the joints that move the tip, starting at the base."""
+        model = self._robot.model
+        names = [self._robot.joints[index] for index in self._chain]
+        return sorted(names, key=model.getJointId)
+
+    def _set_up(self) -> None:
+        """Give eaik the axes and their positions, with all joints at 0, in the base's axes."""
+        robot, model, data = self._robot, self._robot.model, self._robot.data
+        ids = [model.getJointId(name) for name in self._names()]
+        self._order = np.array([robot.joints.index(name) for name in self._names()], dtype=np.intp)
+        zero = robot.in_model(np.zeros(len(robot.joints)))
+        pin.computeJointJacobians(model, data, zero)
+        pin.updateFramePlacements(model, data)
+        axes = []
+        for number in ids:
+            matrix = pin.getJointJacobian(model, data, number, pin.ReferenceFrame.WORLD)
+            axes.append(matrix[3:, model.idx_vs[number]])
+        origins = np.array([data.oMi[number].translation for number in ids])
+        offsets = np.diff(origins, axis=0, prepend=np.zeros((1, 3)))
+        self._turned_at_zero = data.oMi[ids[-1]].rotation.copy()
+        self._tip_in_last = data.oMi[ids[-1]].inverse() * data.oMf[self._tip]
+        solver = HPRobot(np.array(axes), np.vstack([offsets, np.zeros(3)]))
+        if solver.hasKnownDecomposition():
+            self._solver = solver
+
+    def _reaches(self, q: Vector, target: Any) -> bool:
+        model, data = self._robot.model, self._robot.data
+        pin.framesForwardKinematics(model, data, self._robot.in_model(q))
+        error = data.oMf[self._tip].homogeneous - target.homogeneous
+        return bool(np.abs(error).max() < _EXACT)
+
+
+def _wrapped(angle: Vector) -> Vector:
+    """Return angles in [-π, π] [rad]."""
+    wrapped: Vector = np.remainder(angle + math.pi, TURN) - math.pi
+    return wrapped
+
+
+@dataclass(frozen=True, kw_only=True)
+class BranchSettings:
+    """Which branches are accepted, and which comes first.
+
+    singular_below: smallest singular value of the tip's Jacobian, lengths in [m]. weights: of the
+    joints in the distance from where they are, shape (n,) [s/rad]; None: 1 / largest velocity,
+    so that it is a time. effort_share: of the effort limits that holding still may take.
+    """
+
+    singular_below: float = 0.01
+    weights: Vector | None = None
+    effort_share: float = 1.0
+
+
+class BranchSolver:
+    """Finds the solutions for a pose of a frame, the nearest first.
+
+    Where a chain has no analytic solution, damped least squares finds one. seed: of the search.
+    """
+
+    def __init__(self, robot: RobotModel, settings: BranchSettings, *, seed: int) -> None:
+        self._robot = robot
+        self._settings = settings
+        self._weights = 1.0 / robot.velocity_limit
+        if settings.weights is not None:
+            self._weights = settings.weights
+        search = IkSettings(singular_below=settings.singular_below)
+        self._search = InverseKinematics(robot, search, seed=seed)
+        self._chains: dict[str, AnalyticChain] = {}
+
+    def chain(self, tip: str) -> AnalyticChain:
+        """Return the analytic solver of a frame.
+
+        Raises RunError for an unknown frame, or one that no joint moves.
+        """
+        if tip not in self._chains:
+            if not self._robot.chain(tip).size:
+                raise RunError(f"no joint of this controller moves tip {tip!r}")
+            self._chains[tip] = AnalyticChain(self._robot, tip)
+        return self._chains[tip]
+
+    def solve(self, tip: str, target: Any, q: Vector) -> list[Vector]:
+        """Return solutions, each of shape (n,) [rad]: each branch once, then with full turns.
+
+        Both parts are ordered by the weighted distance from q, shape (n,) [rad]. target: in the
+        robot's base, a `pinocchio.SE3`. Raises Refused with cause unreachable, limits, singular or
+        not_holdable, and numbers; RunError for an unknown frame.
+        """
+        branches = self._branches(tip, target, q)
+        if not branches:
+            return [self._searched(tip, target, q)]
+        inside = [turns for branch in branches if (turns := self._turns(branch, q))]
+        if not inside:
+            raise Refused("limits", self._limits_text(tip, target, q, branches))
+        regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= self._least]
+        if not regular:
+            raise Refused("singular", self._singular_text(tip, inside))
+        holdable = [turns for turns in regular if self.overload(tip, turns[0]) is None]
+        if not holdable:
+            loads = [
+                load for turns in regular if (load := self.overload(tip, turns[0])) is not None
+            ]
+            least = min(loads, key=lambda load: load.required - load.available)
+            raise Refused("not_holdable", f"not holdable: {least}, even in the best solution")
+        nearest = sorted((turns[0] for turns in holdable), key=lambda one: self._distance(one, q))
+        turned = itertools.chain.from_iterable(turns[1:] for turns in holdable)
+        return nearest + sorted(turned, key=lambda one: self._distance(one, q))
+
+    def is_reachable(self, tip: str, target: Any, q: Vector) -> bool:
+        """Return whether any solution is good, without asking why not."""
+        if self.chain(tip).solves:
+            return any(self._is_good(tip, branch) for branch in self._branches(tip, target, q))
+        return self._search.solve(tip, target, q).verdict == "reached"
+
+    def _is_good(self, tip: str, branch: Vector) -> bool:
+        first, last = self._spans(branch)
+        regular = bool((first <= last).all()) and self.smallest(tip, branch) >= self._least
+        return regular and self.overload(tip, branch) is None
+
+    def _spans(self, branch: Vector) -> tuple[Indices, Indices]:
+        """Return the first and the last full turn of each joint that its limits allow."""
+        first = np.ceil((self._robot.lower - branch) / TURN).astype(np.intp)
+        last = np.floor((self._robot.upper - branch) / TURN).astype(np.intp)
+        return first, last
+
+    @property
+    def _least(self) -> float:
+        return self._settings.singular_below
+
+    def _branches(self, tip: str, target: Any, q: Vector) -> list[Vector]:
+        chain = self.chain(tip)
+        return chain.branches(target, q) if chain.solves else []
+
+    def _searched(self, tip: str, target: Any, q: Vector) -> Vector:
+        solution = self._search.solve(tip, target, q)
+        if solution.verdict != "reached":
+            raise Refused(solution.verdict, str(solution))
+        return solution.q
+
+    def _turns(self, branch: Vector, q: Vector) -> list[Vector]:
+        """Return a branch with full turns of its joints within their limits, the nearest first."""
+        first, last = self._spans(branch)
+        spans = [range(low, high + 1) for low, high in zip(first, last, strict=True)]
+        turned = branch + TURN * np.array(list(itertools.product(*spans))).reshape(-1, len(branch))
+        order = np.argsort(np.linalg.norm(self._weights * (turned - q), axis=1), kind="stable")
+        return list(turned[order])
+
+    def _distance(self, solution: Vector, q: Vector) -> float:
+        return float(np.linalg.norm(self._weights * (solution - q)))
+
+    def smallest(self, tip: str, q: Vector) -> float:
+        """Return the smallest singular value of a frame's Jacobian at q, lengths in [m]."""
+        robot = self._robot
+        _, jacobian = robot.jacobian(q, robot.frame_id(tip))
+        singular = np.linalg.svd(jacobian[:, robot.chain(tip)], compute_uv=False)
+        return float(singular.min())
+
+    def overload(self, tip: str, q: Vector) -> Overload | None:
+        """Return the joint that cannot hold the arm at q with its share of the effort limit."""
+        robot = self._robot
+        return robot.overload(q, robot.chain(tip), self._settings.effort_share)
+
+    def _limits_text(self, tip: str, target: Any, q: Vector, branches: Sequence[Vector]) -> str:
+        robot = self._robot
+        rows = [self._excess(branch) for branch in branches]
+        excess = min(rows, key=lambda row: float(row.max()))
+        branch = branches[next(i for i, row in enumerate(rows) if row is excess)]
+        worst = int(np.argmax(excess))
+        closest = self._search.solve(tip, target, q)
+        return (
+            f"out of limits: {robot.joints[worst]} would have to go to {branch[worst]:.3f} rad, "
+            f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}]; within them the "
+            f"closest pose is {closest.position_error * 1e3:.1f} mm and "
+            f"{math.degrees(closest.orientation_error):.1f}° away"
+        )
+
+    def _excess(self, branch: Vector) -> Vector:
+        """Return by how much each joint is beyond its limits at best, shape (n,) [rad]."""
+        rows: list[Vector] = []
+        for turns in (-1, 0, 1):
+            angle = branch + turns * TURN
+            rows.append(
+                np.maximum(np.maximum(self._robot.lower - angle, angle - self._robot.upper), 0)
+            )
+        least: Vector = np.min(rows, axis=0)
+        return least
+
+    def _singular_text(self, tip: str, inside: Sequence[Sequence[Vector]]) -> str:
+        best = max(self.smallest(tip, turns[0]) for turns in inside)
+        return (
+            f"singular: the best of {len(inside)} solutions has a smallest singular value of "
+            f"{best:.4f}; at least {self._least:.4f} is needed"
+        )

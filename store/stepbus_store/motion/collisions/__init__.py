@@ -1,1 +1,0 @@
-"""Watches the contacts of a robot."""

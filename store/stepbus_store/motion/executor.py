@@ -1,0 +1,151 @@
+"""Carries out one goal at a time, and reports what becomes of it."""
+
+from stepbus_schemas import Goal, RunError
+from stepbus_store.motion.active_goal import Active, UnderWay
+from stepbus_store.motion.avoidance import Avoidance, AvoidanceSettings
+from stepbus_store.motion.concurrent import BesideBase
+from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.outcome import Measured, Outcome, Reports, failure_of
+from stepbus_store.motion.parts import PART_OF, Part, Parts
+from stepbus_store.motion.sensed import Collision
+
+
+class GoalExecutor:
+    """Carries out one goal at a time; a new one cancels the one before, unless it has `base`.
+
+    Beside a goal of the base, one of the arm or the gripper is carried out, and then another one.
+
+    monitor: None: contacts are not checked. In each step: `check`, then `start` where there is a
+    new goal, then the commands of the parts, then what `reports` has to publish.
+    """
+
+    def __init__(
+        self,
+        parts: Parts,
+        *,
+        monitor: CollisionMonitor | None = None,
+        avoidance: AvoidanceSettings | None = None,
+    ) -> None:
+        self.reports = Reports()
+        self._parts = parts
+        settings = avoidance or AvoidanceSettings()
+        self._avoidance = Avoidance(parts, self.reports, monitor, settings)
+        self._goals = UnderWay(parts, self.reports, self._avoidance)
+        self._beside = BesideBase(self._goals)
+        self._measured: Measured | None = None
+
+    def hold(self, now: Measured) -> None:
+        """Stand still."""
+        self._measured = now
+        self._parts.hold(now)
+
+    def start(self, goal: Goal, t: float) -> None:
+        """Start a goal at a time [s]; its status reports what is wrong with it."""
+        part, goals, now = PART_OF[goal.type], self._goals, self._measured
+        if goal.base is not None and self._beside.takes(part):
+            self._beside.start(goal, part, now, t)
+            return
+        before = (goals.active, goals.driving, goals.stopped_beside)
+        cancelled = [old for old in before if old is not None]
+        for old in cancelled:
+            goals.cancel(old, goal)
+            if old.part != part:
+                self._parts.rest(old.part, t)
+        goals.driving, goals.companion, goals.returning, goals.stopped_beside = (
+            None,
+            None,
+            None,
+            None,
+        )
+        self._avoidance.start(goal, part)
+        active = Active(goal=goal, part=part)
+        try:
+            text = goals.move(goal, part, now, t)
+        except RunError as exc:
+            goals.report_end(active, failure_of(exc))
+            for old in cancelled:
+                self._parts.rest(old.part, t)
+            goals.active = None
+            return
+        caution = self._parts.arm.caution if part == "arm" else ""
+        self.reports.status(goal.id, "accepted", caution, text)
+        goals.active = active
+
+    def lose_planner(self, text: str, t: float) -> None:
+        """Stop, and fail all goals but `stop`, now and from now on: there are no plans any more."""
+        goals = self._goals
+        if goals.lost_planner:
+            return
+        goals.lost_planner = text
+        failure = Outcome(state="failed", cause="no_plan", text=text)
+        for _ in range(2):
+            active = goals.active
+            if active is not None and active.part != "all":
+                goals.rest(t)
+                goals.end(active, failure)
+
+    def check(self, now: Measured, t: float, dt: float) -> None:
+        """Compare with what was measured at a time [s], dt after the step before [s]."""
+        self._measured = now
+        goals = self._goals
+        scale = self._avoidance.scale(now, dt, has_goal=goals.active is not None)
+        if scale is not None or self._parts.base is not None:
+            self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
+            self._avoidance.hurry(t)
+        ends = self._parts.check(now, t)
+        self._parts.secure(now, dt)
+        collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
+        if goals.driving is not None:
+            touches, loses = collision is not None, bool(lost)
+            self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
+        active = goals.active
+        if active is None:
+            self.reports.warn(str(collision) if collision is not None else "", lost)
+            return
+        if not active.is_reported:
+            active.is_reported = True
+            self.reports.status(active.goal.id, "running")
+        if goals.companion is not None:
+            outcome = self._beside.outcome(goals.companion, ends["arm"], now, t)
+        else:
+            outcome = self._outcome(active, ends, collision, lost, t)
+        if outcome is not None and goals.returning is not None:
+            self.reports.warn(outcome.text if outcome.state == "failed" else "")
+            outcome = goals.returning.follow(outcome, now, t)
+            if outcome is None:
+                self._avoidance.join(active.goal, active.part)
+        if outcome is not None:
+            goals.end(active, outcome)
+
+    def _outcome(
+        self,
+        active: Active,
+        ends: dict[Part, Outcome | None],
+        collision: Collision | None,
+        lost: str,
+        t: float,
+    ) -> Outcome | None:
+        """Return the end of the goal under way, once it has ended."""
+        goal, part, avoidance = active.goal, active.part, self._avoidance
+        if part == "all":
+            self.reports.warn(lost)
+            return self._stopped(active, ends["arm"])
+        if avoidance.backs_off:
+            self.reports.warn(lost)
+            return avoidance.check_back_off(goal, part, ends[part], collision, t)
+        if collision is not None:
+            return avoidance.collide(goal, part, collision, t)
+        if lost:
+            self._goals.rest(t)
+            return Outcome(state="failed", cause="slipped", text=lost)
+        if hindrance := avoidance.hindrance(part):
+            return avoidance.evade(goal, part, hindrance, t)
+        return avoidance.approach(goal, part) or ends[part]
+
+    def _stopped(self, active: Active, end: Outcome | None) -> Outcome | None:
+        if end is not None and end.state == "failed":
+            return end
+        active.arm_rests = active.arm_rests or end is not None
+        if not (active.arm_rests and self._parts.base_rests()):
+            return None
+        return Outcome(state="succeeded", text="all is at rest")

@@ -1,0 +1,216 @@
+"""Paths of joints and of the tip, and the motion along them."""
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from stepbus_kinematics import RobotModel, Vector
+from stepbus_store.motion.outcome import Refused
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointPath:
+    """Cubic Hermite interpolation of joint positions over a parameter u.
+
+    u: shape (k,), increasing. q: shape (k, n) [rad]. slope: dq/du, shape (k, n).
+    """
+
+    u: Vector
+    q: Vector
+    slope: Vector
+
+    @cached_property
+    def _ends(self) -> Vector:
+        """Return the ends and the tangents of each piece, shape (k - 1, 4, n)."""
+        widths = np.diff(self.u)[:, np.newaxis]
+        tangents = (widths * self.slope[:-1], widths * self.slope[1:])
+        return np.stack([self.q[:-1], self.q[1:], *tangents], axis=1)
+
+    def at(self, u: float) -> tuple[Vector, Vector, Vector]:
+        """Return q, dq/du and d²q/du² at u, each of shape (n,); u is clipped to the path."""
+        piece = int(np.searchsorted(self.u, u, side="right")) - 1
+        piece = min(max(piece, 0), len(self.u) - 2)
+        width = float(self.u[piece + 1] - self.u[piece])
+        x = min(max((u - float(self.u[piece])) / width, 0.0), 1.0)
+        one, two = 6 * x * (x - 1) / width, (12 * x - 6) / width**2
+        blend = np.array(
+            [
+                [1 + x * x * (2 * x - 3), x * x * (3 - 2 * x), x * (1 - x) ** 2, x * x * (x - 1)],
+                [one, -one, (1 + x * (3 * x - 4)) / width, x * (3 * x - 2) / width],
+                [two, -two, (6 * x - 4) / width**2, (6 * x - 2) / width**2],
+            ]
+        )
+        q, slope, curve = blend @ self._ends[piece]
+        return q, slope, curve
+
+
+def joint_path(points: Sequence[Vector]) -> JointPath:
+    """Return a smooth path through joint positions, each of shape (n,), over their distance [rad].
+
+    The slopes are those of Catmull and Rom; points closer than 1e-9 rad to the one before are left
+    out. Raises Refused where fewer than two are left.
+    """
+    kept: list[Vector] = []
+    for point in points:
+        if not kept or float(np.linalg.norm(point - kept[-1])) > 1e-9:
+            kept.append(point)
+    if len(kept) < 2:
+        raise Refused("no_path", "the path has no length: the arm is there already")
+    q = np.array(kept)
+    u = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
+    return JointPath(u=u, q=q, slope=np.gradient(q, u, axis=0))
+
+
+EVERY_M = 0.01
+"""Distance of the poses of a path for which the joints are solved [m]; cubics with exact slopes
+stay within a micrometre of the path in between."""
+
+_EVERY_RAD = 0.05
+"""The same, where the tip turns [rad]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TipPose:
+    """One pose on a path of the tip.
+
+    u: length of the path so far [m]; turning counts too, see `line`. pose: of the tip in the
+    robot's base, a `pinocchio.SE3`. twist: its derivative by u, in the axes of the base, shape
+    (6,) [-, rad/m].
+    """
+
+    u: float
+    pose: Any
+    twist: Vector
+
+
+def line(start: Any, end: Any, radius: float) -> list[TipPose]:
+    """Return the straight path between two `pinocchio.SE3`, turning evenly (slerp).
+
+    radius: length that a turn of 1 rad counts, where turning takes longer than moving [m].
+    """
+    shift = end.translation - start.translation
+    turn = start.rotation @ pin.log3(start.rotation.T @ end.rotation)
+    angle = float(np.linalg.norm(turn))
+    length = max(float(np.linalg.norm(shift)), angle * radius)
+    if length < 1e-9:
+        return []
+    count = max(math.ceil(np.linalg.norm(shift) / EVERY_M), math.ceil(angle / _EVERY_RAD), 1)
+    twist = np.concatenate([shift, turn]) / length
+    poses = []
+    for share in np.linspace(0.0, 1.0, count + 1):
+        rotation = pin.exp3(turn * share) @ start.rotation
+        pose = pin.SE3(rotation, start.translation + share * shift)
+        poses.append(TipPose(u=float(share) * length, pose=pose, twist=twist))
+    return poses
+
+
+_CLOSE = 1e-5
+"""Error at which one more step of Newton's method is the last: it squares the error [m, rad]."""
+
+_LARGEST_STEP = 0.3
+"""Of a joint between two poses [rad]; more is a jump to another branch."""
+
+
+class Lost(Refused):
+    """A path of the tip that the joints cannot follow; index: of the first such pose."""
+
+    def __init__(self, cause: str, text: str, index: int) -> None:
+        super().__init__(cause, text)
+        self.index = index
+
+
+def follow(
+    robot: RobotModel, tip: str, path: Sequence[TipPose], start: Vector, singular_below: float
+) -> JointPath:
+    """Return the joints along a path of the tip, staying on the branch of their start.
+
+    start: where the tip is at the first pose, shape (n,) [rad]. Between two poses the joints are
+    predicted by the Jacobian, then corrected by Newton's method. Raises Lost with cause
+    unreachable, limits or singular where the path leaves the branch.
+    """
+    tracer = _Tracer(robot, tip, singular_below)
+    q, slope = start, np.zeros(len(start))
+    rows: list[Vector] = []
+    slopes: list[Vector] = []
+    for index, pose in enumerate(path):
+        ahead = pose.u - path[index - 1].u if index else 0.0
+        try:
+            q, slope = tracer.step(q, q + slope * ahead, pose)
+        except Refused as exc:
+            total = path[-1].u
+            text = f"{exc} after {pose.u:.3f} of {total:.3f} m of the path"
+            raise Lost(exc.cause, text, index) from exc
+        rows.append(q)
+        slopes.append(slope)
+    u = np.array([pose.u for pose in path])
+    return JointPath(u=u, q=np.array(rows), slope=np.array(slopes))
+
+
+class _Tracer:
+    def __init__(self, robot: RobotModel, tip: str, singular_below: float) -> None:
+        self._robot = robot
+        self._chain = robot.chain(tip)
+        self._number = robot.frame_id(tip)
+        self._least = singular_below
+
+    def step(self, before: Vector, guess: Vector, wanted: TipPose) -> tuple[Vector, Vector]:
+        """Return joints at a pose and their slope, from those before and a guess."""
+        error = np.zeros(6)
+        for q, jacobian, error in self._approach(guess, wanted.pose):
+            if np.abs(q - before).max() > _LARGEST_STEP:
+                self._check_singular(jacobian)
+                raise Refused("singular", "singular: the joints would jump to another branch")
+            if np.abs(error).max() < _CLOSE:
+                self._check_singular(jacobian)
+                both = _solved(jacobian, np.stack([error, wanted.twist], axis=1))
+                end, slope = q.copy(), np.zeros(len(q))
+                end[self._chain] += both[:, 0]
+                slope[self._chain] = both[:, 1]
+                self._check_limits(end)
+                return end, slope
+        miss = float(np.linalg.norm(error[:3])) * 1e3
+        raise Refused("unreachable", f"unreachable: the tip stays {miss:.1f} mm away")
+
+    def _approach(self, guess: Vector, pose: Any) -> Iterator[tuple[Vector, Vector, Vector]]:
+        q = guess.copy()
+        for _ in range(10):
+            now, matrix = self._robot.jacobian(q, self._number)
+            turn = now.rotation @ pin.log3(now.rotation.T @ pose.rotation)
+            error = np.concatenate([pose.translation - now.translation, turn])
+            jacobian = matrix[:, self._chain]
+            yield q, jacobian, error
+            q = q.copy()
+            q[self._chain] += _solved(jacobian, error)
+
+    def _check_singular(self, jacobian: Vector) -> None:
+        least = float(np.linalg.svd(jacobian, compute_uv=False).min())
+        if least < self._least:
+            text = f"the smallest singular value falls to {least:.4f}, below {self._least:.4f},"
+            raise Refused("singular", f"singular: {text}")
+
+    def _check_limits(self, q: Vector) -> None:
+        robot = self._robot
+        beyond = np.maximum(robot.lower - q, q - robot.upper)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] > 1e-9:
+            joint = robot.joints[worst]
+            raise Refused(
+                "limits",
+                f"out of limits: {joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}, "
+                f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
+            )
+
+
+def _solved(jacobian: Vector, twist: Vector) -> Vector:
+    """Return the joint velocities of twists, shape (6,) or (6, k); jacobian: shape (6, m)."""
+    if jacobian.shape[1] == 6:
+        try:
+            return np.asarray(np.linalg.solve(jacobian, twist), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            pass
+    return np.asarray(np.linalg.lstsq(jacobian, twist, rcond=None)[0], dtype=np.float64)

@@ -1,1 +1,0 @@
-"""Goals: from their start to their outcome."""

@@ -1,0 +1,147 @@
+"""Joint motion to a goal within velocity, acceleration and jerk limits, by ruckig."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import ruckig
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import JointCommand
+from stepbus_store.motion.outcome import Refused
+
+
+@dataclass(frozen=True, kw_only=True)
+class MotionLimits:
+    """Largest velocity, acceleration, jerk, each of shape (n,) [rad/s, rad/s², rad/s³]."""
+
+    velocity: Vector
+    acceleration: Vector
+    jerk: Vector
+
+    @classmethod
+    def of_one(cls, velocity: float, acceleration: float, jerk: float) -> MotionLimits:
+        """Return the limits of a single coordinate, shape (1,)."""
+        rows = (np.array([limit]) for limit in (velocity, acceleration, jerk))
+        return cls(**dict(zip(("velocity", "acceleration", "jerk"), rows, strict=True)))
+
+    def at_least(self, acceleration: float, jerk: float) -> MotionLimits:
+        """Return these limits, with none of acceleration and jerk smaller than the given ones."""
+        return MotionLimits(
+            velocity=self.velocity,
+            acceleration=np.maximum(self.acceleration, acceleration),
+            jerk=np.maximum(self.jerk, jerk),
+        )
+
+    def slowed(self, factor: float) -> MotionLimits:
+        """Return the limits of the same motion in `factor` times the duration."""
+        return MotionLimits(
+            velocity=self.velocity / factor,
+            acceleration=self.acceleration / factor**2,
+            jerk=self.jerk / factor**3,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointMotion:
+    """Position, velocity, acceleration of joints, shape (n,) [rad, rad/s, rad/s²]."""
+
+    position: Vector
+    velocity: Vector
+    acceleration: Vector
+
+    @classmethod
+    def at_rest(cls, position: Vector) -> JointMotion:
+        """Return joints that stand still at a position, shape (n,) [rad]."""
+        still = np.zeros_like(position)
+        return cls(position=position, velocity=still, acceleration=still)
+
+    def command(self) -> JointCommand:
+        """Return the command for position motors with feed-forward velocity."""
+        position, velocity = self.position.tolist(), self.velocity.tolist()
+        return JointCommand(mode="position", values=position, velocity=velocity)
+
+    @property
+    def is_moving(self) -> bool:
+        """Return whether any joint moves or accelerates."""
+        return bool(self.velocity.any() or self.acceleration.any())
+
+    def scaled(self, rate: float) -> JointMotion:
+        """Return the same motion with its time running `rate` times as fast."""
+        return JointMotion(
+            position=self.position,
+            velocity=self.velocity * rate,
+            acceleration=self.acceleration * rate**2,
+        )
+
+
+class Motion:
+    """A motion to rest in which all joints arrive together; after it they stay there.
+
+    duration: [s].
+    """
+
+    def __init__(self, trajectory: Any) -> None:
+        self._trajectory = trajectory
+        self.duration: float = trajectory.duration
+
+    def at(self, t: float) -> JointMotion:
+        """Return the joints at a time since its start [s]."""
+        if t >= self.duration:
+            return JointMotion.at_rest(np.array(self._trajectory.at_time(self.duration)[0]))
+        rows = self._trajectory.at_time(max(t, 0.0))
+        position, velocity, acceleration = (np.array(row) for row in rows[:3])
+        return JointMotion(position=position, velocity=velocity, acceleration=acceleration)
+
+
+def motion_to(
+    start: JointMotion, goal: Vector, limits: MotionLimits, least_duration: float = 0.0
+) -> Motion:
+    """Return the fastest motion to rest at goal, shape (n,) [rad].
+
+    From rest, the joints stay on the straight line between both. least_duration: the motion takes
+    at least so long [s]. Raises Refused with cause no_path where no motion keeps the limits.
+    """
+    given = _input(start, limits)
+    given.target_position = goal.tolist()
+    if not start.is_moving:
+        given.synchronization = ruckig.Synchronization.Phase
+    if least_duration > 0:
+        given.minimum_duration = least_duration
+    return _calculated(given)
+
+
+def stop_from(start: JointMotion, limits: MotionLimits) -> Motion:
+    """Return the fastest motion to a standstill, wherever that is.
+
+    Raises Refused with cause no_path where no motion keeps the limits.
+    """
+    given = _input(start, limits)
+    given.control_interface = ruckig.ControlInterface.Velocity
+    given.synchronization = ruckig.Synchronization.No
+    return _calculated(given)
+
+
+def _input(start: JointMotion, limits: MotionLimits) -> Any:
+    given = ruckig.InputParameter(len(start.position))
+    given.current_position = start.position.tolist()
+    given.current_velocity = start.velocity.tolist()
+    given.current_acceleration = start.acceleration.tolist()
+    given.max_velocity = limits.velocity.tolist()
+    given.max_acceleration = limits.acceleration.tolist()
+    given.max_jerk = limits.jerk.tolist()
+    return given
+
+
+def _calculated(given: Any) -> Motion:
+    trajectory = ruckig.Trajectory(given.degrees_of_freedom)
+    try:
+        result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
+    except (ruckig.RuckigError, ValueError) as exc:
+        # A ValueError is a result that its Python side has no name for, as a duration of hours.
+        raise Refused("no_path", f"ruckig finds no motion within the limits: {exc}") from exc
+    if result != ruckig.Result.Working:
+        raise Refused("no_path", f"ruckig finds no motion within the limits: {result}")
+    return Motion(trajectory)

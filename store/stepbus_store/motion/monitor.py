@@ -1,0 +1,350 @@
+"""What the pads of a gripper hold, as its contacts show."""
+
+import math
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import replace
+from typing import Literal, NamedTuple
+
+from stepbus_schemas import Contacts, RunError
+from stepbus_store.motion.sensed import Approach, Collision, MonitorSettings, Watch
+
+_APART = 5e-3
+"""Distance from which a thing that was between the pads counts as let go [m]."""
+
+
+class Grasp:
+    """Follows what is between the pads, from step to step.
+
+    held: link of the world between them; empty: none. stood_on: what that touched when it was
+    taken. around: links of the robot that were near it then. between: what is or was between the
+    pads, until they have let go of it.
+    """
+
+    def __init__(self, settings: MonitorSettings) -> None:
+        self._settings = settings
+        self.held = ""
+        self.stood_on: set[str] = set()
+        self.around: set[str] = set()
+        self.between: set[str] = set()
+
+    def update(self, contacts: Contacts, *, holding: bool, grips: bool) -> None:
+        """Take the contacts of a step.
+
+        holding: whether the gripper holds something between its pads. grips: whether the goal
+        under way moves them.
+        """
+        touched = {pad: _touched_by(contacts, pad) for pad in self._settings.pads}
+        close = {link for pad in self._settings.pads for link in _near(contacts, pad, _APART)}
+        one, other = (touched[pad] for pad in self._settings.pads)
+        if grips:
+            self.between |= set(one) | set(other)
+        self.between &= close
+        both = [link for link in one if link in other]
+        if holding and both and self.held not in both:
+            self.held = both[0]
+            near = set(_near(contacts, self.held, self._settings.within))
+            self.around = near & self._settings.links
+            self.stood_on = set(_near(contacts, self.held, 1e-3)) - self._settings.links
+        elif not holding and self.held and self.held not in both:
+            self.between.add(self.held)
+            self.held, self.stood_on, self.around = "", set(), set()
+
+
+def _touched_by(contacts: Contacts, link: str) -> list[str]:
+    """Return what presses on a link, the hardest first."""
+    rows = zip(contacts.pairs, contacts.force, strict=True)
+    touching = [
+        (-force, _other(pair, link)) for pair, force in rows if link in pair and force > 0.0
+    ]
+    return [name for _, name in sorted(touching)]
+
+
+def _near(contacts: Contacts, link: str, within: float) -> list[str]:
+    rows = zip(contacts.pairs, contacts.distance, strict=True)
+    return [_other(pair, link) for pair, gap in rows if link in pair and gap < within]
+
+
+def _other(pair: tuple[str, str], link: str) -> str:
+    return pair[1] if pair[0] == link else pair[0]
+
+
+Moves = Literal["arm", "base", "all"]
+"""What a goal moves; the gripper belongs to the arm."""
+
+_CLOSER = 1e-5
+"""Change of a distance in a step from which a link comes closer [m]."""
+
+_SIDEWAYS = 0.3
+"""Share of a link's speed that counts as coming closer, even if the gap has not become smaller."""
+
+_STANDING = 1e-5
+"""Movement in a step below which the direction of a link is not known [m]."""
+
+_SUDDEN = 0.03
+"""So much nearer than the range of the contacts, something new has not come from beyond it, even
+if it is measured somewhat too near [m]."""
+
+_GROUND_WITHIN = 5e-3
+"""What the wheels are closer to at the start is what they stand on [m]."""
+
+
+class _Row(NamedTuple):
+    """One pair of links, the robot's own (or what it holds) first."""
+
+    ours: str
+    other: str
+    force: float
+    distance: float
+
+
+class CollisionMonitor:
+    """Finds what a robot touches that its goal does not allow, step by step.
+
+    The pads may touch `touches`, what is held until they have let go of it, and anything while they
+    grip; what is held may touch `touches` and what it touched when it was taken; wheels and casters
+    may touch the ground. A touch that is there when a goal starts counts only once it becomes
+    harder, so that the robot can leave. Near things, other than what is held and moves along, slow
+    the arm down, so that each link can stop before it touches them; a link that passes by counts
+    with a share of its speed.
+    """
+
+    def __init__(self, settings: MonitorSettings) -> None:
+        self._settings = settings
+        self._ground: set[str] = set()
+        self._grasp = Grasp(settings)
+        self._touches: frozenset[str] = frozenset()
+        self._grips = False
+        self._moves: Moves = "all"
+        self._known: dict[tuple[str, str], float] = {}
+        self._last: list[_Row] = []
+        self._closing: list[_Row] = []
+        self._gaps: dict[tuple[str, str], float] = {}
+        self.wary: frozenset[str] = frozenset()
+        """What has stopped the arm before."""
+
+    @property
+    def held(self) -> str:
+        """Return the link of the world between the pads; empty: none."""
+        return self._grasp.held
+
+    def start(
+        self, touches: Collection[str] = (), *, grips: bool = False, moves: Moves = "all"
+    ) -> None:
+        """Start to monitor a goal; touches: links of the world that it may touch.
+
+        grips: whether it moves the pads. moves: what it moves; what cannot come closer by that
+        slows nothing down.
+        """
+        self._touches = frozenset(touches)
+        self._grips, self._moves = grips, moves
+        self._known = {(row.ours, row.other): row.force for row in self._last if row.force > 0.0}
+
+    def update(
+        self,
+        contacts: Contacts,
+        *,
+        holding: bool,
+        dt: float,
+        speed_of: Callable[[str], tuple[float, float]] = lambda _: (1.0, 1.0),
+        base_speed: float = 0.0,
+    ) -> Watch:
+        """Check the contacts of a step, dt [s] after the one before.
+
+        holding: whether the gripper holds something between its pads. speed_of: speed of a link of
+        the robot, or of what it holds, now and at the arm's full rate [m/s]. base_speed: of the
+        fastest point that the base moves [m/s]. Raises RunError for contacts whose fields have
+        different lengths.
+        """
+        counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
+        if len(set(counts)) > 1:
+            text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
+            raise RunError(f"the contacts have {text}; they need as many of each")
+        self._learn_ground(contacts)
+        self._grasp.update(contacts, holding=holding, grips=self._grips)
+        self._gaps = {(row.ours, row.other): row.distance for row in self._last}
+        self._last = list(self._rows(contacts))
+        watched = [row for row in self._last if not self._is_allowed(row)]
+        closing = self._closing = [row for row in watched if self._may_close(row)]
+        nearest = min(closing, key=lambda row: row.distance, default=None)
+        if nearest is not None and nearest.distance >= self._settings.within:
+            nearest = None
+        speeds = [self._speeds(row, speed_of) for row in closing]
+        closer = [
+            self._closer(row, dt * (now + base_speed))
+            for row, (now, _) in zip(closing, speeds, strict=True)
+        ]
+        shares = [
+            (self._share(row, share * full), row)
+            for row, share, (_, full) in zip(closing, closer, speeds, strict=True)
+        ]
+        scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
+        unseen = self._settings.unseen_speed(holding=bool(self.held))
+        fastest = max((speed_of(pad)[1] for pad in self._settings.pads), default=0.0)
+        if fastest * scale > unseen and self._moves != "base":
+            scale, slowed = unseen / fastest, None
+        rooms = [
+            row.distance / share
+            for row, share in zip(closing, closer, strict=True)
+            if not self._is_ours(row.other)
+        ]
+        return Watch(
+            collision=self._hardest(watched),
+            near=(nearest.ours, nearest.other) if nearest else None,
+            gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
+            room=max(min(rooms, default=math.inf), 0.0),
+            held=self.held,
+            scale=scale,
+            slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
+            strange=self._strange(closing, dt, speed_of, base_speed),
+        )
+
+    def _strange(
+        self,
+        closing: list[_Row],
+        dt: float,
+        speed_of: Callable[[str], tuple[float, float]],
+        base_speed: float,
+    ) -> tuple[tuple[Approach, float], ...]:
+        """Return the pairs of `Watch.strange`; dt: since the last contacts [s].
+
+        What appears all of a sudden comes as fast as the link moves at all.
+        """
+        settings = self._settings
+        contacts = []
+        for row in closing:
+            if {row.ours, row.other} <= settings.links or row.ours in settings.base_links:
+                continue
+            before = self._gaps.get((row.ours, row.other))
+            if before is not None:
+                speed = max((before - row.distance) / dt, 0.0)
+            elif row.distance < settings.range - _SUDDEN:
+                speed = self._speeds(row, speed_of)[0] + base_speed
+            else:
+                speed = 0.0
+            left = row.distance - settings.stopping(speed, holding=bool(self.held))
+            gap = max(row.distance, 0.0)
+            contacts.append((Approach(ours=row.ours, other=row.other, gap=gap), left))
+        return tuple(sorted(contacts, key=lambda pair: pair[1]))
+
+    def approach(self, *, besides: tuple[str, str] | None = None) -> Approach | None:
+        """Return the closest pair that has come closer in this step and is about to touch.
+
+        besides: a pair whose second link does not count. None: there is no such pair.
+        """
+        close = [
+            row
+            for row in self._closing
+            if row.distance < self._settings.halt
+            and not self._is_ours(row.other)
+            and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
+            and (besides is None or row.other != besides[1])
+        ]
+        if not close:
+            return None
+        nearest = min(close, key=lambda row: row.distance)
+        return Approach(ours=nearest.ours, other=nearest.other, gap=nearest.distance)
+
+    def is_own(self, collision: Collision) -> bool:
+        """Return whether both belong to the robot, or are held by it."""
+        return self._is_ours(collision.other)
+
+    def measured(self, approach: Approach) -> Approach:
+        """Return an approach with the gap of this step."""
+        _, gap = self.touch((approach.ours, approach.other))
+        return replace(approach, gap=approach.gap if gap is None else gap)
+
+    def touch(self, pair: tuple[str, str]) -> tuple[float, float | None]:
+        """Return force [N] and distance [m] of a pair, the robot's link first; None: it is far."""
+        rows = [row for row in self._last if (row.ours, row.other) == pair]
+        return (rows[0].force, rows[0].distance) if rows else (0.0, None)
+
+    def _share(self, row: _Row, closing: float) -> float:
+        """Return the share of the full rate at which two links can stop before they touch.
+
+        closing: how fast they come closer at the full rate [m/s].
+        """
+        if row.distance >= self._settings.within:
+            return 1.0
+        # Where base and arm move, each of them may use up one half.
+        gap = row.distance / 2 if self._moves == "all" else row.distance
+        speed = self._settings.safe_speed(gap, wary=row.other in self.wary)
+        return min(speed / max(closing, 1e-9), 1.0)
+
+    def _speeds(
+        self, row: _Row, speed_of: Callable[[str], tuple[float, float]]
+    ) -> tuple[float, float]:
+        """Return how fast two links move, now and at the arm's full rate [m/s]."""
+        speeds = [speed_of(link) for link in (row.ours, row.other) if self._is_ours(link)]
+        return sum(now for now, _ in speeds), sum(full for _, full in speeds)
+
+    def _closer(self, row: _Row, moved: float) -> float:
+        """Return by which share of the way that two links have moved they came closer [m]."""
+        before = self._gaps.get((row.ours, row.other))
+        if before is None:
+            return 1.0
+        share = (before - row.distance) / max(moved, _STANDING)
+        return min(max(share, _SIDEWAYS), 1.0)
+
+    def _hardest(self, watched: list[_Row]) -> Collision | None:
+        settings = self._settings
+        hard = [
+            row
+            for row in watched
+            if row.force > settings.force
+            and row.force > self._known.get((row.ours, row.other), -1e9) + settings.more_force
+        ]
+        if not hard:
+            return None
+        worst = max(hard, key=lambda row: row.force)
+        return Collision(ours=worst.ours, other=worst.other, force=worst.force)
+
+    def _rows(self, contacts: Contacts) -> Iterator[_Row]:
+        """Yield the pairs of the robot, or of what it holds, with anything else."""
+        rows = zip(contacts.pairs, contacts.force, contacts.distance, strict=True)
+        for (one, other), force, distance in rows:
+            if self._is_ours(one):
+                yield _Row(one, other, force, distance)
+            elif self._is_ours(other):
+                yield _Row(other, one, force, distance)
+
+    def _is_ours(self, link: str) -> bool:
+        return link in self._settings.links or (bool(self.held) and link == self.held)
+
+    def _is_allowed(self, row: _Row) -> bool:
+        settings, pair = self._settings, {row.ours, row.other}
+        if pair & settings.ignore and pair & self._ground:
+            return True
+        pads = pair.intersection(settings.pads)
+        if pads:
+            others = pair - pads
+            soft = self._touches | self._grasp.between | {self.held}
+            return self._grips or not others or bool(others & soft)
+        if self.held in pair:
+            return bool((pair - {self.held}) & (self._touches | self._grasp.stood_on))
+        return False
+
+    def _may_close(self, row: _Row) -> bool:
+        """Return whether the goal under way can make a gap smaller.
+
+        It cannot between what is held and a link around it, as the palm; between the world and a
+        base that stands; between two links of a robot of which only the base moves, or which has
+        checked its motion for that.
+        """
+        pair = {row.ours, row.other}
+        if self._settings.checks_itself and pair <= self._settings.links:
+            return False
+        if self.held in pair and pair & self._grasp.around:
+            return False
+        both_ours = self._is_ours(row.other)
+        if self._moves == "base":
+            return not both_ours
+        stands = self._moves == "arm" and row.ours in self._settings.base_links
+        return both_ours or not stands
+
+    def _learn_ground(self, contacts: Contacts) -> None:
+        """Take what wheels and casters touch at the start for the ground."""
+        if self._ground:
+            return
+        for pair, distance in zip(contacts.pairs, contacts.distance, strict=True):
+            if distance < _GROUND_WITHIN and self._settings.ignore.intersection(pair):
+                self._ground.update(set(pair) - self._settings.links)

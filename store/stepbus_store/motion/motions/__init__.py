@@ -1,1 +1,0 @@
-"""Motions of joints over time: within limits, fitted to motors, slowed down, stopped."""

@@ -1,0 +1,148 @@
+"""The parts of a robot, and which of them carries out a goal."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Literal
+
+from stepbus_schemas import Goal, GoalType, RunError
+from stepbus_store.motion.back_to_rest import StowCondition
+from stepbus_store.motion.base.base_motion import BaseMotion
+from stepbus_store.motion.base.navigator import Navigator
+from stepbus_store.motion.gripper import Gripper, Scale
+from stepbus_store.motion.manipulator.manipulator import Manipulator
+from stepbus_store.motion.monitor import Moves
+from stepbus_store.motion.outcome import Measured, Outcome, Refused
+
+Part = Literal["arm", "base", "gripper", "all"]
+
+PART_OF: Mapping[GoalType, Part] = {
+    "move_joints": "arm",
+    "move_to_pose": "arm",
+    "move_linear": "arm",
+    "spiral": "arm",
+    "back_to_rest": "arm",
+    "drive": "base",
+    "turn": "base",
+    "go_to": "base",
+    "go_together": "base",
+    "grip": "gripper",
+    "stop": "all",
+}
+"""Which part of the robot carries out a goal."""
+
+MOVES: Mapping[Part, Moves] = {"arm": "arm", "gripper": "arm", "base": "base", "all": "all"}
+"""What the collision monitor must expect to move."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parts:
+    """The parts of a robot; None: it has none.
+
+    navigator: plans routes of the base; None: it drives straight. stow: how the arm must be stowed
+    before the base moves; None: any way. scale: weighs what the gripper holds; None: it counts
+    nothing.
+    """
+
+    arm: Manipulator
+    base: BaseMotion | None = None
+    navigator: Navigator | None = None
+    gripper: Gripper | None = None
+    stow: StowCondition | None = None
+    scale: Scale | None = None
+
+    def hold(self, now: Measured) -> None:
+        """Stand still."""
+        self.arm.hold(now.q)
+        if self.base is not None:
+            self.base.hold(now.base)
+        if self.gripper is not None and now.gripper is not None:
+            self.gripper.hold(now.gripper)
+
+    def start(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
+        """Start a goal at a time [s] and return a sentence; raises Refused."""
+        match part:
+            case "arm":
+                return self.arm.start(goal, now.q, now.base, t, held=held)
+            case "base" if self.base is not None:
+                if self.stow is not None:
+                    self.stow.check(now.q)
+                if self.navigator is None and goal.type == "go_together":
+                    raise Refused("invalid", "go_together needs a planner")
+                if self.navigator is not None and goal.type in {"go_to", "go_together"}:
+                    return self.navigator.start(goal, held, t, now.base)
+                if self.navigator is not None:
+                    self.navigator.cancel()
+                return self.base.start(goal, now.base)
+            case "gripper" if self.gripper is not None:
+                return self.gripper.start(goal, t)
+            case "all":
+                self.arm.stop(t)
+                self.rest("base", t)
+                return "stop"
+        raise Refused("invalid", f"this robot has no {part} for goals of type {goal.type}")
+
+    def advance(self, dt: float, scale: float, gap: float) -> None:
+        """Move arm and base on by dt [s].
+
+        scale: of the arm's speed, 0 to 1. gap: within which the base could stop [m].
+        """
+        self.arm.advance(dt, scale)
+        if self.base is not None:
+            self.base.advance(dt, gap)
+
+    def secure(self, now: Measured, dt: float) -> None:
+        """Grip what is held as hard as it needs, and move with its weight.
+
+        dt: time since the step before [s].
+        """
+        gripper, scale = self.gripper, self.scale
+        if gripper is None or now.gripper is None:
+            return
+        if scale is None or not gripper.holds:
+            load = 0.0
+            if scale is not None:
+                scale.clear()
+        elif now.effort is not None and self.base_rests():
+            load = scale.weigh(now.q, now.v, now.effort, dt)
+        else:
+            load = scale.load
+        gripper.secure(load)
+        self.arm.carry(load)
+
+    def check(self, now: Measured, t: float) -> dict[Part, Outcome | None]:
+        """Return how the goal of each part ended at a time [s], once it has."""
+        ends: dict[Part, Outcome | None] = {"arm": self.arm.check(now.q, now.v, t)}
+        if self.base is not None:
+            end = self.base.check(now.base)
+            ends["base"] = end if self.navigator is None else self.navigator.check(end, t)
+        if self.gripper is not None and now.gripper is not None:
+            ends["gripper"] = self.gripper.check(now.gripper, t)
+        return ends
+
+    def lost(self, t: float) -> str:
+        """Return a sentence once the gripper has lost what it held, else nothing."""
+        return self.gripper.lost(t) if self.gripper is not None else ""
+
+    def rest(self, part: Part, t: float, *, touches: bool = False) -> None:
+        """Bring a part to rest at a time [s]; touches: the robot has touched something."""
+        if part == "arm":
+            self.arm.stop(t, touches=touches)
+        elif part == "base" and self.base is not None:
+            if self.navigator is not None:
+                self.navigator.cancel()
+            self.base.stop()
+        elif part == "gripper" and self.gripper is not None:
+            self.gripper.stop()
+
+    def back_off_arm(self, t: float, distance: float) -> float:
+        """Start to go back along the arm's path so far; return its length [m]."""
+        try:
+            return self.arm.back_off(t, distance)
+        except RunError:
+            # There is no path to go back along, or none within the limits.
+            self.arm.stop(t, touches=True)
+            return 0.0
+
+    def base_rests(self) -> bool:
+        """Return whether no base follows a reference that moves."""
+        return self.base is None or not self.base.is_moving

@@ -1,0 +1,201 @@
+"""From a planner's answer to a motion."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_schemas import Plan, RunError
+from stepbus_store.motion.braking import TipLimit, hard_stop, stop_on_path
+from stepbus_store.motion.fitting import is_strong_enough, sampled
+from stepbus_store.motion.follow import JointPath
+from stepbus_store.motion.joint_clock import MotionClock
+from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, stop_from
+from stepbus_store.motion.outcome import Refused
+from stepbus_store.motion.trajectory import Joined, Rest, Timed, Trajectory
+
+
+def planned(
+    plan: Plan, start: Vector, goal: Vector, robot: RobotModel, *, tolerance: float = 1e-3
+) -> Timed:
+    """Return the motion of a plan, cubic between its samples.
+
+    start, goal: where it must start and end, shape (n,) [rad], within `tolerance` [rad].
+    Raises Refused with cause bad_plan for a plan that does not fit.
+    """
+    if (problem := _shape_problem(plan, len(robot.joints))) is not None:
+        raise Refused("bad_plan", f"plan {plan.id} {problem}")
+    u, q, slope = (
+        np.array(row, dtype=np.float64) for row in (plan.times, plan.position, plan.velocity)
+    )
+    for name, wanted, got in (("start", start, q[0]), ("end", goal, q[-1])):
+        worst = int(np.argmax(np.abs(got - wanted)))
+        if abs(got[worst] - wanted[worst]) > tolerance:
+            joint, unit = robot.joints[worst], robot.unit(robot.joints[worst])
+            raise Refused(
+                "bad_plan",
+                f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}, "
+                f"not at {wanted[worst]:.4f} {unit}",
+            )
+    beyond = np.maximum(robot.lower - q, q - robot.upper).max(axis=0)
+    if beyond.max() > tolerance:
+        worst = int(np.argmax(beyond))
+        joint = robot.joints[worst]
+        text = f"{joint} {beyond[worst]:.4f} {robot.unit(joint)} beyond its limits"
+        raise Refused("bad_plan", f"plan {plan.id} takes {text}")
+    # From exactly where the arm is: the error of rounding fades on the path.
+    share = (u / u[-1])[:, np.newaxis]
+    q += (1.0 - share) * (start - q[0]) + share * (goal - q[-1])
+    return Timed(JointPath(u=u, q=np.clip(q, robot.lower, robot.upper), slope=slope))
+
+
+def _shape_problem(plan: Plan, joints: int) -> str | None:
+    counts = {len(plan.times), len(plan.position), len(plan.velocity)}
+    if len(counts) != 1 or len(plan.times) < 2:
+        rows = f"{len(plan.times)} times, {len(plan.position)} positions"
+        return f"has {rows} and {len(plan.velocity)} velocities; it needs at least 2 of each"
+    if any(len(row) != joints for row in (*plan.position, *plan.velocity)):
+        return f"has a row that is not of {joints} joints"
+    numbers = [*plan.times, *(x for row in (*plan.position, *plan.velocity) for x in row)]
+    if not all(map(math.isfinite, numbers)):
+        return "has numbers that are not finite"
+    gaps = [b - a for a, b in zip(plan.times, plan.times[1:], strict=False)]
+    if plan.times[0] != 0 or min(gaps) <= 0:
+        return "has times that do not increase from 0"
+    if max(abs(x) for row in (plan.velocity[0], plan.velocity[-1]) for x in row) > 1e-3:
+        return "does not start and end at rest"
+    return None
+
+
+class MotionPlayer:
+    """The motion under way, and its clock.
+
+    limits: of the joints. period: between two commands [s]. brake_acceleration, brake_jerk: of the
+    hardest stop [rad/s², rad/s³]. tip: frame that what is held moves with; grip_acceleration: its
+    largest in a stop that keeps that [m/s²]. collisions: of the robot with itself when it stops;
+    None: not checked. ignores_scale: the motion runs at full rate whatever the scale.
+    """
+
+    def __init__(
+        self,
+        robot: RobotModel,
+        limits: MotionLimits,
+        *,
+        period: float,
+        brake_acceleration: float,
+        brake_jerk: float,
+        tip: str = "",
+        grip_acceleration: float = math.inf,
+        collisions: SelfCollisions | None = None,
+    ) -> None:
+        self._robot = robot
+        self._collisions = collisions
+        self._limits = limits
+        self._period = period
+        self._hardest = (brake_acceleration, brake_jerk)
+        self._tip, self._grip_acceleration = tip, grip_acceleration
+        self.clock = MotionClock(limits.acceleration, limits.jerk)
+        self._trajectory: Trajectory | None = None
+        self.ignores_scale = False
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """Return the motion under way; raises RunError before `hold`."""
+        if self._trajectory is None:
+            raise RunError("the joints have not been measured yet")
+        return self._trajectory
+
+    def late(self, t: float) -> float:
+        """Return the time since the end of the motion [s]; below 0: it is under way."""
+        return self.clock.time_at(t) - self.trajectory.duration
+
+    def advance(self, dt: float, scale: float) -> Vector:
+        """Move the clock on by dt [s], its rate approaching scale; return the joints, shape (n,).
+
+        scale: 0 (stand) to 1. The rate changes so that the joints keep their acceleration limits.
+        """
+        wanted = 1.0 if self.ignores_scale else min(max(scale, 0.0), 1.0)
+        self.clock.advance(dt, wanted, self.trajectory)
+        return self.trajectory.at(self.clock.s).position
+
+    def at(self, t: float) -> JointMotion:
+        """Return the joints at a time [s]."""
+        return self.trajectory.at(self.clock.time_at(t)).scaled(self.clock.rate)
+
+    def nominal(self) -> JointMotion:
+        """Return the joints now, moving at the full rate."""
+        return self.trajectory.at(self.clock.s)
+
+    def command(self, t: float) -> JointMotion:
+        """Return what to command at a time [s].
+
+        Its velocity takes the position to that of the next period, as position motors want it. A
+        motion that ends at a limit may be beyond it by the rounding of its polynomials: clipped.
+        """
+        now, then = self.at(t), self.at(t + self._period)
+        lower, upper = self._robot.lower, self._robot.upper
+        position = np.clip(now.position, lower, upper)
+        velocity = (np.clip(then.position, lower, upper) - position) / self._period
+        return JointMotion(position=position, velocity=velocity, acceleration=now.acceleration)
+
+    def catch_up(self, t: float) -> JointMotion:
+        """Bring the clock to a time [s] and return the joints there: the next motion's start."""
+        now = self.at(t)
+        self.clock.catch_up(t)
+        return now
+
+    def start(self, trajectory: Trajectory) -> None:
+        """Start a motion now; where the joints stand still, the clock keeps its rate."""
+        moving = bool(trajectory.at(0.0).velocity.any())
+        self._trajectory = trajectory
+        self.clock.restart(1.0 if moving else self.clock.rate)
+        self.ignores_scale = False
+
+    def rest(self, q: Vector) -> None:
+        """Stand still at q, shape (n,) [rad], clipped to the limits."""
+        self.start(Rest(np.clip(q, self._robot.lower, self._robot.upper)))
+
+    def brake(self, now: JointMotion, *, hard: bool = False, holds: bool = False) -> Vector:
+        """Start to come to rest; return where that will be, shape (n,) [rad].
+
+        holds: it stops no harder than the gripper can hold something.
+        """
+        if not now.is_moving:
+            self.start(Rest(now.position))
+            return now.position
+        motion = self._stop(now, hard=hard, holds=holds)
+        self.start(motion)
+        self.clock.restart(1.0)
+        self.ignores_scale = True
+        return motion.at(motion.duration).position
+
+    def _stop(self, now: JointMotion, *, hard: bool, holds: bool) -> Trajectory:
+        """Return a stop: of each joint by itself, or on the path if the robot would touch itself.
+
+        The path has been checked, the other stop leaves it.
+        """
+        motion: Trajectory = stop_from(now, self._limits)
+        if hard:
+            tip = TipLimit(self._tip, self._grip_acceleration) if holds else None
+            motion = hard_stop(now, self._robot, self._limits, *self._hardest, tip=tip)
+        if self._collisions is None or not self._touches(self._collisions, motion):
+            return motion
+        limits = self._limits.at_least(*self._hardest)
+        on_path = stop_on_path(self.trajectory, self.clock.s, self.clock.rate, limits)
+        return on_path if is_strong_enough(on_path, self._robot) else motion
+
+    def _touches(self, collisions: SelfCollisions, motion: Trajectory) -> bool:
+        first, *states = sampled(motion, least=20)
+        if collisions.any(first.position):
+            return False
+        return any(collisions.any(state.position) for state in states)
+
+    def then(self, parts: Sequence[Trajectory]) -> None:
+        """Append motions to the braking under way; where it is over, start them."""
+        braking = self.trajectory
+        if self.clock.s < braking.duration:
+            self._trajectory = Joined([braking, *parts])
+            self.ignores_scale = False
+        else:
+            self.start(Joined(parts))

@@ -1,0 +1,119 @@
+"""Trajectories: joints over time, from rest or from a motion, to rest."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from stepbus_kinematics import Vector
+from stepbus_store.motion.follow import JointPath
+from stepbus_store.motion.joint_motion import JointMotion, Motion, MotionLimits, motion_to
+
+
+class Trajectory(Protocol):
+    """Joints over time, coming to rest; duration: [s]. After it they stay where they are."""
+
+    duration: float
+
+    def at(self, t: float) -> JointMotion:
+        """Return the joints at a time since its start [s]."""
+        ...
+
+
+class AlongPath:
+    """Motion along a path from rest to rest, its parameter timed by ruckig.
+
+    limits: of the parameter, shape (1,) [1/s, 1/s², 1/s³].
+    """
+
+    def __init__(self, path: JointPath, limits: MotionLimits) -> None:
+        self._path = path
+        start = JointMotion.at_rest(path.u[:1].copy())
+        self._timing = motion_to(start, path.u[-1:].copy(), limits)
+        self.duration: float = self._timing.duration
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        now = self._timing.at(t)
+        u, speed, push = (float(row[0]) for row in (now.position, now.velocity, now.acceleration))
+        q, slope, curve = self._path.at(u)
+        return JointMotion(
+            position=q, velocity=slope * speed, acceleration=curve * speed**2 + slope * push
+        )
+
+
+class Timed:
+    """A path whose parameter is the time from 0 on [s]."""
+
+    def __init__(self, path: JointPath) -> None:
+        self._path = path
+        self.duration: float = float(path.u[-1])
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        if t >= self.duration:
+            return JointMotion.at_rest(self._path.q[-1].copy())
+        q, slope, curve = self._path.at(t)
+        return JointMotion(position=q, velocity=slope, acceleration=curve)
+
+
+class Retimed:
+    """The same path, with the time of a trajectory as another motion has it.
+
+    timing: of one coordinate, the trajectory's time [s].
+    """
+
+    def __init__(self, trajectory: Trajectory, timing: Motion) -> None:
+        self._trajectory = trajectory
+        self._timing = timing
+        self.duration: float = timing.duration
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        now = self._timing.at(t)
+        s, rate, push = (float(row[0]) for row in (now.position, now.velocity, now.acceleration))
+        there = self._trajectory.at(s)
+        return JointMotion(
+            position=there.position,
+            velocity=there.velocity * rate,
+            acceleration=there.acceleration * rate**2 + there.velocity * push,
+        )
+
+
+class Stretched:
+    """The same motion in `factor` times the duration."""
+
+    def __init__(self, trajectory: Trajectory, factor: float) -> None:
+        self._trajectory = trajectory
+        self._factor = factor
+        self.duration: float = trajectory.duration * factor
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        return self._trajectory.at(t / self._factor).scaled(1.0 / self._factor)
+
+
+class Joined:
+    """Motions one after the other; each starts at rest where the one before ends."""
+
+    def __init__(self, parts: Sequence[Trajectory]) -> None:
+        self._parts = list(parts)
+        self.duration: float = sum(part.duration for part in parts)
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        for part in self._parts[:-1]:
+            if t < part.duration:
+                return part.at(t)
+            t -= part.duration
+        return self._parts[-1].at(t)
+
+
+class Rest:
+    """Standing still at positions of shape (n,) [rad]."""
+
+    def __init__(self, q: Vector) -> None:
+        self._now = JointMotion.at_rest(q.copy())
+        self.duration: float = 0.0
+
+    def at(self, t: float) -> JointMotion:
+        """See `Trajectory`."""
+        return self._now

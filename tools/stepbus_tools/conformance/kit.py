@@ -1,0 +1,227 @@
+"""What checks share: a harness for each start, and a plain run to compare with."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+
+from stepbus_orchestrator.toolkit import PortComparison, Tolerance
+from stepbus_participant import make_new_folder
+from stepbus_schemas import Description
+from stepbus_tools.conformance.feeds import Feed, Ports
+from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.material import Material, Setup
+from stepbus_tools.conformance.outcome import Failed, Skipped
+from stepbus_tools.conformance.transcript import Transcript
+
+Play = Callable[[Harness], None]
+
+
+@dataclass(frozen=True)
+class Trace:
+    """The result of one run: its transcript, and step → port → bytes."""
+
+    transcript: Transcript
+    ports: Mapping[int, Ports]
+
+    @classmethod
+    def of(cls, transcript: Transcript) -> Trace:
+        """Return the trace of a finished run."""
+        return cls(transcript, transcript.ports())
+
+
+@dataclass(kw_only=True)
+class Kit:
+    """One participant under test.
+
+    material: what the kit plays to it. command: its command line. cwd: where it is started. logs:
+    gets a folder for each start of it. interrupt: ends everything when it is set. is_scenarios:
+    whether it is the scenario's own program. knows_names: whether it learns the names of its
+    inputs; not through the raw bridge. is_plain_checked: whether the check `steps` says what is
+    wrong with a plain run, so that the others need not. check: name of the check that runs.
+    """
+
+    material: Material
+    command: Sequence[str]
+    cwd: Path
+    logs: Path
+    interrupt: threading.Event
+    is_scenarios: bool = False
+    knows_names: bool = True
+    is_plain_checked: bool = True
+    check: str = ""
+    _count: int = 0
+    _traces: dict[str, Trace | Failed] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        self.spec = self.material.spec
+        self.feed = self.material.feed
+        self.steps = self.material.steps
+
+    @property
+    def middle(self) -> int:
+        """Return a step in the middle at which the participant and all its sources fire."""
+        firing = [self.spec.every, *map(self.every, self.feed)]
+        common = [s for s in range(self.steps) if not any(s % every for every in firing)]
+        return common[len(common) // 2]
+
+    def every(self, source: str) -> int:
+        """Return at multiples of which step a source fires."""
+        return self.material.scenario.participant(source).every
+
+    # --- starting it -------------------------------------------------------------------------
+
+    def harness(self, setup: Setup | None = None) -> Harness:
+        """Return a harness, which starts nothing yet."""
+        return Harness(
+            material=self.material,
+            setup=setup or Setup(),
+            command=self.command,
+            cwd=self.cwd,
+            logs=self.log_folder(),
+            interrupt=self.interrupt,
+        )
+
+    def log_folder(self) -> Path:
+        """Create and return the folder for the log of the next start."""
+        self._count += 1
+        folder = self.logs / f"{self._count:03d}-{self.check}"
+        make_new_folder(folder)
+        return folder
+
+    @contextlib.contextmanager
+    def joined(self, setup: Setup | None = None) -> Iterator[Harness]:
+        """Yield a harness whose program has asked to join."""
+        with self.harness(setup) as harness:
+            harness.open_bus()
+            harness.start_program()
+            harness.await_join()
+            yield harness
+
+    @contextlib.contextmanager
+    def ready(self, setup: Setup | None = None) -> Iterator[Harness]:
+        """Yield a harness whose program is ready."""
+        with self.harness(setup) as harness:
+            harness.meet()
+            yield harness
+
+    @contextlib.contextmanager
+    def running(
+        self,
+        end: int = 0,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+    ) -> Iterator[Harness]:
+        """Yield a harness whose program has done the steps below `end`."""
+        with self.ready(setup) as harness:
+            harness.start(descriptions)
+            harness.walk(self.feed, 0, end)
+            yield harness
+
+    # --- runs to compare ---------------------------------------------------------------------
+
+    def play(
+        self,
+        feed: Feed | None = None,
+        *,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+        play: Play | None = None,
+    ) -> Trace:
+        """Run all steps in lockstep, or `play` instead, and return what was published.
+
+        Raises as `reference` where even a plain run fails.
+        """
+        self.reference()
+        rows = self.feed if feed is None else feed
+        walk = play or (lambda harness: harness.walk(rows, 0, self.steps))
+        return self._play(walk, setup, descriptions)
+
+    def _play(
+        self,
+        play: Play,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+    ) -> Trace:
+        with self.running(0, setup, descriptions) as harness:
+            play(harness)
+            harness.await_output(self.steps - 1)
+            return Trace.of(harness.transcript)
+
+    def unchanged(
+        self,
+        what: str,
+        feed: Feed | None = None,
+        *,
+        setup: Setup | None = None,
+        descriptions: Mapping[str, Description] | None = None,
+        play: Play | None = None,
+    ) -> Trace:
+        """Run as `play` does and compare with the plain run; what, raises: as of `same`."""
+        trace = self.play(feed, setup=setup, descriptions=descriptions, play=play)
+        self.same(trace, what)
+        return trace
+
+    def plain(self, which: str = "plain run") -> Trace:
+        """Return an undisturbed run, made once for each `which`.
+
+        Raises Failed when the participant cannot do it.
+        """
+        if which not in self._traces:
+            try:
+                self._traces[which] = self._play(self._walk_and_log)
+            except Failed as exc:
+                self._traces[which] = exc
+        trace = self._traces[which]
+        if isinstance(trace, Failed):
+            raise Failed(str(trace))
+        return trace
+
+    def _walk_and_log(self, harness: Harness) -> None:
+        harness.walk(self.feed, 0, self.steps)
+        # The check `log` reports what is not logged; the other checks still run.
+        with contextlib.suppress(Failed):
+            harness.await_logged()
+
+    def reference(self) -> Trace:
+        """Return the plain run; raises Skipped, or Failed, where there is none to compare with."""
+        try:
+            trace = self.plain()
+            problem = trace.transcript.step_problem
+        except Failed as exc:
+            problem = str(exc)
+        if problem:
+            wrong = Skipped if self.is_plain_checked else Failed
+            raise wrong(f"needs a plain run, and `steps` fails: {problem}")
+        return trace
+
+    def same(self, trace: Trace, what: str, expected: Trace | None = None) -> None:
+        """Compare with the plain run, or another; what: this run, for the failure's sentence.
+
+        Raises Failed where they differ, Skipped where any two runs do.
+        """
+        pair = [(expected or self.reference()).ports, trace.ports]
+        for step in range(0, self.steps, self.spec.every):
+            for port, output in self.spec.outputs.items():
+                topic = f"{self.spec.name}/{port}"
+                comparison = PortComparison(
+                    topic, output.type, Tolerance(), self.material.scenario.types
+                )
+                comparison.take(step, *(rows.get(step, {}).get(port) for rows in pair))
+                if comparison.divergence is not None:
+                    self.differ(comparison.divergence.text("expected", what))
+
+    def differ(self, text: str) -> NoReturn:
+        """Raise Failed for runs that differ; Skipped where any two runs do."""
+        self.skip_if_varies()
+        raise Failed(text)
+
+    def skip_if_varies(self) -> None:
+        """Raise Skipped where two plain runs differ."""
+        with contextlib.suppress(Failed):
+            if self.plain().ports != self.plain("second plain run").ports:
+                raise Skipped("its outputs differ from run to run anyway; see `determinism`")

@@ -1,0 +1,276 @@
+"""One started program and the bus around it: records what it sends, and every wait ends."""
+
+import contextlib
+import signal
+import threading
+import time
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, Self
+
+from stepbus_orchestrator.errors import Interrupted
+from stepbus_orchestrator.toolkit import (
+    Child,
+    Launcher,
+    Watchdog,
+    new_token,
+    open_bus,
+    private_folder,
+)
+from stepbus_participant import Endpoint, ZenohBus
+from stepbus_schemas import encode, encoding_of
+from stepbus_tools.conformance.material import Material, Setup
+from stepbus_tools.conformance.outcome import Failed
+from stepbus_tools.conformance.transcript import Recorder
+
+_DRAIN_S = 5.0
+_TICK_S = 0.02
+# A poll counts for at most this long, as in a run: a machine that slept is nobody's fault.
+_LONGEST_TICK_S = 0.25
+# The last messages of a process may arrive a little after its end.
+_LAST_LINES_S = 0.1
+
+
+class Session:
+    """One started program, and both ends of the bus; a context that ends whatever it started.
+
+    material: what is played. command: the program's command line. cwd: where it is started. logs:
+    gets its log. Every wait raises Failed when its deadline is over, when the program has ended,
+    or when it reports a fault that the check does not expect.
+    """
+
+    def __init__(
+        self,
+        *,
+        material: Material,
+        setup: Setup,
+        command: Sequence[str],
+        cwd: Path,
+        logs: Path,
+        interrupt: threading.Event,
+    ) -> None:
+        self.token = new_token()
+        self.material = material
+        self.scenario = setup.scenario(material.scenario, material.spec.name)
+        self.spec = self.scenario.participant(material.spec.name)
+        self._setup = setup
+        self._command, self._cwd, self._logs = command, cwd, logs
+        self._interrupt = interrupt
+        self._run = new_token()
+        self._recorder = Recorder(self.spec, self.token, self.scenario.step_ns, self.scenario.types)
+        self.transcript = self._recorder.transcript
+        self._inbox: SimpleQueue[tuple[Callable[[Any], None], Any]] = SimpleQueue()
+        self._stack = contextlib.ExitStack()
+        self._bus: ZenohBus | None = None
+        self._peers: dict[str, Callable[..., None]] = {}
+        self._bulk: dict[str, dict[str, Callable[..., None]]] = {}
+        self._control: dict[str, Callable[..., None]] = {}
+        self._child: Child | None = None
+
+    # --- opening and closing -----------------------------------------------------------------
+
+    def __enter__(self) -> Self:
+        folder = private_folder()
+        with contextlib.ExitStack() as stack:
+            self._launcher = Launcher(
+                run=self._run, token=self.token, folder=folder, logs=self._logs
+            )
+            stack.callback(self._launcher.end_all)
+            limit_s = self.spec.deadlines.step_s
+            self._watchdog = Watchdog(limit_s, lambda: self.signal(signal.SIGKILL))
+            stack.callback(self._watchdog.close)
+            self._mesh = self._setup.mesh(self.scenario, self.spec, folder)
+            self._stack = stack.pop_all()
+        return self
+
+    def __exit__(self, *_error: object) -> None:
+        if self._child is not None:
+            self._child.signal(signal.SIGKILL)
+        self._stack.close()
+
+    def open_bus(self) -> None:
+        """Open the orchestrator's end of the bus."""
+        bus = self._bus = self._open(self._mesh.orchestrator)
+        name = self.spec.name
+        bus.answer("join", self._to(self._take_join))
+        for channel in ("out", "log", "ready", "fault"):
+            bus.subscribe(f"{channel}/{name}", self._to(partial(self._take, channel)))
+        for port, output in self.spec.outputs.items():
+            if output.bulk:
+                bus.subscribe(f"bulk/{name}/{port}", self._to(partial(self._take_bulk, port)))
+        alive = self._to(self._take_alive)
+        bus.watch_alive(f"alive/{name}", lambda _key, is_alive: alive(is_alive))
+        for channel in ("start", "trigger", "stop"):
+            self._control[channel] = bus.publisher(channel, encoding_of(f"{channel.title()}/1"))
+        bus.declare_alive("alive/orchestrator")
+        if not self._setup.own_peers:
+            self._open_publishers(bus)
+
+    def open_peers(self) -> None:
+        """Open the peers' own end of the bus."""
+        names = [name for name in self._mesh.participants if name != self.spec.name]
+        if names:
+            self._open_publishers(self._open(self._mesh.participants[names[0]]))
+
+    def _open(self, endpoint: Endpoint) -> ZenohBus:
+        bus = open_bus(endpoint, self._run)
+        self._stack.callback(bus.close)
+        return bus
+
+    def _open_publishers(self, bus: ZenohBus) -> None:
+        for source in self.material.feed:
+            self._peers[source] = bus.publisher(f"out/{source}", encoding_of("Outputs/1"))
+            self._bulk[source] = {
+                port: bus.publisher(f"bulk/{source}/{port}", encoding_of(output.type))
+                for port, output in self.scenario.participant(source).outputs.items()
+                if output.bulk
+            }
+
+    def start_program(self) -> None:
+        """Start the participant."""
+        self._child = self._launcher.start(
+            self.spec, self._command, self._mesh.participants[self.spec.name], self._cwd
+        )
+
+    def leave(self) -> None:
+        """Close the bus without a Stop, as a killed orchestrator does."""
+        if self._bus is not None:
+            with self._watchdog.watching():
+                self._bus.close()
+            # Nobody here hears any more when its token disappears.
+            self.transcript.alive = False
+
+    def signal(self, number: int) -> None:
+        """Send the participant a signal."""
+        if self._child is not None:
+            self._child.signal(number)
+
+    # --- listening ---------------------------------------------------------------------------
+
+    def _to(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        put = self._inbox.put
+        return lambda item: put((take, item))
+
+    def _take(self, channel: str, sample: Any) -> None:
+        if self._bus is not None:
+            self._recorder.add(channel, self._bus.payload(sample), self._bus.encoding(sample))
+
+    def _take_bulk(self, port: str, sample: Any) -> None:
+        if (bus := self._bus) is not None:
+            stamp, content = bus.attachment(sample), bus.payload(sample)
+            self._recorder.add_bulk(port, stamp, content, bus.encoding(sample))
+
+    def _take_alive(self, is_alive: bool) -> None:
+        self.transcript.alive = is_alive
+
+    def _take_join(self, request: Any) -> None:
+        self._recorder.add_hello(request.payload)
+        answer = self._setup.answer(self.scenario, self.spec, self.token)
+        request.reply(encode(answer), encoding_of(f"{type(answer).__name__}/1"))
+
+    def poll(self, timeout_s: float = _TICK_S) -> bool:
+        """Process what has arrived; return whether anything did within a time [s]."""
+        try:
+            take, item = self._inbox.get(timeout=timeout_s)
+        except Empty:
+            return False
+        take(item)
+        for _ in range(self._inbox.qsize()):
+            take, item = self._inbox.get()  # no time-out: it is not empty
+            take(item)
+        return True
+
+    def idle(self, duration_s: float) -> None:
+        """Process what arrives for some time [s]."""
+        end = time.monotonic() + duration_s
+        while (left_s := end - time.monotonic()) > 0:
+            self.poll(left_s)
+
+    def until(
+        self,
+        condition: Callable[[], object],
+        what: str,
+        timeout_s: float,
+        tick: Callable[[], None] | None = None,
+        *,
+        faults: bool = False,
+    ) -> None:
+        """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one."""
+        waited_s, checked = 0.0, time.monotonic()
+        while not condition():
+            self._check(what, waited_s, timeout_s, condition, faults=faults)
+            if not self.poll() and tick is not None:
+                tick()
+            now = time.monotonic()
+            waited_s += min(now - checked, _LONGEST_TICK_S)
+            checked = now
+
+    def _check(
+        self,
+        what: str,
+        waited_s: float,
+        timeout_s: float,
+        condition: Callable[[], object],
+        *,
+        faults: bool,
+    ) -> None:
+        if self._interrupt.is_set():
+            raise Interrupted("interrupted")
+        if self.transcript.faults and not faults:
+            fault = self.transcript.faults[0]
+            raise Failed(f"it reported a fault at step {fault.step}: {fault.message}")
+        if self.exit_code() is not None:
+            while self.poll(_LAST_LINES_S):
+                continue
+            if not condition():
+                ended = f"it {self.how_it_ended()}{self.last_error()}"
+                raise Failed(f"{what} did not come: {ended}{self._problem()}")
+        elif waited_s > timeout_s:
+            late = f"{what} did not come within {timeout_s:g} s"
+            raise Failed(f"{late}{self._last_wait()}{self._problem()}")
+
+    def _problem(self) -> str:
+        """Return what else is wrong, which may be the cause, as the end of a sentence."""
+        return next((f"; {text} ({c})" for c, text in self.transcript.problems.items()), "")
+
+    def _last_wait(self) -> str:
+        waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None
+        if waiting is None:
+            return self.last_error()
+        who = ", ".join(waiting.sources) or "the trigger"
+        return f"; it reports to wait for {who} at step {waiting.step}"
+
+    # --- the program's end -------------------------------------------------------------------
+
+    def exit_code(self) -> int | None:
+        """Return the program's exit code, negative for a signal; None while it runs."""
+        return None if self._child is None else self._child.exit_code()
+
+    def how_it_ended(self) -> str:
+        """Return its end in words."""
+        return "" if self._child is None else self._child.how_it_ended()
+
+    def last_error(self) -> str:
+        """Return its last error, as the end of a sentence."""
+        error = "" if self._child is None else self._child.last_error()
+        return f"; its last error: {error}" if error else ""
+
+    def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
+        """Return the exit code once the program has ended; what: after which event."""
+        started = time.monotonic()
+        while self.exit_code() is None:
+            if self._interrupt.is_set():
+                raise Interrupted("interrupted")
+            if time.monotonic() - started > timeout_s:
+                raise Failed(f"it did not end within {timeout_s:g} s of {what}")
+            if not self.poll() and tick is not None:
+                tick()
+        # Its liveliness token disappears behind the last of what it sent, on the same link.
+        ended = time.monotonic()
+        while self.transcript.alive and time.monotonic() - ended < _DRAIN_S:
+            self.poll()
+        while self.poll(0.0):
+            continue
+        return self.exit_code() or 0
