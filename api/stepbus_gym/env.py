@@ -20,6 +20,7 @@ from gymnasium.spaces import Box
 
 import stepbus
 from stepbus.runs import AnyScenario
+from stepbus_gym.policy.loaded import checked_action
 from stepbus_orchestrator import Episode, Overrides, Result, RunFailure, Scenario, override_texts
 from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
@@ -27,7 +28,6 @@ from stepbus_schemas import RunError, WiringError, error_text
 from .episodes import Folders
 from .fields import Field
 from .interface import Interface, PortTypes, Vector, bounds, check_limits, default_action, selected
-from .policy.load import checked_action
 from .policy.params import Params
 from .policy.participant import PolicyParticipant
 from .render import Camera, Renderer

@@ -10,9 +10,9 @@ from functools import cache
 from typing import Any
 
 from stepbus_participant import package_path
-from stepbus_plant.world.declaration import StockParams
-from stepbus_plant.world.file import load_world
-from stepbus_plant.world.stock import Item
+from stepbus_plant.stock import Item
+from stepbus_plant.world import StockParams
+from stepbus_plant.world_file import load_world
 
 _TYPES = ("cola", "juice", "water", "soup")
 _KILLABLE = ("perception", "mission", "controller", "planner")

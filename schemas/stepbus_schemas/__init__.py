@@ -35,10 +35,10 @@ if TYPE_CHECKING:
         raw_fields,
         raw_problem,
     )
-    from stepbus_schemas.derived.schema import json_schema, not_null
+    from stepbus_schemas.schema import json_schema, not_null
+    from stepbus_schemas.tables import raw_table, types_page
+    from stepbus_schemas.vectors import types_vectors
 
-    from .derived.tables import raw_table, types_page
-    from .derived.vectors import types_vectors
     from .types.units import unit_problem
 
 _MODULES = {

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args
 
-from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.messages import JointCommand, JointMode, JointState, Message
+from stepbus_schemas.schema import json_schema, not_null
 from stepbus_schemas.types import SHIPPED, Types
 
 _FIRST_ONLY: Mapping[type[Message], tuple[str, ...]] = {

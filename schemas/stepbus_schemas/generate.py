@@ -12,12 +12,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_schemas.derived.schema import json_schema
 from stepbus_schemas.messages import MESSAGE_TYPES
+from stepbus_schemas.published import Published, broken, published
+from stepbus_schemas.schema import json_schema
+from stepbus_schemas.tables import messages_page
+from stepbus_schemas.vectors import from_notation, line_by_line, vectors
 
-from .derived.published import Published, broken, published
-from .derived.tables import messages_page
-from .derived.vectors import from_notation, line_by_line, vectors
 from .protocol import ENVELOPE_TYPES, PROTOCOL_VERSION
 
 CHECKOUT = Path(__file__).resolve().parents[2]

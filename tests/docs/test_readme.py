@@ -5,7 +5,7 @@ import re
 from support.paths import CHECKOUT
 
 from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.cli.starter import write_starter
+from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.run.run_scenario import run
 
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")

@@ -8,7 +8,7 @@ from support.tools import needs, tracked
 
 from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.starter import STARTERS, write_starter
+from stepbus_orchestrator.cli.new import STARTERS, write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import run
 from stepbus_tools.conformance import conformance, select

@@ -8,7 +8,7 @@ from support.tools import needs
 
 from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
-from stepbus_orchestrator.cli.starter import write_starter
+from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run
 

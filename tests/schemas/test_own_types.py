@@ -30,7 +30,7 @@ from stepbus_schemas import (
     types_page,
     types_vectors,
 )
-from stepbus_schemas.derived.vectors import from_notation
+from stepbus_schemas.vectors import from_notation
 
 THRUSTER = {
     "help": "Commands to thrusters.",

@@ -7,8 +7,8 @@ import pytest
 from support.paths import CHECKOUT, DOCS
 
 from stepbus_schemas import ENVELOPE_TYPES, PROTOCOL_VERSION
-from stepbus_schemas.derived.published import broken, published
 from stepbus_schemas.generate import main, published_vectors
+from stepbus_schemas.published import broken, published
 
 PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
 
@@ -41,7 +41,7 @@ def test_a_trigger_with_another_name_breaks_the_number():
 
 def test_a_type_that_is_gone_breaks_the_number(monkeypatch):
     rest = {name: cls for name, cls in ENVELOPE_TYPES.items() if name != "Batch/1"}
-    monkeypatch.setattr("stepbus_schemas.derived.published.ENVELOPE_TYPES", rest)
+    monkeypatch.setattr("stepbus_schemas.published.ENVELOPE_TYPES", rest)
     assert list(broken(published_vectors())) == ["Batch/1"]
 
 

@@ -14,9 +14,8 @@ def test_it_pushes_back():
 
 from stepbus_participant import LoopbackBus
 
-from .bench import Bench, feed
+from .bench import Bench, assert_replays, feed
 from .configs import make_config, scenario_config
-from .golden import assert_replays
 
 __all__ = [
     "Bench",

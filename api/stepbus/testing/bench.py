@@ -1,9 +1,9 @@
-"""A participant on a test bench: feed it, step it, read what it publishes."""
+"""A participant on a test bench: feed it, step it, read what it publishes, or replay a recording."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
 
@@ -21,6 +21,7 @@ from stepbus_schemas import (
     Description,
     InputConfig,
     Message,
+    StepbusError,
     Types,
     WiringError,
     encode,
@@ -29,6 +30,9 @@ from stepbus_schemas import (
 )
 
 from .configs import make_config
+
+if TYPE_CHECKING:
+    from stepbus_orchestrator import ReplayResult, Source
 
 _AT_ONCE = -1
 """What a source has published before any step is due at every step."""
@@ -159,3 +163,23 @@ class Bench:
 
     def __exit__(self, *_exc: object) -> None:
         self.close()
+
+
+def assert_replays(recording: Source, participant: str, **options: Any) -> ReplayResult:
+    """Replay a participant and return the result; options: as of `stepbus.replay`.
+
+    Raises AssertionError, with the first difference or what went wrong, when it is not equal.
+    """
+    from stepbus import replay  # noqa: PLC0415  it loads the orchestrator
+    from stepbus_orchestrator import recording_file  # noqa: PLC0415
+
+    __tracebackhide__ = True
+    path = recording_file(recording)
+    try:
+        result = replay(path, participant, **options)
+    except StepbusError as exc:
+        # Its sentence is complete; where it was raised is no line of the user's program.
+        raise AssertionError(f"{path}: {exc}") from None
+    if not result.equal:
+        raise AssertionError(f"{path}: {result.text()}")
+    return result

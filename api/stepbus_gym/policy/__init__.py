@@ -7,7 +7,7 @@ from stepbus_participant import imported_later
 from .params import Params
 
 if TYPE_CHECKING:
-    from .loaded import LoadedPolicy
+    from stepbus_gym.policy.loaded import LoadedPolicy
 
 __all__ = ["LoadedPolicy", "Params"]
 

@@ -2,9 +2,8 @@
 
 import sys
 
+from stepbus_gym.policy.loaded import LoadedPolicy
 from stepbus_participant import main
-
-from .loaded import LoadedPolicy
 
 if __name__ == "__main__":
     raise SystemExit(main(lambda config: LoadedPolicy(config, "".join(sys.argv[1:2]))))

@@ -1,12 +1,152 @@
-"""`stepbus new`: a scenario with a controller to start from."""
+"""The folders `stepbus new` writes: a scenario, a controller in some language, what it needs.
+
+They are the examples of the repository, so that what a user starts from is what the tests run.
+"""
 
 import argparse
+import re
 import shlex
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib.util import find_spec
 from pathlib import Path
 
 from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.output import say
-from stepbus_orchestrator.cli.starter import STARTERS, write_starter
+from stepbus_participant import suggest
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import WiringError
+
+_PACKAGE = Path(__file__).parent / "starters"
+_CHECKOUT = _PACKAGE.parents[3]
+_MODEL_FILES = ("two_link.urdf", "world.yaml")
+_NAME = re.compile(r"^name: .*$", re.MULTILINE)
+_WORLD = re.compile(r'"?package://stepbus_scenarios/two_link/world\.yaml"?')
+
+
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """Files of a starter that come from one folder.
+
+    folder: below this package or the checkout. files: patterns, so that what a build has left
+    beside them stays there. target: folder of the starter they go to.
+    """
+
+    folder: str
+    files: tuple[str, ...]
+    target: str = "."
+
+
+@dataclass(frozen=True, kw_only=True)
+class Starter:
+    """What a starter consists of.
+
+    build: command that builds it, `{folder}` being the starter's folder; blank where none is
+    needed. replace: texts of the examples that are others in a folder of its own.
+    """
+
+    parts: tuple[Part, ...]
+    build: str = ""
+    replace: tuple[tuple[str, str], ...] = ()
+
+
+def _example(folder: str, *files: str) -> Part:
+    return Part(
+        folder=f"examples/controllers/{folder}",
+        files=(".gitignore", "README.md", "scenario.yaml", *files),
+    )
+
+
+STARTERS: dict[str, Starter] = {
+    "c": Starter(parts=(_example("c", "Makefile", "*.c", "*.h"),), build="make -C {folder}"),
+    "java": Starter(parts=(_example("java", "*.java"),)),
+    "js": Starter(parts=(_example("javascript", "*.mjs", "*.js", "package.json"),)),
+    "octave": Starter(parts=(_example("octave", "*.m"),)),
+    "python": Starter(
+        parts=(Part(folder="templates", files=("README.md", "controller.py", "scenario.yaml")),)
+    ),
+    "rust": Starter(
+        parts=(
+            _example("rust", "Cargo.toml", "Cargo.lock", "rustfmt.toml", "src/**/*.rs"),
+            Part(
+                folder="clients/rust",
+                files=(".gitignore", "Cargo.toml", "src/**/*.rs"),
+                target="stepbus",
+            ),
+        ),
+        build="cargo build --release --manifest-path {folder}/Cargo.toml",
+        replace=(("../../../clients/rust", "stepbus"), ("`clients/rust`", "`stepbus/`")),
+    ),
+}
+"""Language, as `stepbus new --language` takes it → its starter."""
+
+
+def write_starter(folder: Path, language: str) -> list[Path]:
+    """Write a starter into a new or empty folder and return its files, relative to the folder.
+
+    Raises WiringError when there is no such starter, the folder holds something or cannot be
+    written.
+    """
+    if language not in STARTERS:
+        raise WiringError(
+            f"no starter in {language!r}{suggest(language, STARTERS)}; a program in any language "
+            "takes part through the bridge: docs/guide/writing/bridge.md"
+        )
+    contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
+    try:
+        if folder.exists() and any(folder.iterdir()):
+            raise WiringError(f"{folder} holds something already; choose a new folder")
+        for file, text in contents.items():
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            (folder / file).write_text(text, encoding="utf-8")
+    except OSError as exc:
+        raise WiringError(f"{folder} cannot be written: {exc.strerror}") from exc
+    return sorted(contents)
+
+
+def _contents(starter: Starter, name: str) -> Iterator[tuple[Path, str]]:
+    """Return the files of a starter, as paths relative to its folder, with their text."""
+    for part in starter.parts:
+        source = _source(part.folder)
+        for file in sorted({file for pattern in part.files for file in source.glob(pattern)}):
+            text = file.read_text(encoding="utf-8")
+            for old, new in starter.replace:
+                text = text.replace(old, new)
+            if file.name == "scenario.yaml":
+                text = _own_scenario(text, name)
+            yield Path(part.target, file.relative_to(source)), text
+    model = _model_folder()
+    for model_file in _MODEL_FILES:
+        yield Path(model_file), (model / model_file).read_text(encoding="utf-8")
+
+
+def _own_scenario(text: str, name: str) -> str:
+    """Return a scenario under another name, with the world beside it."""
+    return _WORLD.sub("world.yaml", _NAME.sub(f"name: {name}", text, count=1))
+
+
+def _source(folder: str) -> Path:
+    """Return a folder of this package, of the checkout, or of the copy the wheel has of that."""
+    roots = (_PACKAGE, _CHECKOUT)
+    found = next((root / folder for root in roots if (root / folder).is_dir()), None)
+    if found is None:
+        raise WiringError(f"the files of {folder} are missing; install stepbus again")
+    return found
+
+
+def _model_folder() -> Path:
+    spec = find_spec("stepbus_scenarios")
+    if spec is None or not spec.submodule_search_locations:
+        raise WiringError("the package stepbus_scenarios is missing; install stepbus again")
+    return Path(next(iter(spec.submodule_search_locations))) / "two_link"
+
+
+def _scenario_name(folder: Path) -> str:
+    """Return the name of a folder as that of a scenario, as YAML."""
+    words = re.sub(r"[^A-Za-z0-9_-]+", "_", folder.absolute().name)
+    name = words.lstrip("_-")[:64] or "my_scenario"
+    # YAML reads some names, such as 1 or null, as something else.
+    return name if parse_yaml("name", name) == name else f'"{name}"'
 
 
 def _add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -27,7 +27,7 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 _BLOCK = re.compile(
     r"(<!-- parameters: ([\w.]+):(\w+)( only)? -->\n).*?(<!-- /parameters -->)", re.DOTALL
 )
-_WORLD = "stepbus_plant.world.declaration:WorldFile"
+_WORLD = "stepbus_plant.world:WorldFile"
 
 
 def generated_files(root: Path) -> dict[Path, str]:

@@ -12,15 +12,15 @@ from .params import Params
 
 if TYPE_CHECKING:
     from stepbus_plant.plant import SimulatedPlant
+    from stepbus_plant.world_file import World, load_world
 
     from .participant import Plant
-    from .world.file import World, load_world
 
 _MODULES = {
     "Plant": "participant",
     "SimulatedPlant": "plant",
-    "World": "world.file",
-    "load_world": "world.file",
+    "World": "world_file",
+    "load_world": "world_file",
 }
 
 __all__ = ["Params", "Plant", "SimulatedPlant", "World", "load_world"]

@@ -16,9 +16,9 @@ import pybullet as bullet
 from stepbus_plant.drives import Drive
 from stepbus_plant.engine import Physics
 from stepbus_plant.sensing import Sensors, Warnings
+from stepbus_plant.world_file import World
 
 from .params import Params
-from .world.file import World
 
 _DEVICES = (
     "bases",

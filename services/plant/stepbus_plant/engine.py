@@ -18,11 +18,11 @@ from stepbus_plant.joint import (
     refuse_unsupported,
     with_efforts,
 )
+from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
-from stepbus_plant.world.declaration import Body, JointSettings
-from stepbus_plant.world.file import World
-from stepbus_plant.world.models import loadable, pairs_without_collision
-from stepbus_plant.world.stock import Item
+from stepbus_plant.stock import Item
+from stepbus_plant.world import Body, JointSettings
+from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
 
 _GEAR_ERP = 0.2

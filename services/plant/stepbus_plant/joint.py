@@ -13,7 +13,7 @@ from typing import Any
 import pybullet as bullet
 
 from stepbus_participant import Mimic, suggest
-from stepbus_plant.world.declaration import Actuation, JointSettings, OwnMode
+from stepbus_plant.world import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description, WiringError
 
 _TYPES = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}

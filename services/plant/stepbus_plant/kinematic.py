@@ -7,14 +7,14 @@ from typing import Any
 
 import pybullet as bullet
 
-from stepbus_plant.devices.base import Base
-from stepbus_plant.devices.device_registry import Devices
-from stepbus_plant.devices.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
-from stepbus_plant.devices.poses import LinkIndex
+from stepbus_plant.device import Base
+from stepbus_plant.device_registry import Devices
 from stepbus_plant.drives import Drive
 from stepbus_plant.engine import Physics
+from stepbus_plant.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
 from stepbus_plant.joint import Joint
-from stepbus_plant.world.script import Script
+from stepbus_plant.poses import LinkIndex
+from stepbus_plant.script import Script
 from stepbus_schemas import WiringError
 
 NOTICE = "dynamics are off: joints and base follow their commands at once, nothing falls or slips"

@@ -18,8 +18,8 @@ from stepbus_participant import (
     Vector3,
 )
 from stepbus_participant.parameters import Keys
-from stepbus_plant.world.declaration import Action, Actuation, StockParams, read_world
-from stepbus_plant.world.models import refuse_missing_meshes
+from stepbus_plant.models import refuse_missing_meshes
+from stepbus_plant.world import Action, Actuation, StockParams, read_world
 from stepbus_schemas import WiringError
 
 Quantity = Literal["position", "velocity", "effort"]

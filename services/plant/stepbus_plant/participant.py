@@ -17,14 +17,15 @@ from stepbus_participant import (
     installed_version,
 )
 from stepbus_plant import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
+from stepbus_plant import camera
+from stepbus_plant import device_registry as devices
+from stepbus_plant import sensor_registry as sensors
 from stepbus_plant.commander import Commander
-from stepbus_plant.devices import camera
-from stepbus_plant.devices import device_registry as devices
-from stepbus_plant.devices import sensor_registry as sensors
-from stepbus_plant.devices.base import BaseDriver
-from stepbus_plant.devices.device_registry import Driver
+from stepbus_plant.device import BaseDriver
+from stepbus_plant.device_registry import Driver
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.world.script import WorldCalls
+from stepbus_plant.script import WorldCalls
+from stepbus_plant.world_file import load_world
 from stepbus_schemas import (
     Description,
     Event,
@@ -36,7 +37,6 @@ from stepbus_schemas import (
 )
 
 from .params import Params
-from .world.file import load_world
 
 _TYPES = {
     "inputs": ("JointCommand/1", *devices.INPUTS),

@@ -8,22 +8,22 @@ import msgspec
 
 from stepbus_participant import Problems, suggest
 from stepbus_plant.calls import JointCalls
+from stepbus_plant.camera import Cameras, Lens
 from stepbus_plant.checkpoint import can_save, pack, unpack
 from stepbus_plant.commander import Commander
-from stepbus_plant.devices.camera import Cameras, Lens
-from stepbus_plant.devices.device_registry import Devices, planogram
-from stepbus_plant.devices.gripper import Gripper
-from stepbus_plant.devices.poses import PoseSensor
-from stepbus_plant.devices.sensor_registry import WorldSensors
+from stepbus_plant.device_registry import Devices, planogram
 from stepbus_plant.drives import locate_joints, make_drives
 from stepbus_plant.engine import Physics
 from stepbus_plant.errors import PhysicsError
+from stepbus_plant.gripper import Gripper
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.kinematic import NOTICE, Kinematics
 from stepbus_plant.params import Params
+from stepbus_plant.poses import PoseSensor
+from stepbus_plant.script import Script, check_script
 from stepbus_plant.sensing import Sensors, Values, Warnings
-from stepbus_plant.world.file import World
-from stepbus_plant.world.script import Script, check_script
+from stepbus_plant.sensor_registry import WorldSensors
+from stepbus_plant.world_file import World
 from stepbus_schemas import Description, JointState, Point, Poses, WiringError
 
 

@@ -6,10 +6,10 @@ from typing import Literal
 from msgspec.structs import replace
 
 from stepbus_schemas import Goal, Point
-from stepbus_store.motion.base.base_motion import BaseMotion
-from stepbus_store.motion.base.navigator import Navigator
+from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.manipulator.segments import Beside
+from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
 _LEAVES = 1.2

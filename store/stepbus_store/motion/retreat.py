@@ -1,7 +1,7 @@
 """How an arm, or a base, gets away from what it has touched."""
 
 from stepbus_schemas import BaseState, Goal
-from stepbus_store.motion.base.base_motion import BaseMotion
+from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.parts import Parts

@@ -6,8 +6,8 @@ import random
 import pytest
 
 from stepbus_schemas import BaseState, Goal
-from stepbus_store.motion.base.base_motion import BaseMotion
-from stepbus_store.motion.base.settings import BaseSettings
+from stepbus_store.motion.base_motion import BaseMotion
+from stepbus_store.motion.base_settings import BaseSettings
 from stepbus_store.motion.outcome import Refused
 
 DT = 0.008

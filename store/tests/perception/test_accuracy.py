@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from support.services.perception import TOPS, Item, fill_shelves, open_store
 
-from stepbus_plant.devices.camera import Lens
+from stepbus_plant.camera import Lens
 from stepbus_plant.params import CameraErrors
 from stepbus_store.perception.detector import Detection, Detector
 from stepbus_store.perception.images import make_view

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from support.services.perception import COLORS, SHAPES, TOPS, Item, open_store
 
-from stepbus_plant.devices.camera import Lens
+from stepbus_plant.camera import Lens
 from stepbus_plant.params import CameraErrors
 from stepbus_schemas import Description, WiringError
 from stepbus_store.perception.detector import Detector

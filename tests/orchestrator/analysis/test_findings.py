@@ -10,7 +10,7 @@ from support.paths import GOLDEN_LOGS, TESTS
 
 from stepbus_orchestrator import InProcess, Options, cli, load
 from stepbus_orchestrator.analysis.findings import _Count, findings
-from stepbus_orchestrator.cli.starter import write_starter
+from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import run

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from stepbus_orchestrator import InProcess, Options, load
-from stepbus_orchestrator.cli.starter import write_starter
+from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.run.run_scenario import run
 
 pytest_plugins = ["pytester"]

@@ -7,7 +7,7 @@ import pytest
 from support.tools import needs
 
 from stepbus_orchestrator import InProcess, Options, cli, load
-from stepbus_orchestrator.cli.starter import write_starter
+from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay

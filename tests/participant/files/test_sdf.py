@@ -9,7 +9,7 @@ from stepbus_participant import read_urdf_text
 from stepbus_participant.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.world.file import load_world
+from stepbus_plant.world_file import load_world
 from stepbus_schemas import WiringError
 
 INERTIAL = """<inertial><pose>0.2 0 0 0 0 0</pose><mass>1.5</mass><inertia><ixx>0.01</ixx>

@@ -8,7 +8,7 @@ from support.services.plant import TWO_LINK
 
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.world.file import load_world
+from stepbus_plant.world_file import load_world
 from stepbus_schemas import JointCommand
 
 PERIOD_NS = 5_000_000

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from support.paths import CHECKOUT
 
 from stepbus_schemas import ENVELOPE_TYPES, MESSAGE_TYPES, Envelope, Message
-from stepbus_schemas.derived.vectors import from_notation
+from stepbus_schemas.vectors import from_notation
 
 TYPES: dict[str, type[Message] | type[Envelope]] = {**MESSAGE_TYPES, **ENVELOPE_TYPES}
 

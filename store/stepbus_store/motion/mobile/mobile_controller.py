@@ -21,14 +21,14 @@ from stepbus_schemas import (
     PlanRequest,
     RunError,
 )
-from stepbus_store.motion.base.base_motion import BaseMotion
-from stepbus_store.motion.base.navigator import Navigator
+from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.branches import AnalyticChain
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.mobile.mobile_settings import MobileSettings, read_mobile_settings
 from stepbus_store.motion.monitor import CollisionMonitor
+from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
 from stepbus_store.motion.parts import Parts
 

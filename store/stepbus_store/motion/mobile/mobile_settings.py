@@ -7,7 +7,7 @@ from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
 from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
-from stepbus_store.motion.base.settings import BaseSettings
+from stepbus_store.motion.base_settings import BaseSettings
 from stepbus_store.motion.gripper import GripperSettings
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions

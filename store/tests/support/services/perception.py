@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pybullet as bullet
 
-from stepbus_plant.devices.camera import Camera, Lens
-from stepbus_plant.world.declaration import CameraSettings
+from stepbus_plant.camera import Camera, Lens
+from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
 from stepbus_store.perception.images import Pose, rotation
 

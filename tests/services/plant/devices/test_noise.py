@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from stepbus_plant.devices.base import Base
-from stepbus_plant.devices.camera import Lens
-from stepbus_plant.devices.readings import Noise
+from stepbus_plant.camera import Lens
+from stepbus_plant.device import Base
 from stepbus_plant.params import CameraErrors, OdometryErrors
-from stepbus_plant.world.declaration import BaseSettings
+from stepbus_plant.readings import Noise
+from stepbus_plant.world import BaseSettings
 
 MS = 1_000_000
 GREY = np.full((40, 60, 3), 128, dtype=np.uint8)

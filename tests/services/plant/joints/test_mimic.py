@@ -7,7 +7,7 @@ from stepbus_kinematics import RobotModel
 from stepbus_participant import parse_urdf
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.world.file import load_world
+from stepbus_plant.world_file import load_world
 from stepbus_schemas import JointCommand, WiringError
 
 LINK = """<link name="{name}"><inertial><origin xyz="0.2 0 0"/><mass value="1"/>

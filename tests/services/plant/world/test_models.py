@@ -5,7 +5,7 @@ import pytest
 from support.services.plant import LIMIT, make_plant
 
 from stepbus_participant import Endpoint, Ticket
-from stepbus_plant.world.models import loadable
+from stepbus_plant.models import loadable
 from stepbus_schemas import WiringError
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'

@@ -7,8 +7,8 @@ import pytest
 from support.services.devices import box, link, write_can, write_urdf
 
 from stepbus_plant import Params, SimulatedPlant, load_world
-from stepbus_plant.world.declaration import StockParams
-from stepbus_plant.world.stock import draw_items
+from stepbus_plant.stock import draw_items
+from stepbus_plant.world import StockParams
 from stepbus_schemas import WiringError
 
 STOCK = """

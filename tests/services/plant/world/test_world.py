@@ -3,7 +3,7 @@ from support.paths import DOCS
 from support.services.plant import MS, body, make_plant, write_world
 
 from stepbus_plant import Params, load_world
-from stepbus_plant.world.declaration import Body, Friction, JointSettings, WorldFile
+from stepbus_plant.world import Body, Friction, JointSettings, WorldFile
 from stepbus_schemas import WiringError
 
 FIVE_MISTAKES = """gravity: [0, 0]

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
-from stepbus_store.motion.base.base_motion import BaseMotion
-from stepbus_store.motion.base.route import base_route, first_part
+from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
+from stepbus_store.motion.route import base_route, first_part
 
 
 @dataclass(kw_only=True)

@@ -7,10 +7,10 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from stepbus_plant.devices.frames import Frame, point, read_frame, rotation_of, tilted
-from stepbus_plant.devices.poses import LinkIndex
-from stepbus_plant.devices.sensors.errors import Errors
-from stepbus_plant.world.sensors import ImuSettings, LidarSettings, WrenchSettings
+from stepbus_plant.devices.sensor_errors import Errors
+from stepbus_plant.frames import Frame, point, read_frame, rotation_of, tilted
+from stepbus_plant.poses import LinkIndex
+from stepbus_plant.world_sensors import ImuSettings, LidarSettings, WrenchSettings
 from stepbus_schemas import Description, Imu, LaserScan, Wrench
 
 

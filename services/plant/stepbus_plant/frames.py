@@ -7,9 +7,9 @@ import numpy as np
 import pybullet as bullet
 from numpy.typing import NDArray
 
-from stepbus_plant.devices.poses import LinkIndex
-from stepbus_plant.devices.sensors.errors import Errors
-from stepbus_plant.world.sensors import WORLD, TransformSettings
+from stepbus_plant.devices.sensor_errors import Errors
+from stepbus_plant.poses import LinkIndex
+from stepbus_plant.world_sensors import WORLD, TransformSettings
 from stepbus_schemas import Description, Transforms
 
 Array = NDArray[np.float64]

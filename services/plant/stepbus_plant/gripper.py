@@ -9,12 +9,12 @@ from typing import Any
 import pybullet as bullet
 
 from stepbus_plant.commander import Commander
-from stepbus_plant.devices.poses import LinkIndex
 from stepbus_plant.engine import Physics
 from stepbus_plant.errors import CommandError
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.poses import LinkIndex
 from stepbus_plant.sensing import Warnings
-from stepbus_plant.world.declaration import GripperSettings
+from stepbus_plant.world import GripperSettings
 from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
 
 _NO_TURN = (0.0, 0.0, 0.0, 1.0)

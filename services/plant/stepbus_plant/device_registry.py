@@ -8,18 +8,18 @@ from typing import Any, Protocol
 from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.commander import Commander
-from stepbus_plant.devices.base import Base, BaseDriver
-from stepbus_plant.devices.contacts import ContactSensor, name_links
-from stepbus_plant.devices.gripper import Gripper, GripperDriver
-from stepbus_plant.devices.poses import LinkIndex, link_indices
-from stepbus_plant.devices.readings import Noise
+from stepbus_plant.contacts import ContactSensor, name_links
+from stepbus_plant.device import Base, BaseDriver
 from stepbus_plant.engine import Physics
+from stepbus_plant.gripper import Gripper, GripperDriver
 from stepbus_plant.joint import Joint
 from stepbus_plant.params import Params
+from stepbus_plant.poses import LinkIndex, link_indices
+from stepbus_plant.readings import Noise
 from stepbus_plant.sensing import Warnings
-from stepbus_plant.world.declaration import BaseSettings, GripperSettings
-from stepbus_plant.world.file import World
-from stepbus_plant.world.stock import Item
+from stepbus_plant.stock import Item
+from stepbus_plant.world import BaseSettings, GripperSettings
+from stepbus_plant.world_file import World
 from stepbus_schemas import Description, Message, Point, Poses, Quaternion, WiringError
 
 PORT = "planogram"

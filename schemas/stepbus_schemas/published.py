@@ -12,12 +12,11 @@ from typing import Any
 import msgspec
 
 from stepbus_schemas.codec import Decoder, encode, type_name
-from stepbus_schemas.derived.schema import json_schema
 from stepbus_schemas.errors import MessageError
 from stepbus_schemas.messages import MESSAGE_TYPES
 from stepbus_schemas.protocol import ENVELOPE_TYPES
-
-from .vectors import from_notation
+from stepbus_schemas.schema import json_schema
+from stepbus_schemas.vectors import from_notation
 
 Published = dict[str, dict[str, dict[str, str]]]
 """Type → group of vectors → hex of a vector → hex of what an accepted one means."""

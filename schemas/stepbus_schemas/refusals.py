@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from stepbus_schemas.derived.schema import not_null
+from stepbus_schemas.schema import not_null
 
 Value = dict[str, Any]
 

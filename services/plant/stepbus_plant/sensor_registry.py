@@ -8,11 +8,11 @@ import pybullet as bullet
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.devices.frames import TransformSensor
-from stepbus_plant.devices.poses import LinkIndex, link_indices
-from stepbus_plant.devices.readings import ImuSensor, Lidar, WrenchSensor
-from stepbus_plant.world.file import World
-from stepbus_plant.world.sensors import WORLD
+from stepbus_plant.frames import TransformSensor
+from stepbus_plant.poses import LinkIndex, link_indices
+from stepbus_plant.readings import ImuSensor, Lidar, WrenchSensor
+from stepbus_plant.world_file import World
+from stepbus_plant.world_sensors import WORLD
 from stepbus_schemas import Description, Message, WiringError
 
 SECTIONS: Mapping[str, str] = {

@@ -7,10 +7,10 @@ from typing import NamedTuple
 import pybullet as bullet
 
 from stepbus_participant import CallError, Method, suggest
-from stepbus_plant.devices.camera import Cameras
+from stepbus_plant.camera import Cameras
 from stepbus_plant.engine import Physics
 from stepbus_plant.joint import Joint
-from stepbus_plant.world.declaration import Action
+from stepbus_plant.world import Action
 from stepbus_schemas import WiringError
 
 # More torque than any motor has, and the share of the error corrected per substep: a wheel at

@@ -5,9 +5,9 @@ from typing import Any, NamedTuple
 
 import pybullet as bullet
 
-from stepbus_plant.devices.poses import LinkIndex
-from stepbus_plant.devices.readings import Noise
 from stepbus_plant.params import ProximityErrors
+from stepbus_plant.poses import LinkIndex
+from stepbus_plant.readings import Noise
 from stepbus_schemas import Contacts, Description
 
 _CALIBRATION = 0

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.devices.poses import PoseSensor, link_indices
-from stepbus_plant.devices.readings import Noise
 from stepbus_plant.params import CameraErrors
-from stepbus_plant.world.declaration import CameraSettings
-from stepbus_plant.world.file import World
+from stepbus_plant.poses import PoseSensor, link_indices
+from stepbus_plant.readings import Noise
+from stepbus_plant.world import CameraSettings
+from stepbus_plant.world_file import World
 from stepbus_schemas import Description, Image, Message, PointCloud, WiringError
 
 _WHITE = (1.0, 1.0, 1.0)

@@ -3,12 +3,12 @@
 import math
 
 from stepbus_plant.commander import Commander
-from stepbus_plant.devices.readings import Noise
 from stepbus_plant.engine import Physics
 from stepbus_plant.errors import CommandError
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.params import OdometryErrors
-from stepbus_plant.world.declaration import BaseSettings
+from stepbus_plant.readings import Noise
+from stepbus_plant.world import BaseSettings
 from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
 
 _NONE = OdometryErrors()

@@ -6,8 +6,8 @@ from collections.abc import Mapping, Sequence
 import pybullet as bullet
 
 from stepbus_participant import suggest
-from stepbus_plant.world.appearance import Appearance, read_appearances
-from stepbus_plant.world.file import World
+from stepbus_plant.appearance import Appearance, read_appearances
+from stepbus_plant.world_file import World
 from stepbus_schemas import Description, Point, Poses, Quaternion, WiringError
 
 _BASE = -1

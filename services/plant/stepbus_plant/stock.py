@@ -12,7 +12,7 @@ import numpy as np
 
 from stepbus_participant import suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.world.declaration import ItemTypeChange, RowSettings, StockParams, StockSettings
+from stepbus_plant.world import ItemTypeChange, RowSettings, StockParams, StockSettings
 from stepbus_schemas import WiringError
 
 

@@ -9,7 +9,16 @@ import numpy as np
 from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
-from stepbus_store.motion.base.route import (
+from stepbus_store.motion.base_settings import BaseSettings
+from stepbus_store.motion.base_tracking import (
+    TrackingError,
+    slow_wheels,
+    tracking_command,
+    tracking_error,
+)
+from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
+from stepbus_store.motion.outcome import Outcome
+from stepbus_store.motion.route import (
     Curve,
     PlannedSegment,
     Reference,
@@ -18,15 +27,6 @@ from stepbus_store.motion.base.route import (
     same_line,
     wrapped,
 )
-from stepbus_store.motion.base.settings import BaseSettings
-from stepbus_store.motion.base.tracking import (
-    TrackingError,
-    slow_wheels,
-    tracking_command,
-    tracking_error,
-)
-from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
-from stepbus_store.motion.outcome import Outcome
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""

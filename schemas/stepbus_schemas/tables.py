@@ -4,9 +4,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from stepbus_schemas.bridge import raw_fields
-from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.messages import MESSAGE_TYPES
 from stepbus_schemas.protocol import ENVELOPE_TYPES
+from stepbus_schemas.schema import json_schema, not_null
 from stepbus_schemas.types import SHIPPED, Types
 
 _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"

@@ -25,7 +25,7 @@ from stepbus_participant import (
     parameters,
 )
 from stepbus_participant.parameters import Keys, Pause, read
-from stepbus_plant.world.sensors import (
+from stepbus_plant.world_sensors import (
     ImuSettings,
     LidarSettings,
     TransformSettings,

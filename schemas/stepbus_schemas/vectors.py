@@ -15,11 +15,10 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas.derived.schema import json_schema, not_null
 from stepbus_schemas.protocol import PROTOCOL_VERSION
+from stepbus_schemas.refusals import Refusal, Value, refusals
+from stepbus_schemas.schema import json_schema, not_null
 from stepbus_schemas.types import Types, examples
-
-from .refusals import Refusal, Value, refusals
 
 NOTATION = (
     "Values are JSON, with four additions. "

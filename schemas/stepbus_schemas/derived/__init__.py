@@ -1,1 +1,0 @@
-"""What follows from the message types: JSON Schema, tables, byte vectors."""

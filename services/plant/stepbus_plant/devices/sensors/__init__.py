@@ -1,1 +1,0 @@
-"""Sensors that a world declares: inertial units, force-torque sensors, lidars, transforms."""

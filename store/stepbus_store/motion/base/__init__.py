@@ -1,1 +1,0 @@
-"""Moves a mobile base."""
