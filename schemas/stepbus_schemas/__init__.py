@@ -50,9 +50,9 @@ _MODULES = {
         "raw_fields",
         "raw_problem",
     ),
-    "derived.schema": ("json_schema", "not_null"),
-    "derived.tables": ("raw_table", "types_page"),
-    "derived.vectors": ("types_vectors",),
+    "schema": ("json_schema", "not_null"),
+    "tables": ("raw_table", "types_page"),
+    "vectors": ("types_vectors",),
     "types.units": ("unit_problem",),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}

@@ -1,4 +1,4 @@
-"""A participant on a test bench: feed it, step it, read what it publishes, or replay a recording."""
+"""A participant on a test bench: feed it, step it, read its outputs, or replay a recording."""
 
 from __future__ import annotations
 
