@@ -127,6 +127,17 @@ def pytest_runtest_call():
         raise
 
 
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_makereport(item):
+    """Show with a failed test how each of its runs ended: a gate may fail where nobody can look again."""
+    report = yield
+    folder = getattr(item, "funcargs", {}).get("tmp_path")
+    if report.failed and folder is not None:
+        for path in sorted(folder.rglob("result.json")):
+            report.sections.append((f"{path.relative_to(folder)}", path.read_text()))
+    return report
+
+
 @pytest.fixture(scope="session")
 def two_link_recording(tmp_path_factory):
     """Return run.mcap of 0.3 s of two_link, with its run's folder around it; do not change it."""
