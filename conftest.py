@@ -129,7 +129,7 @@ def pytest_runtest_call():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Show with a failed test how each of its runs ended: a gate may fail where nobody can look again."""
+    """Show with a failed test how each of its runs ended; nobody can look into a gate's folder."""
     report = yield
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if report.failed and folder is not None:
