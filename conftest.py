@@ -16,8 +16,8 @@ from support.disks import small_disk  # noqa: F401
 from support.properties import DEFAULT
 from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 # A folder of `testpaths` is never ignored itself; what is in it is.
 collect_ignore_glob = [] if find_spec("stepbus_store") else ["store/tests/*"]

@@ -21,8 +21,9 @@ from mcap.reader import make_reader
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, StepTiming, load
-from stepbus_orchestrator import run_scenario as run
+from stepbus_orchestrator.recording.timing import StepTiming
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples/controllers"

@@ -17,7 +17,10 @@ from pathlib import Path
 import numpy as np
 
 from stepbus_gym import StepbusEnv
-from stepbus_orchestrator import InProcess, Options, load, run_scenario
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import load
 
 Speed = tuple[float, float]
 """Steps/s by the wall clock, and by the processor's."""

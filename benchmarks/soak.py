@@ -22,8 +22,10 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator import Options, Progress, Result, load
-from stepbus_orchestrator import run_scenario as run
+from stepbus_orchestrator.run.reports import Progress
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 STEPS = 1_000_000
 STEP_MS = 5

@@ -20,8 +20,10 @@ import msgspec
 import numpy as np
 from mcap.reader import make_reader
 
-from stepbus_orchestrator import InProcess, Options, Recording, load
-from stepbus_orchestrator import run_scenario as run
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 TYPES = ("cola", "juice", "water", "soup")
 _ROW = re.compile(

@@ -5,26 +5,19 @@ nothing of the orchestrator. What is used less is in `stepbus.messages`, `.param
 `.results`, `.wiring` and `.testing`.
 """
 
-import warnings
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from .lookup import imported_on_use
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator import (
-        ExitCode,
-        Observer,
-        Pace,
-        Progress,
-        Recording,
-        Result,
-        RunExtension,
-        RunFailure,
-        Scenario,
-        ScenarioError,
-        Tolerance,
-    )
+    from stepbus_orchestrator.analysis.tolerance import Tolerance
+    from stepbus_orchestrator.errors import ExitCode, RunFailure, ScenarioError
+    from stepbus_orchestrator.recording import Recording
+    from stepbus_orchestrator.run.extension import RunExtension
+    from stepbus_orchestrator.run.extensions.pace import Pace
+    from stepbus_orchestrator.run.reports import Observer, Progress
+    from stepbus_orchestrator.run.result import Result
+    from stepbus_orchestrator.scenario import Scenario
     from stepbus_participant import (
         Config,
         Method,
@@ -52,16 +45,18 @@ if TYPE_CHECKING:
     from .runs import call, describe, load, run, verify
     from .sweeps import sweep
 
-_MODULES = ("errors", "messages", "params", "results", "testing", "wiring")
 _HOMES = (
     "stepbus_participant",
     "stepbus_schemas",
+    "stepbus_orchestrator.errors",
     ".runs",
     ".recordings",
     ".sweeps",
-    "stepbus_orchestrator",
+    "stepbus_orchestrator.analysis.tolerance",
+    "stepbus_orchestrator.run.reports",
 )
 """Where a name of `__all__` comes from: the first that has it."""
+_MODULES = ("errors", "messages", "params", "results", "testing", "wiring")
 
 __all__ = [
     "Config",
@@ -114,31 +109,4 @@ __all__ = [
     "wiring",
 ]
 
-_find, __dir__ = imported_on_use(__name__, __all__, _HOMES)
-
-
-def __getattr__(name: str) -> Any:
-    """Import a name when it is first used, a moved one with a warning that says where it is."""
-    if name in _MODULES:
-        return import_module(f"stepbus.{name}")
-    if name == "CheckedScenario":
-        _warn(name, "stepbus.Scenario")
-        return _find("Scenario")
-    if name not in __all__ and (module := _module_of(name)):
-        _warn(name, f"stepbus.{module}.{name}")
-        return getattr(import_module(f"stepbus.{module}"), name)
-    return _find(name)
-
-
-def _module_of(name: str) -> str:
-    """Return where a name is that was here in version 0.1; empty for one that is nowhere."""
-    others = (module for module in _MODULES if module != "testing")
-    return next((m for m in others if name in import_module(f"stepbus.{m}").__all__), "")
-
-
-def _warn(name: str, place: str) -> None:
-    warnings.warn(
-        f"stepbus.{name} is {place} now, and goes with the next version",
-        DeprecationWarning,
-        stacklevel=3,
-    )
+__getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES, _MODULES)

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 from .lookup import imported_on_use
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator import (
+    from stepbus_orchestrator.errors import (
         BusFailed,
         Diverged,
         ExitCode,
@@ -13,7 +13,6 @@ if TYPE_CHECKING:
         OutputExists,
         ParticipantDied,
         ParticipantFault,
-        Problem,
         RecordingFailed,
         RunFailure,
         ScenarioError,
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
         Problems,
         SettingsError,
     )
+    from stepbus_participant.parameters import Problem
     from stepbus_schemas import (
         MessageError,
         RunError,
@@ -67,6 +67,11 @@ __all__ = [
     "WiringError",
 ]
 
-__getattr__, __dir__ = imported_on_use(
-    __name__, __all__, ("stepbus_schemas", "stepbus_participant", "stepbus_orchestrator")
+_HOMES = (
+    "stepbus_schemas",
+    "stepbus_participant",
+    "stepbus_participant.parameters",
+    "stepbus_orchestrator.errors",
 )
+
+__getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES)

@@ -7,17 +7,19 @@ from typing import Any
 
 
 def imported_on_use(
-    module: str, names: Sequence[str], homes: Sequence[str]
+    module: str, names: Sequence[str], homes: Sequence[str], modules: Sequence[str] = ()
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a module.
 
     names: that it offers. homes: modules, of which the first that has a name is where it comes
-    from; those behind it are not loaded.
+    from; those behind it are not loaded. modules: those of the names that are modules below it.
     """
 
     def find(name: str) -> Any:
         if name not in names:
             raise AttributeError(f"module {module!r} has no attribute {name!r}")
+        if name in modules:
+            return import_module(f"{module}.{name}")
         loaded = (import_module(home, "stepbus") for home in homes)
         value = next(getattr(home, name) for home in loaded if hasattr(home, name))
         setattr(sys.modules[module], name, value)

@@ -7,17 +7,13 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from stepbus_orchestrator import (
-    Recording,
-    Recovery,
-    Source,
-    diff,
-    recording_file,
-)
-from stepbus_orchestrator import branch_recording as branch
-from stepbus_orchestrator import recover as recover_recording
-from stepbus_orchestrator import replay_participant as replay
-from stepbus_orchestrator import rerun_recording as rerun
+from stepbus_orchestrator.analysis.diff import diff
+from stepbus_orchestrator.recording import Recording, Recovery
+from stepbus_orchestrator.recording import recover as recover_recording
+from stepbus_orchestrator.recording.layout import Source, recording_file
+from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.replay.branch import branch
+from stepbus_orchestrator.replay.rerun import rerun
 from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:

@@ -5,15 +5,13 @@ from typing import TYPE_CHECKING
 from .lookup import imported_on_use
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator import (
-        Branch,
-        Diff,
-        ParticipantDescription,
-        Recovery,
-        ReplayResult,
-        Rerun,
-        Verification,
-    )
+    from stepbus_orchestrator.analysis.diff import Diff
+    from stepbus_orchestrator.analysis.verify import Verification
+    from stepbus_orchestrator.recording import Recovery
+    from stepbus_orchestrator.replay import ReplayResult
+    from stepbus_orchestrator.replay.branch import Branch
+    from stepbus_orchestrator.replay.rerun import Rerun
+    from stepbus_orchestrator.run.describe import ParticipantDescription
     from stepbus_tools import (
         Comparison,
         Exported,
@@ -39,4 +37,15 @@ __all__ = [
     "Verification",
 ]
 
-__getattr__, __dir__ = imported_on_use(__name__, __all__, ("stepbus_orchestrator", "stepbus_tools"))
+_HOMES = (
+    "stepbus_orchestrator.analysis.diff",
+    "stepbus_orchestrator.analysis.verify",
+    "stepbus_orchestrator.recording",
+    "stepbus_orchestrator.replay",
+    "stepbus_orchestrator.replay.branch",
+    "stepbus_orchestrator.replay.rerun",
+    "stepbus_orchestrator.run.describe",
+    "stepbus_tools",
+)
+
+__getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES)

@@ -11,32 +11,28 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator import (
-    External,
-    Observer,
-    Options,
+from stepbus_orchestrator.analysis.verify import Verification, plan
+from stepbus_orchestrator.analysis.verify import verify as verify_trials
+from stepbus_orchestrator.run.describe import ParticipantDescription
+from stepbus_orchestrator.run.describe import describe as describe_scenario
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.external import External, as_external
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.live_file import call as call_run
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import (
     Overrides,
-    Pace,
-    ParticipantDescription,
-    RealTime,
-    Result,
-    RunExtension,
     Scenario,
-    Verification,
-    as_external,
     check_data,
     check_installed,
-    default_folder,
-    host_of,
     override_texts,
     plain_value,
-    plan,
-    run_scenario,
 )
-from stepbus_orchestrator import call as call_run
-from stepbus_orchestrator import describe as describe_scenario
-from stepbus_orchestrator import load as load_scenario
-from stepbus_orchestrator import verify as verify_trials
+from stepbus_orchestrator.scenario import load as load_scenario
 from stepbus_schemas import CallReply, StepbusError, WiringError
 
 AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario

@@ -8,7 +8,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
-from stepbus_orchestrator import Overrides, override_texts, yaml_text
+from stepbus_orchestrator.scenario import Overrides, override_texts, yaml_text
 from stepbus_tools import SweepProgress, SweepResult, Terms, default_name, find_spec
 from stepbus_tools import sweep_scenario as run_sweep
 

@@ -14,13 +14,16 @@ RunError
    └─ Interrupted                      the user pressed Ctrl-C
 
 WiringError
-└─ OutputExists (FileExistsError)      what a call would write is there already
+├─ OutputExists (FileExistsError)      what a call would write is there already
+└─ SettingsError
+   └─ ScenarioError                    lists every problem of a scenario, one a line
 """
 
 from collections.abc import Iterator
 from contextlib import contextmanager
 from enum import IntEnum
 
+from stepbus_participant import SettingsError
 from stepbus_schemas import RunError, WiringError
 
 __all__ = [
@@ -33,6 +36,7 @@ __all__ = [
     "ParticipantFault",
     "RecordingFailed",
     "RunFailure",
+    "ScenarioError",
     "StartFailed",
     "StepTimeout",
     "StopTimeout",
@@ -85,6 +89,10 @@ def argument(option: str, parameter: str = "", value: str = "") -> str:
         return f"{option} {value}" if value else option
     name = parameter or option.lstrip("-").replace("-", "_")
     return f'{name}=["{value}"]' if value else f"`{name}`"
+
+
+class ScenarioError(SettingsError):
+    """A scenario cannot be run; `problems` has every reason, its text one a line."""
 
 
 class OutputExists(WiringError, FileExistsError):

@@ -46,7 +46,7 @@ from .hints import (
 )
 from .parameters.problems import Problems, SettingsError
 from .parameters.settings import *
-from .parameters.settings import LONGEST_NS, format_duration, parse_duration, whole_steps
+from .parameters.settings import LONGEST_NS, Own, format_duration, parse_duration, whole_steps
 from .participant import InputAbsent, InvalidInput, Participant, PortType, Step, StepsOver
 from .process import (
     HOST,

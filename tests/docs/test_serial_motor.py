@@ -7,10 +7,12 @@ import sys
 import pytest
 from support.paths import CHECKOUT
 
-from stepbus_orchestrator import InProcess, Options, RealTime, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture

@@ -8,10 +8,11 @@ from support.paths import CHECKOUT
 from support.tools import needs
 
 import stepbus
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"

@@ -10,9 +10,10 @@ import sys
 import pytest
 from support.tools import needs
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 SCENARIO = """\
 name: counter

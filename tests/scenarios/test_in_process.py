@@ -2,9 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import builtin_names
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import builtin_names, load
 
 STEPS = 60
 

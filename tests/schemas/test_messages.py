@@ -19,7 +19,6 @@ from support.messages.fuzz import (
 )
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.bus import Session
@@ -27,6 +26,7 @@ from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.host import NoPeers
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
+from stepbus_orchestrator.scenario import load
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
 from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode

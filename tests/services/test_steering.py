@@ -6,13 +6,16 @@ from functools import partial
 import pytest
 from support.runs.asker import Asker
 
-from stepbus_orchestrator import InProcess, Options, Recording, cli, load
+from stepbus_orchestrator import cli
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import CallRecord
 
 AT = 100

@@ -3,10 +3,10 @@
 import contextlib
 import threading
 
-from stepbus_orchestrator import Options, Recording
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_tools.viewing.live_page import follow
 
 

@@ -21,7 +21,10 @@ from gymnasium.spaces import Box
 import stepbus
 from stepbus.runs import AnyScenario
 from stepbus_gym.policy.loaded import checked_action
-from stepbus_orchestrator import Episode, Overrides, Result, RunFailure, Scenario, override_texts
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.run.episode import Episode
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.scenario import Overrides, Scenario, override_texts
 from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
 

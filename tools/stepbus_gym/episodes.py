@@ -9,7 +9,8 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-from stepbus_orchestrator import RecordingFailed, first_new
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.run.folder import first_new
 
 DEFAULT = "episodes"
 

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.toolkit import Array, Result
+from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need, suggest
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.sweep.sweep_metrics import builtin_metrics

@@ -32,7 +32,8 @@ from stepbus_schemas import (
 from .configs import make_config
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator import ReplayResult, Source
+    from stepbus_orchestrator.recording.layout import Source
+    from stepbus_orchestrator.replay import ReplayResult
 
 _AT_ONCE = -1
 """What a source has published before any step is due at every step."""
@@ -171,7 +172,7 @@ def assert_replays(recording: Source, participant: str, **options: Any) -> Repla
     Raises AssertionError, with the first difference or what went wrong, when it is not equal.
     """
     from stepbus import replay  # noqa: PLC0415  it loads the orchestrator
-    from stepbus_orchestrator import recording_file  # noqa: PLC0415
+    from stepbus_orchestrator.recording.layout import recording_file  # noqa: PLC0415
 
     __tracebackhide__ = True
     path = recording_file(recording)

@@ -1,48 +1,18 @@
-"""Files that are whole, or not there: nobody sees half of one."""
+"""What a recording shows to be wrong with its run: limits, wiring, targets beyond a stop."""
 
-import contextlib
 import math
-import os
 from collections.abc import Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Signal, signal_of
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, split_topic
-from stepbus_participant import SettingsError, irregular, make_file
+from stepbus_participant import SettingsError
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import Description, Goal
-
-
-@contextmanager
-def replaced(target: Path) -> Iterator[Path]:
-    """Yield an empty file beside `target` to write, which takes its name at the end.
-
-    Raises RecordingFailed when it cannot be written, where it is gone then, and before that where
-    `target` is there and no regular file: a device, a pipe, a folder or a link.
-    """
-    part = target.with_name(f".{target.name}.part")
-    if kind := irregular(target):
-        raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
-    try:
-        target.parent.mkdir(parents=True, exist_ok=True)
-        os.close(make_file(part))
-        yield part
-        part.replace(target)
-    except RecordingFailed:
-        raise
-    except OSError as exc:
-        raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
-    finally:
-        with contextlib.suppress(OSError):
-            part.unlink()
-
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
 _ASKING = frozenset(

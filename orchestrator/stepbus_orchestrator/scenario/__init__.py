@@ -8,7 +8,7 @@ from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missi
 from stepbus_participant.parameters import Problem
 
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
-from .load import ScenarioError, check_data, load
+from .load import check_data, load
 from .model import (
     EXTERNAL_SPAWN_S,
     BridgeSpec,
@@ -44,7 +44,6 @@ __all__ = [
     "ParticipantSpec",
     "Problem",
     "Scenario",
-    "ScenarioError",
     "Schedule",
     "builtin_folders",
     "builtin_names",

@@ -1,14 +1,11 @@
-"""From a path or a name to a checked scenario.
-
-SettingsError
-└─ ScenarioError      lists every problem of a scenario, one a line
-"""
+"""From a path or a name to a checked scenario."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.earlier import upgraded
@@ -20,11 +17,6 @@ from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
 
 from .model import Scenario
-
-
-class ScenarioError(SettingsError):
-    """A scenario cannot be run; `problems` has every reason, its text one a line."""
-
 
 Check = Callable[[Scenario, Problems], None]
 """Adds what is wrong with a scenario whose parts fit together."""

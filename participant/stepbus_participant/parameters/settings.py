@@ -25,6 +25,31 @@ from stepbus_schemas import WiringError
 
 from .problems import Keys, Problems
 
+__all__ = [
+    "Count",
+    "Duration",
+    "File",
+    "Finite",
+    "ModelFile",
+    "Name",
+    "Names",
+    "NonNegative",
+    "NonNegativePerJoint",
+    "PerJoint",
+    "PerName",
+    "Plugin",
+    "Positive",
+    "PositivePerJoint",
+    "Settings",
+    "Share",
+    "Text",
+    "Vector3",
+    "Whole",
+    "each",
+    "needed_when",
+    "when",
+]
+
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
 NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]*"
 LONGEST_NAME = 64

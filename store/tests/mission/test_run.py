@@ -7,9 +7,10 @@ import pytest
 from support.messages.recordings import messages
 from support.store_paths import STORE_PROGRAMS, STORE_TESTS
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 pytestmark = pytest.mark.slow
 

@@ -6,9 +6,11 @@ import pytest
 from support.runs.branches import unequal
 from support.runs.store import NAMES, moves, store
 
-from stepbus_orchestrator import InProcess, Options, Recording, load
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay.branch import branch
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.mark.slow

@@ -5,11 +5,12 @@ import shutil
 
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, cli, load
+from stepbus_orchestrator import cli
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import read_data
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load, read_data
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
 

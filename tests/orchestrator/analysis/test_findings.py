@@ -8,12 +8,14 @@ import pytest
 from support.messages.recordings import write
 from support.paths import GOLDEN_LOGS, TESTS
 
-from stepbus_orchestrator import InProcess, Options, cli, load
+from stepbus_orchestrator import cli
 from stepbus_orchestrator.analysis.findings import _Count, findings
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import Description, Goal, JointState
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"

@@ -4,8 +4,8 @@ from itertools import product
 
 import pytest
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.analysis.verify import TRANSPORTS, WINDOWS, plan
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture(scope="module")

@@ -4,11 +4,12 @@ import threading
 
 from support.runs.joints import load, write_scenario
 
-from stepbus_orchestrator import InProcess, Options, Recording
 from stepbus_orchestrator.cli.live import in_degrees
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Silent
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
 
 
 class Watcher(Silent):

@@ -8,10 +8,10 @@ from pathlib import Path
 import pytest
 from support.runs.joints import leftovers
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.run.describe import describe
+from stepbus_orchestrator.scenario import load
 
 PROGRAM = """
 import stepbus

@@ -7,8 +7,11 @@ from pathlib import Path
 import pytest
 
 import stepbus_scenarios
-from stepbus_orchestrator import InProcess, Options, load, run_scenario
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import load
 
 SCENARIO = Path(stepbus_scenarios.__file__).parent / "two_link"
 SINE = "amplitude: null, omega: null, phase: null"

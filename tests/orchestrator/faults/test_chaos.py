@@ -11,10 +11,9 @@ import pytest
 from support.messages.recordings import messages
 from support.runs.joints import leftovers
 
-from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.recording import Recording, recover
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import FAULT_TYPES
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import FAULT_TYPES, load
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -14,10 +14,14 @@ import pytest
 from mcap.reader import make_reader
 from support.messages.recordings import messages
 
-from stepbus_orchestrator import InProcess, Options, Pace, load, run_scenario
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.run_scenario import Options
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import JointState, encode
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))

@@ -7,10 +7,10 @@ from support.messages.recordings import messages, metadata
 from support.runs.joints import PROGRAM, run_joints, write_scenario
 from support.runs.large import write_large
 
-from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 NAMES = ("plant", "controller", "mission")
 FAST = [f"{name}.step_timeout=1s" for name in NAMES]

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator import load
-from stepbus_orchestrator.scenario import FAULT_TYPES, ScenarioError, format_fault, resolved
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import FAULT_TYPES, format_fault, load, resolved
 
 
 def texts(*faults, overrides=("duration=1s",)):

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 

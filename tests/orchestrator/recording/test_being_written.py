@@ -10,10 +10,11 @@ from support.messages.recordings import messages
 from support.paused import Paused
 from support.surroundings import comes_true
 
-from stepbus_orchestrator import InProcess, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture

@@ -3,8 +3,8 @@
 import pytest
 from support.messages.recordings import write
 
-from stepbus_orchestrator import Recording
 from stepbus_orchestrator.recording import recorded_decoder
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay.recorded import Track
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_schemas import (

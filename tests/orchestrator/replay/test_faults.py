@@ -7,10 +7,11 @@ import pytest
 from support.runs.joints import fault, run_joints
 from support.runs.large import write_large
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure, StepTimeout
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 STEP = "controller.step_timeout=500ms"
 STOP = "controller.stop_timeout=500ms"

@@ -5,9 +5,10 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.new import write_starter
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 pytest_plugins = ["pytester"]
 

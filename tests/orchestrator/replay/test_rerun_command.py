@@ -9,11 +9,13 @@ from mcap.opcode import Opcode
 from support.messages.recordings import record_ends, rewrite
 from support.runs.joints import fault, run_joints, write_scenario
 
-from stepbus_orchestrator import InProcess, Options, cli, load
+from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Silent
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 class Stopper(Silent):

@@ -9,12 +9,13 @@ import pytest
 from support.runs.joints import fault, run_joints
 
 import stepbus_scenarios
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):

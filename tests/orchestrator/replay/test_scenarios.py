@@ -8,11 +8,12 @@ from mcap.reader import make_reader
 from support.messages.recordings import rewrite
 from support.runs.joints import PROGRAM, SCENARIO, fault, run_joints, write_scenario
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import ScenarioError
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 SELDOM = """
 name: seldom

@@ -6,14 +6,16 @@ import shutil
 import pytest
 from support.tools import needs
 
-from stepbus_orchestrator import InProcess, Options, cli, load
+from stepbus_orchestrator import cli
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.replay.work_tree import find_work_tree
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 
 REPLAY = ("--participant", "controller")

@@ -5,8 +5,8 @@ import pytest
 from mcap.reader import make_reader
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 
 ECHO = '''
 from stepbus import Event, Participant

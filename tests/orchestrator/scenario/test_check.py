@@ -5,7 +5,7 @@ import pickle
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, problems_of
 
-from stepbus_orchestrator.scenario import ScenarioError
+from stepbus_orchestrator.errors import ScenarioError
 from stepbus_schemas import WiringError
 
 FIVE_PROBLEMS = """\

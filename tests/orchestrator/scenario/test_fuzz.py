@@ -12,7 +12,8 @@ from ruamel.yaml import YAML
 from support.properties import examples
 from support.runs.scenario import TWO_LINK, plain, write
 
-from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import Scenario, load
 
 SCALARS = [
     None,

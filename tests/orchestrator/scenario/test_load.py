@@ -3,13 +3,13 @@ from __future__ import annotations
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, write
 
+from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.plugins import all_points
 from stepbus_orchestrator.scenario import (
     BusSpec,
     Deadlines,
     InputSpec,
     OutputSpec,
-    ScenarioError,
     builtin_names,
     load,
 )

@@ -2,8 +2,8 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 pytestmark = pytest.mark.slow
 

@@ -12,9 +12,9 @@ import pytest
 from support.runs.bridge import run_bridged, write_bridged
 from support.surroundings import comes_true, has_ended
 
-from stepbus_orchestrator import host_of
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.run_scenario import host_of
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
 

@@ -2,8 +2,10 @@
 
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, ScenarioError, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ from importlib import resources
 
 import pytest
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RunFailure
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 from stepbus_tools.selftest import selftest
 

@@ -2,7 +2,7 @@
 
 import random
 
-from stepbus_orchestrator import Recording
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay.branch import branch
 
 

@@ -4,8 +4,9 @@ from pathlib import Path
 
 from support.runs.joints import PROGRAM, SCENARIO
 
-from stepbus_orchestrator import Options, Result, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 BRIDGED = PROGRAM.with_name("bridged.py")
 SILENT = {"hang", "stop", "child"}

@@ -8,10 +8,13 @@ from pathlib import Path
 
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import External, Options, Pace, RealTime, load
 from stepbus_orchestrator.run.extensions.debug import Debug
+from stepbus_orchestrator.run.extensions.external import External
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports import Silent
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 JOIN = (sys.executable, "-m", "stepbus_orchestrator.cli", "join")
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}

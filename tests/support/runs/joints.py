@@ -6,9 +6,11 @@ from pathlib import Path
 import psutil
 from support.paths import PROGRAMS
 
-from stepbus_orchestrator import Observer, Options, Result, host_of, load
 from stepbus_orchestrator.run.host import Host
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 
 PROGRAM = PROGRAMS / "joints.py"
 

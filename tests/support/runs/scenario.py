@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import Scenario, load
 
 TWO_LINK = """\
 name: arm

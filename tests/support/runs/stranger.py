@@ -11,7 +11,7 @@ from contextlib import contextmanager
 
 from support.runs.joints import run_joints
 
-from stepbus_orchestrator import Pace
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_participant import Endpoint, ZenohBus, load_ticket
 from stepbus_schemas import encode, encoding_of

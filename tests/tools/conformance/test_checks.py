@@ -9,9 +9,8 @@ from support.paths import CHECKOUT
 from support.runs.conformance import FOUND_BY, MAY_FAIL, failed, material, ours, outcomes, program
 from support.runs.joints import leftovers
 
-from stepbus_orchestrator import load
-from stepbus_orchestrator.errors import Interrupted
-from stepbus_orchestrator.scenario import ScenarioError
+from stepbus_orchestrator.errors import Interrupted, ScenarioError
+from stepbus_orchestrator.scenario import load
 from stepbus_tools.conformance import conformance
 
 EXAMPLES = sorted(path.parent for path in CHECKOUT.glob("examples/controllers/*/scenario.yaml"))

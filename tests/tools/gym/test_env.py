@@ -14,7 +14,9 @@ from gymnasium.utils.env_checker import check_env
 
 import stepbus_gym
 from stepbus_gym import StepbusEnv
-from stepbus_orchestrator import Episode, RunFailure, load
+from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.run.episode import Episode
+from stepbus_orchestrator.scenario import load
 from stepbus_participant import Participant
 from stepbus_schemas import WiringError
 

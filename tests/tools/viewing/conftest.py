@@ -2,8 +2,9 @@
 
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture(scope="session")

@@ -8,9 +8,9 @@ import pytest
 from support.browser import needs_chromium, opened
 from support.paused import Paused, calls_of, followed
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.scenario import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_tools.viewing.run_client import newest
 

@@ -14,11 +14,11 @@ from support.browser import Curves, needs_chromium, opened
 from support.messages.recordings import chunks
 from support.paused import Paused
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE
+from stepbus_orchestrator.scenario import load
 from stepbus_tools.viewing.live_page import follow
 from stepbus_tools.viewing.stage import open_page
 

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 from support.browser import Curves, needs_chromium, opened
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_tools.viewing.playback import History, Playback, open_recording
 from stepbus_tools.viewing.stage import open_page
 

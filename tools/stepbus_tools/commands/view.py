@@ -19,7 +19,7 @@ from stepbus_orchestrator.cli import (
     say,
 )
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import LIVE_FILE
+from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_schemas import WiringError
 from stepbus_tools.viewing.access import open_in_browser
 

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from stepbus_orchestrator.toolkit import envelope, without_bulk
+from stepbus_orchestrator.replay.recorded import envelope, without_bulk
 from stepbus_participant import stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,

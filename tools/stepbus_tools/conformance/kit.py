@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 
-from stepbus_orchestrator.toolkit import PortComparison, Tolerance
+from stepbus_orchestrator.analysis.divergence import PortComparison
+from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_participant import make_new_folder
 from stepbus_schemas import Description
 from stepbus_tools.conformance.feeds import Feed, Ports

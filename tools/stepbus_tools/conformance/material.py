@@ -9,18 +9,13 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.run.kernel.admission import welcome_of
+from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, low_latency
-from stepbus_orchestrator.toolkit import (
-    Mesh,
-    Options,
-    Recorded,
-    input_descriptions,
-    make_mesh,
-    recorded_descriptions,
-    run,
-    welcome_of,
-)
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Envelope, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed, Ports

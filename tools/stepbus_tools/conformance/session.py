@@ -11,14 +11,11 @@ from queue import Empty, SimpleQueue
 from typing import Any, Self
 
 from stepbus_orchestrator.errors import Interrupted
-from stepbus_orchestrator.toolkit import (
-    Child,
-    Launcher,
-    Watchdog,
-    new_token,
-    open_bus,
-    private_folder,
-)
+from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.endpoints import new_token, private_folder
+from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.watchdog import Watchdog
+from stepbus_orchestrator.run.bus import open_bus
 from stepbus_participant import Endpoint, ZenohBus
 from stepbus_schemas import encode, encoding_of
 from stepbus_tools.conformance.material import Material, Setup

@@ -7,7 +7,7 @@ from pathlib import Path
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from stepbus_orchestrator.toolkit import certificates, passwords
+from stepbus_orchestrator.processes.credentials import certificates, passwords
 from stepbus_participant import BusError, Endpoint, ZenohBus
 from stepbus_tools.doctor.machine import Finding, free_ports
 

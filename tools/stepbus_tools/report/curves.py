@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.toolkit import Array, Signal, Tracking
+from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
 
 Line = tuple[Array, Array]
 """Times [s] and values, both of shape (p,)."""

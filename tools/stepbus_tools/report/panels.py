@@ -4,8 +4,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
-from stepbus_orchestrator.toolkit import Array
 from stepbus_schemas import json_schema
 from stepbus_tools.report.curves import Curve, Line, TrackingCurves
 from stepbus_tools.report.signals_plot import MOST_LINES, Panel

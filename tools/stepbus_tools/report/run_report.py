@@ -2,8 +2,9 @@
 
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.findings import findings
+from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.toolkit import findings, tracking_pieces
 from stepbus_participant import extra_hint
 from stepbus_schemas import StepbusError
 from stepbus_tools.report.curves import TrackingCurves

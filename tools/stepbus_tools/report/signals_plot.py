@@ -7,11 +7,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.toolkit import Array, replaced
 from stepbus_schemas import WiringError
 from stepbus_tools.report.curves import Curve, Line, legend, line
+from stepbus_tools.whole_file import replaced
 
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
 MOST_LINES = 20

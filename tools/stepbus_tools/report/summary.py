@@ -8,7 +8,9 @@ from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.toolkit import RESULT_FILE, Lateness, Tracking, TrackingError
+from stepbus_orchestrator.analysis.signals import Tracking, TrackingError
+from stepbus_orchestrator.run.reports import Lateness
+from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_participant import open_regular, read_file
 from stepbus_schemas import UNDECODABLE
 

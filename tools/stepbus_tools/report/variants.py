@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
+from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import read_tracking
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import WiringError
 from stepbus_tools.report.signals_plot import Panel, draw_signals, find_signals

@@ -6,18 +6,14 @@ from collections.abc import Mapping, Sequence
 
 import msgspec
 
+from stepbus_orchestrator.analysis.signals import Signal, read_signal
 from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.run.describe import describe
+from stepbus_orchestrator.run.folder import scratch_folder
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
-from stepbus_orchestrator.toolkit import (
-    Observer,
-    Options,
-    Result,
-    Signal,
-    describe,
-    read_signal,
-    run,
-    scratch_folder,
-)
 from stepbus_schemas import Description, WiringError
 from stepbus_selftest import make_plan, modes_of, read_joints
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import msgspec
 import numpy as np
 
-from stepbus_orchestrator.toolkit import Array, Signal
+from stepbus_orchestrator.analysis.signals import Array, Signal
 from stepbus_selftest import TestedJoint, Trial
 
 # How far from its goal a joint may end, and how far another may move meanwhile [rad, m].

@@ -6,10 +6,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from stepbus_orchestrator.replay.rerun import unpack_files
+from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario import Scenario, files, resolved
-from stepbus_orchestrator.toolkit import read_files, replaced, unpack_files
 from stepbus_participant import read_file, suggest
 from stepbus_schemas import WiringError
+from stepbus_tools.whole_file import replaced
 
 _METRICS = "metrics"
 _MOST_BYTES = 5_000_000

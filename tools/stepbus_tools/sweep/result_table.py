@@ -4,11 +4,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_tools.sweep.journal import Journal
 from stepbus_tools.sweep.sweep_metrics import Value
 from stepbus_tools.sweep.trial import Row
+from stepbus_tools.whole_file import replaced
 
 TABLE_FILE = "results.parquet"
 TIMES_FILE = "times.parquet"

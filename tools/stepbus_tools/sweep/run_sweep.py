@@ -18,7 +18,7 @@ from stepbus_orchestrator.errors import (
     RecordingFailed,
     argument,
 )
-from stepbus_orchestrator.toolkit import check_limits, replaced
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.content import Content, collect
@@ -28,6 +28,7 @@ from stepbus_tools.sweep.pool import Pool, Terms
 from stepbus_tools.sweep.result_table import TABLE_FILE, write_table
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import Row, write_run
+from stepbus_tools.whole_file import replaced
 
 from .optimize import Optimizer
 from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec

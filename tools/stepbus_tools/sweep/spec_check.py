@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
-from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.scenario import Scenario, ScenarioError, load
+from stepbus_orchestrator.errors import ScenarioError, argument
+from stepbus_orchestrator.scenario import Scenario, load
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import FAULTS, Axis, parse_axis

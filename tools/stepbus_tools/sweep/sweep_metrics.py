@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import Result, Signal, Tracking, read_tracking, tracking_rmse
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import RunError, error_text
 
 Array = NDArray[np.float64]

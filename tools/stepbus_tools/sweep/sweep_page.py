@@ -10,11 +10,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_tools.sweep.journal import Journal
 from stepbus_tools.sweep.spec import Spec
 from stepbus_tools.sweep.trial import Row
+from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
 MOST_ROWS = 20_000

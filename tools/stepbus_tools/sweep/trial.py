@@ -13,8 +13,10 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.inprocess import check_scenario
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario import Scenario, load
-from stepbus_orchestrator.toolkit import Options, Result, check_scenario, host_of, run
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report import write_report

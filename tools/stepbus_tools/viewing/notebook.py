@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.toolkit import Result, replaced
+from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import StepbusError
 from stepbus_tools.report.signals_plot import (
@@ -18,6 +18,7 @@ from stepbus_tools.report.signals_plot import (
 )
 from stepbus_tools.viewing.page import PAGE_FILE
 from stepbus_tools.viewing.scene_file import scene_still
+from stepbus_tools.whole_file import replaced
 
 from .page.svg import figure
 

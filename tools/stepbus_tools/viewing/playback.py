@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import diff
 from stepbus_schemas import Event, MessageError, StepbusError, WiringError
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.scene import Latest, Messages, build_scene

@@ -11,7 +11,7 @@ from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
-from stepbus_orchestrator.toolkit import LIVE_FILE, Line
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.viewing.scene import Latest, Messages
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_schemas import MessageError
 from stepbus_tools.viewing.exports.export_files import Exported
 from stepbus_tools.viewing.render import Painter, Pixels, whole_scene
 from stepbus_tools.viewing.scene import Latest, Messages, Scene, build_scene
 from stepbus_tools.viewing.stage import Stage, open_page
 from stepbus_tools.viewing.stage.camera import look_at
+from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 30.0
 _MOST_FRAMES = 1800

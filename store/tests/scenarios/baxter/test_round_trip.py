@@ -6,8 +6,8 @@ import msgpack
 import pytest
 from support.messages.recordings import messages
 
-from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 
 # So weak a shoulder cannot hold many poses.
 WEAK = ["seed=3", "plant.params.effort.left_s1=40", "plant.params.effort.right_s1=40"]

@@ -9,11 +9,11 @@ import pybullet
 import pytest
 from support.store_paths import SCENARIOS
 
-from stepbus_orchestrator import Options, host_of, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_tools.report.curves import TrackingCurves
 

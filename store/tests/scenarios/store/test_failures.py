@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 from support.runs.store import last, moves, store, texts
 
-from stepbus_orchestrator import load
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.errors import ExitCode, ScenarioError
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.scenario import ScenarioError
+from stepbus_orchestrator.scenario import load
 
 pytestmark = pytest.mark.slow
 

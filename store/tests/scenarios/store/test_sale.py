@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from support.runs.store import NAMES, last, moves, store, texts
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.scenario import load
 
 pytestmark = pytest.mark.slow
 

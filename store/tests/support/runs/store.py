@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.run_scenario import run
-from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of, load
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
 OTHERS = {"store": NAMES, "store/spiral": ("plant", "goals", "controller", "planner")}

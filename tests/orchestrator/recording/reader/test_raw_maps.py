@@ -6,8 +6,8 @@ from hypothesis import given
 from support.messages.recordings import write
 from support.messages.vectors import load_vectors, messages
 
-from stepbus_orchestrator import Recording
 from stepbus_orchestrator.recording import raw_map
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_schemas import Description, JointState, MessageError, encode
 from stepbus_tools.conformance.feeds import disagreement
 

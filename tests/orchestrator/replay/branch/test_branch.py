@@ -6,13 +6,15 @@ import textwrap
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
-from stepbus_orchestrator import InProcess, Options, Recording, load
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.branch import BranchPlan, branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import CallRecord, WiringError
 
 STEPS = 100

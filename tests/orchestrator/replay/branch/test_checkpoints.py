@@ -8,11 +8,12 @@ import shutil
 import msgspec
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import CallRecord
 
 STEPS = 300

@@ -12,7 +12,6 @@ from support.messages.recordings import messages
 from support.runs.asker import Asker
 from support.runs.joints import run_joints, write_scenario
 
-from stepbus_orchestrator import Options, Pace, call, load
 from stepbus_orchestrator.cli import call as call_command
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
@@ -20,8 +19,10 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
-from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, forget
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call, forget
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
 

@@ -8,8 +8,8 @@ from support.runs.joints import run_joints
 
 import stepbus
 from stepbus import Recording
-from stepbus_orchestrator import ExitCode
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extension import RunExtension
 
 PAGE = (CHECKOUT / "docs/guide/writing/extension.md").read_text()

@@ -11,13 +11,14 @@ import pytest
 from support.messages.recordings import messages
 from support.runs.joints import fault, leftovers, write_scenario
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli.keys import press
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.reports import Silent
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 
 

@@ -6,8 +6,8 @@ import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 from support.runs.kernel import scenario, states
 
-from stepbus_orchestrator import ExitCode
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState

@@ -6,8 +6,8 @@ import pytest
 from support.runs.bridge import run_bridged
 from support.surroundings import processes_in
 
-from stepbus_orchestrator import InProcess
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.hosts import InProcess
 
 pytestmark = pytest.mark.usefixtures("starts_a_process")
 

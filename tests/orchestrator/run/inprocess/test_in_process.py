@@ -14,14 +14,15 @@ import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
 import stepbus
-from stepbus_orchestrator import InProcess, Options, host_of, load
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes.turns import Turns, make_file
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
 from stepbus_orchestrator.run.inprocess.program import ScenarioModules
 from stepbus_orchestrator.run.reports import Silent
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")

@@ -6,8 +6,8 @@ import pytest
 from support.runs.joints import write_scenario
 
 import stepbus
-from stepbus_orchestrator import Options, host_of, load
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 
 SPEAKER = """
 from stepbus import Event, Participant

@@ -2,7 +2,7 @@
 
 from support.runs.kernel import scenario
 
-from stepbus_orchestrator import Pace
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier, step_limit
 
 

@@ -8,8 +8,8 @@ import pytest
 from support.runs.kernel import MISSION, PLANT, RunInMemory, participant, scenario
 from support.surroundings import comes_true
 
-from stepbus_orchestrator import Pace
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
+from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.state import NEXT, RunPhase
 from stepbus_orchestrator.scenario import HoldSpec
 

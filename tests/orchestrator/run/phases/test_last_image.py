@@ -2,7 +2,10 @@
 
 import pytest
 
-from stepbus_orchestrator import Options, Recording, host_of, load, run_scenario
+from stepbus_orchestrator.recording.reader import Recording
+from stepbus_orchestrator.run.run_scenario import Options, host_of
+from stepbus_orchestrator.run.run_scenario import run as run_scenario
+from stepbus_orchestrator.scenario import load
 
 STEPS = 3
 BYTES = 6_000_000

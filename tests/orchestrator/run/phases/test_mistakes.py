@@ -6,11 +6,12 @@ from importlib import resources
 import numpy as np
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 SCENARIO = """
 name: mistakes

@@ -2,9 +2,9 @@
 
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, load
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 LINGERS = """
 import atexit

@@ -3,9 +3,9 @@
 import pytest
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator import Options, host_of, load
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.run_scenario import Options, host_of, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture

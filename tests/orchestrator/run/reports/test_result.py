@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from stepbus_orchestrator import Result
+from stepbus_orchestrator.run.result import Result
 
 
 @pytest.fixture

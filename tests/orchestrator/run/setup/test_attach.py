@@ -20,13 +20,15 @@ from support.runs.joints import PROGRAM, fault, run_joints, write_scenario
 from support.surroundings import comes_true
 from support.tools import needs
 
-from stepbus_orchestrator import ExitCode, InProcess, Options, load
 from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.extensions import external
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_schemas import WiringError
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")

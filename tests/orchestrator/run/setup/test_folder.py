@@ -5,10 +5,10 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator import load
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.run.run_scenario import default_folder
+from stepbus_orchestrator.scenario import load
 
 
 def test_every_default_folder_is_a_new_one(tmp_path):

@@ -3,7 +3,8 @@
 import pytest
 from support.runs.scenario import write
 
-from stepbus_orchestrator.scenario import ScenarioError, load
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import load
 from stepbus_participant.parameters import yaml_file
 
 ROW = "  p{}:\n    exec: [python, p.py]\n    outputs: {{out: JointState/1}}\n"

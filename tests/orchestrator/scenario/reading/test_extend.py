@@ -3,7 +3,8 @@ from __future__ import annotations
 import pytest
 from support.runs.scenario import changed, problem_of, problems_of, write
 
-from stepbus_orchestrator.scenario import ScenarioError, files, load
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import files, load
 
 
 @pytest.fixture

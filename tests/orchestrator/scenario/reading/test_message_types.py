@@ -4,7 +4,8 @@ import sys
 
 import pytest
 
-from stepbus_orchestrator.scenario import ScenarioError, load, resolved
+from stepbus_orchestrator.errors import ScenarioError
+from stepbus_orchestrator.scenario import load, resolved
 
 SCENARIO = """\
 name: own

@@ -6,10 +6,12 @@ from support.messages.recordings import messages
 from support.runs.asker import Asker
 from support.services.plant import body, make_plant
 
-from stepbus_orchestrator import Options, Pace, call, load
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.live_file import call
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_participant import CallError
 from stepbus_schemas import JointCommand, JointState
 

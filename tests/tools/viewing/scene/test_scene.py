@@ -5,9 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 from stepbus_tools.viewing.scene import Latest, Pose, build_scene
 from stepbus_tools.viewing.scene.primitives import about, from_rpy
 

@@ -3,9 +3,10 @@
 import pytest
 from support.browser import needs_chromium, opened
 
-from stepbus_orchestrator import InProcess, Options, load
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.run_scenario import run
+from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.toolkit import FieldTolerance, differences
+from stepbus_orchestrator.analysis.tolerance import FieldTolerance, differences
 from stepbus_schemas import Description, encode
 from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import (

@@ -4,7 +4,7 @@ import os
 import time
 from typing import Any
 
-from stepbus_orchestrator.toolkit import Child
+from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
 from stepbus_schemas import PROTOCOL_VERSION, Types, WiringError
 from stepbus_tools.conformance.check import check

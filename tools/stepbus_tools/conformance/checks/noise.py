@@ -6,7 +6,7 @@ from functools import partial
 
 import msgspec
 
-from stepbus_orchestrator.toolkit import max_message_bytes
+from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode
 from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import Feed, Ports

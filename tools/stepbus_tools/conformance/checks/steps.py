@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.toolkit import ReplayResult, replay
+from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_schemas import encoding_of
 from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.harness import Harness

@@ -10,11 +10,11 @@ from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_tools.viewing.exports.export_files import Exported, Reached
 from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion, topic_of
 from stepbus_tools.viewing.foxglove_layout import layout_of
+from stepbus_tools.whole_file import replaced
 
 from .moments import NS, Moving, Rate, instants, readable
 

@@ -10,7 +10,6 @@ import numpy as np
 from mcap.writer import CompressionType, Writer
 
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_schemas import (
     BaseState,
@@ -27,6 +26,7 @@ from stepbus_schemas import (
 )
 from stepbus_tools.viewing.exports.export_files import Exported, Reached
 from stepbus_tools.viewing.scene import Latest, Pose, about, build_scene, measured
+from stepbus_tools.whole_file import replaced
 
 from .frames import FrameTree, Transform
 from .moments import NS, Moment, Rate, instants, readable

@@ -13,7 +13,6 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.exports.export_files import (
@@ -22,6 +21,7 @@ from stepbus_tools.viewing.exports.export_files import (
     nothing_to_export,
     unreadable,
 )
+from stepbus_tools.whole_file import replaced
 
 from .columns import CLOCK, Cells, Column, Table
 

@@ -11,13 +11,13 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.toolkit import replaced
 from stepbus_participant import need
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.viewing.exports.export_files import Exported, Reached
 from stepbus_tools.viewing.render import Painter, Pixels, parse_viewpoint, pixels_of
 from stepbus_tools.viewing.scene import build_scene
 from stepbus_tools.viewing.scene_file import latest_messages
+from stepbus_tools.whole_file import replaced
 
 FRAMES_PER_S = 25
 SIZE = (640, 480)

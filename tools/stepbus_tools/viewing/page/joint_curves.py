@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.toolkit import Array
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_tools.report.curves import Line, SignalCurves, TrackingCurves
 
 _MOST_POINTS = 2000

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
-from stepbus_orchestrator.toolkit import Array
 from stepbus_schemas import Contacts, Image, Message, StepbusError
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.exports import CLOCK, Column, Table, unreadable

@@ -12,13 +12,14 @@ from string import Template
 from typing import Any
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.toolkit import in_units, replaced
+from stepbus_orchestrator.run.reports import in_units
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.report import write_report
 from stepbus_tools.viewing.page.joint_curves import Arrays
 from stepbus_tools.viewing.page.timeline import EDGES_US
 from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.whole_file import replaced
 
 from .run import RunPage, read_run
 from .svg import bars, figure, path_from_above

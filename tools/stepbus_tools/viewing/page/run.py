@@ -8,8 +8,9 @@ from typing import Any
 
 import msgspec
 
+from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.toolkit import RESULT_FILE, Result, tracking_pieces
+from stepbus_orchestrator.run.result import RESULT_FILE, Result
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import UNDECODABLE, StepbusError

@@ -9,7 +9,7 @@ from html import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.toolkit import Array
+from stepbus_orchestrator.analysis.signals import Array
 
 _WIDTH, _HEIGHT = 640.0, 220.0
 

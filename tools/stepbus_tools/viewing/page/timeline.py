@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording, layout, recorded_decoder
-from stepbus_orchestrator.toolkit import Result, StepTiming
+from stepbus_orchestrator.recording.timing import StepTiming
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import CallRecord, Event, GoalStatus, StepbusError
 
 EDGES_US: NDArray[np.float64] = np.logspace(0, 6, 37)

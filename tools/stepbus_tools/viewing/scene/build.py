@@ -8,7 +8,7 @@ from typing import Protocol
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.toolkit import attached_files, unpack_files
+from stepbus_orchestrator.replay.rerun import attached_files, unpack_files
 from stepbus_participant import scratch_folder
 from stepbus_schemas import Description, parse_shapes
 from stepbus_tools.viewing.scene.primitives import Pose
