@@ -24,8 +24,9 @@ from ruamel.yaml import YAML
 
 from stepbus import Event, JointState, Message, Recording, testing
 from stepbus.messages import Detections, GripperState, Image, Poses
+from stepbus_participant import Problems
 from stepbus_plant import Params, load_world
-from stepbus_plant.engine import Physics
+from stepbus_plant.physics import Physics
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (h, w, 3)."""
@@ -123,13 +124,11 @@ class Scene:
         world = load_world(params.world, params.stock)
         robot = msgspec.structs.replace(world.bodies["robot"], visuals=True)
         world = msgspec.structs.replace(world, bodies={**world.bodies, "robot": robot})
-        self._physics = Physics(world, 1_000_000, params)
-        self._physics.prepare()
-        self._bodies = list(world.bodies)
+        self._physics = Physics(world, 1_000_000, params, Problems())
 
     def body(self, name: str) -> int:
         """Return the number of a body, which the segmentation of a picture has."""
-        return self._bodies.index(name)
+        return self._physics.bodies.index(name)
 
     def show(self, step: int) -> None:
         """Put everything where it was at a step."""
@@ -138,18 +137,14 @@ class Scene:
         first = dict(
             zip(reversed(details["body"]), reversed(log.names("plant/poses")), strict=True)
         )
-        for number, body in enumerate(self._bodies):
-            inertial = bullet.getDynamicsInfo(number, -1, self._physics.client)[3:5]
-            place = bullet.multiplyTransforms(*poses[first[body]], *inertial)
-            bullet.resetBasePositionAndOrientation(
-                number, *place, physicsClientId=self._physics.client
-            )
+        for number, body in enumerate(self._physics.bodies):
+            self._physics.engine.put(number, poses[first[body]])
         angles = log.at("plant/joint_state", step, JointState).position or []
         places = dict(zip(log.names("plant/joint_state"), angles, strict=True))
         width = log.at("plant/gripper", step, GripperState).width
         places |= dict.fromkeys(log.names("plant/gripper"), width / 2)
-        for joint in self._physics.joints:
-            self._physics.teleport(joint, places.get(joint.name, 0.0), 0.0)
+        for name, joint in self._physics.joints.items():
+            self._physics.teleport(joint, places.get(name, 0.0), 0.0)
 
     def draw(self, look: Look, width: int, height: int) -> Picture:
         """Return what is seen, drawn in twice the size first to have smooth edges."""
@@ -172,7 +167,7 @@ class Scene:
             renderer=bullet.ER_TINY_RENDERER,
             lightDirection=(-2.0, 2.5, 6.0),
             lightSpecularCoeff=0.0,
-            physicsClientId=self._physics.client,
+            physicsClientId=self._physics.engine.client,
             **light,
         )
         colours = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]

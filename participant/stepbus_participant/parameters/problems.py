@@ -31,12 +31,16 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True, order=True)
 class Problem:
-    """One thing that is wrong: in which line of which file, at which path, and why."""
+    """One thing that is wrong: in which line of which file, at which path, and why.
+
+    keys: those of the path, where they are known.
+    """
 
     file: str
     line: int
     path: str
     message: str
+    keys: Keys = ()
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
@@ -106,7 +110,7 @@ class Problems:
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
         self._found.append(
-            Problem(file=place.file, line=place.line, path=dotted(keys), message=message)
+            Problem(file=place.file, line=place.line, path=dotted(keys), message=message, keys=keys)
         )
         refuse_many(self._found)
 

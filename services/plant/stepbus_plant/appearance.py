@@ -9,8 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-import pybullet as bullet
-
+from stepbus_plant.bullet import quaternion
 from stepbus_schemas import WiringError
 
 _SIZES = {
@@ -65,7 +64,7 @@ def _pose(link: ET.Element, origin: ET.Element | None) -> list[float]:
     """Return x, y, z and the quaternion of an origin; None: the link's origin."""
     zeros = {"xyz": "0 0 0", "rpy": "0 0 0"}
     given = ET.Element("origin", zeros if origin is None else {**zeros, **origin.attrib})
-    rotation = bullet.getQuaternionFromEuler(_numbers(link, given, "rpy", 3))
+    rotation = quaternion(_numbers(link, given, "rpy", 3))
     return [*_numbers(link, given, "xyz", 3), *rotation]
 
 

@@ -1,31 +1,81 @@
-"""Loads PyBullet, which prints when it was built.
-
-It does so in C on descriptor 1: that of the user's program, where a run is in its process.
-"""
+"""PyBullet, imported without its greeting, and its geometry of poses."""
 
 import ctypes
 import os
+from collections.abc import Iterable
 from importlib import import_module
+from typing import Any
 
-_flush = ctypes.CDLL(None).fflush
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_schemas import Point, Quaternion
+
+Array = NDArray[np.float64]
+Pose = tuple[Point, Quaternion]
+"""Position [m], and orientation as x, y, z, w."""
+_NO_TURN = (0.0, 0.0, 0.0, 1.0)
 
 
-def load() -> None:
-    """Import PyBullet; what it prints goes to descriptor 2."""
+def _import_pybullet() -> Any:
+    """Import PyBullet, which prints when it was built: to descriptor 2 instead of 1.
+
+    It does so in C, and where a run is in the process of the user's program, 1 is that program's.
+    """
+    flush = ctypes.CDLL(None).fflush
     try:
         stdout, stderr = os.dup(1), os.dup(2)
     except OSError:
-        import_module("pybullet")
-        return
-    _flush(None)
+        return import_module("pybullet")
+    flush(None)
     os.dup2(stderr, 1)
     try:
-        import_module("pybullet")
+        return import_module("pybullet")
     finally:
-        _flush(None)
+        flush(None)
         os.dup2(stdout, 1)
         os.close(stdout)
         os.close(stderr)
 
 
-load()
+bullet = _import_pybullet()
+
+
+def compose(one: Pose, other: Pose) -> Pose:
+    """Return the pose that `other` is in the frame that `one` is given in."""
+    pose: Pose = bullet.multiplyTransforms(*one, *other)
+    return pose
+
+
+def inverse(pose: Pose) -> Pose:
+    """Return the pose of the frame that a pose is given in, in the frame of the pose."""
+    inverted: Pose = bullet.invertTransform(*pose)
+    return inverted
+
+
+def out_of(frame: Pose, point: Point) -> Point:
+    """Return a point of a frame in the world."""
+    return compose(frame, (point, _NO_TURN))[0]
+
+
+def into(frame: Pose, point: Point) -> Point:
+    """Return a point of the world in a frame."""
+    return out_of(inverse(frame), point)
+
+
+def turned(orientation: Quaternion, direction: Point) -> Point:
+    """Return a direction of a frame in the world."""
+    in_world: Point = bullet.rotateVector(orientation, direction)
+    return in_world
+
+
+def quaternion(rpy: Iterable[float]) -> Quaternion:
+    """Return the quaternion of roll, pitch, yaw about fixed axes [rad]."""
+    orientation: Quaternion = bullet.getQuaternionFromEuler(rpy)
+    return orientation
+
+
+def rotation(orientation: Quaternion) -> Array:
+    """Return the matrix of a quaternion, shape (3, 3)."""
+    matrix: Array = np.reshape(bullet.getMatrixFromQuaternion(orientation), (3, 3))
+    return matrix

@@ -1,33 +1,39 @@
-"""Calls that query joints between two steps, or teleport one."""
+"""Calls that query joints and bodies between two steps, or teleport them."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 
 from stepbus_participant import CallError, Method, suggest
-from stepbus_plant.drives import Drive, locate_joints
-from stepbus_plant.engine import Physics
+from stepbus_plant.command_warnings import degrees_hint
+from stepbus_plant.drives import Motors
 from stepbus_plant.joint import Joint
-from stepbus_plant.sensing import degrees_hint
+from stepbus_plant.script import Script
 
 
-class JointCalls:
-    """Answers calls about every movable joint of the world, sensed or not, without noise.
+class Calls:
+    """Answers calls about every movable joint of the world, sensed or not, and every body.
 
-    Angles [rad], velocities [rad/s], torques [N·m]; prismatic joints have [m, m/s, N].
-    Each of its functions raises CallError for an unknown joint.
+    Without noise. Angles [rad], velocities [rad/s], torques [N·m]; prismatic joints have
+    [m, m/s, N]. time_ns: returns the plant's time [ns].
+    Each of its functions raises CallError for what is unknown, or no number.
     """
 
-    def __init__(self, physics: Physics, drives: Sequence[Drive]) -> None:
-        self._physics = physics
-        self._joints = {joint.name: joint for joint in physics.joints}
-        self._drives = locate_joints(drives)
+    def __init__(self, motors: Motors, script: Script, time_ns: Callable[[], int]) -> None:
+        self._motors, self._physics = motors, motors.physics
+        self._script, self._time_ns = script, time_ns
 
     def methods(self) -> Mapping[str, Method]:
         """Return every call by its name."""
         return {
-            "joint_names": Method(self.names, "names of all movable joints"),
-            "joint_position": Method(self.position, "NAME: true position of a joint [rad]"),
-            "joint_velocity": Method(self.velocity, "NAME: true velocity of a joint [rad/s]"),
+            "joint_names": Method(
+                lambda: list(self._physics.joints), "names of all movable joints"
+            ),
+            "joint_position": Method(
+                lambda name: self._state(name)[0], "NAME: true position of a joint [rad]"
+            ),
+            "joint_velocity": Method(
+                lambda name: self._state(name)[1], "NAME: true velocity of a joint [rad/s]"
+            ),
             "joint_target": Method(self.target, "NAME: target of a joint in mode position [rad]"),
             "joint_limits": Method(
                 self.limits, "NAME: lower, upper [rad], velocity [rad/s], effort [N·m]"
@@ -35,31 +41,22 @@ class JointCalls:
             "set_joint_position": Method(
                 self.teleport, "NAME RAD: teleports a joint, which is then at rest", changes=True
             ),
+            "body_names": Method(lambda: self._physics.bodies, "names of all bodies"),
+            "move_body": Method(
+                self.move_body,
+                "NAME X Y Z [YAW]: puts a body, which is then at rest, at a position [m] and "
+                "heading [rad]",
+                changes=True,
+            ),
         }
 
-    def names(self) -> list[str]:
-        """Return the names of all movable joints, in the order of the world."""
-        return list(self._joints)
-
-    def position(self, name: str) -> float:
-        """Return the position of a joint [rad]."""
-        return self._state(name)[0]
-
-    def velocity(self, name: str) -> float:
-        """Return the velocity of a joint [rad/s]."""
-        return self._state(name)[1]
-
     def target(self, name: str) -> float:
-        """Return the latest position target of a joint [rad].
-
-        Raises CallError if its mode has none.
-        """
+        """Return the latest position target of a joint [rad]; CallError if its mode has none."""
         joint = self._joint(name)
-        drive, index = self._drives[joint.name]
-        targets = drive.targets()
-        if targets is None:
+        drive, index = self._motors.drive_of[joint.name]
+        if not drive.has_targets:
             raise CallError(f"joint {name} has mode {joint.effective_mode}, which has no target")
-        return targets[index]
+        return drive.target(index)
 
     def limits(self, name: str) -> dict[str, float | None]:
         """Return the limits of a joint; None: unlimited."""
@@ -75,10 +72,10 @@ class JointCalls:
     def teleport(self, name: str, position: float) -> None:
         """Teleport a joint to a position [rad]; a joint of mode position then holds it.
 
-        Raises CallError for a value that is not a number or beyond a stop.
+        Raises CallError for a position beyond a stop.
         """
         joint = self._joint(name)
-        if isinstance(position, bool) or not isinstance(position, int | float):
+        if not _is_number(position):
             raise CallError(f"joint {name}: {position!r} is not a number")
         # NaN fails the comparison too.
         if not joint.lower <= position <= joint.upper or math.isinf(position):
@@ -89,15 +86,31 @@ class JointCalls:
         if joint.mimic is not None:
             raise CallError(f"joint {name} follows joint {joint.mimic.joint!r}; teleport that one")
         self._physics.teleport(joint, float(position), 0.0)
-        drive, index = self._drives[joint.name]
+        drive, index = self._motors.drive_of[joint.name]
         drive.teleport(index, float(position))
+
+    def move_body(self, name: str, x: float, y: float, z: float, yaw: float | None = None) -> None:
+        """Put a body somewhere, at rest [m, rad]; without a yaw, it keeps its orientation."""
+        known = self._physics.bodies
+        if not isinstance(name, str) or name not in known:
+            raise CallError(f"body {name!r} is unknown{suggest(name, known)}")
+        for value in (x, y, z, 0.0 if yaw is None else yaw):
+            if not _is_number(value) or not math.isfinite(value):
+                raise CallError(f"body {name}: {value!r} is no number")
+        heading = None if yaw is None else float(yaw)
+        self._script.move(self._time_ns(), name, (float(x), float(y), float(z)), heading)
 
     def _state(self, name: str) -> tuple[float, float]:
         joint = self._joint(name)
-        position, velocity, *_ = self._physics.read(joint.body, [joint.index])[0]
+        position, velocity, *_ = self._physics.engine.read(joint.body, [joint.index])[0]
         return position, velocity
 
-    def _joint(self, name: str) -> Joint:
-        if not isinstance(name, str) or name not in self._joints:
-            raise CallError(f"joint {name!r} is unknown{suggest(str(name), self._joints)}")
-        return self._joints[name]
+    def _joint(self, name: object) -> Joint:
+        joints = self._physics.joints
+        if not isinstance(name, str) or name not in joints:
+            raise CallError(f"joint {name!r} is unknown{suggest(name, joints)}")
+        return joints[name]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)

@@ -1,23 +1,19 @@
-"""What a real camera makes of a scene: a lamp, blur, and noise of colour and depth."""
-
-from __future__ import annotations
+"""Cameras: pinholes, behind a lens that blurs and a sensor with noise of colour and depth."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple, get_args
+from collections.abc import Mapping
+from typing import Any, Literal
 
 import numpy as np
-import pybullet as bullet
 from numpy.typing import NDArray
 
-from stepbus_participant import format_duration, suggest
-from stepbus_participant.parameters import Keys
+from stepbus_participant import format_duration
+from stepbus_plant.bullet import Array, rotation
+from stepbus_plant.engine import Engine, Link
+from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
-from stepbus_plant.poses import PoseSensor, link_indices
-from stepbus_plant.readings import Noise
 from stepbus_plant.world import CameraSettings
-from stepbus_plant.world_file import World
-from stepbus_schemas import Description, Image, Message, PointCloud, WiringError
+from stepbus_schemas import Description, Image, Message, PointCloud
 
 _WHITE = (1.0, 1.0, 1.0)
 # Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
@@ -54,8 +50,8 @@ class Lens:
 
     def _lamp(self) -> Mapping[str, Any]:
         tilt, turn = Noise(self._seed, "lamp").at(0).random(2).tolist()
-        tilt, turn = _TILT[0] + tilt * (_TILT[1] - _TILT[0]), 2 * math.pi * turn
-        sideways = math.tan(tilt)
+        sideways = math.tan(_TILT[0] + tilt * (_TILT[1] - _TILT[0]))
+        turn = 2 * math.pi * turn
         direction = (sideways * math.cos(turn), sideways * math.sin(turn), 1.0)
         return {**_LAMP, "lightDirection": direction}
 
@@ -65,7 +61,9 @@ class Lens:
         if not errors.blur and not errors.color:
             return pixels
         seen = pixels.astype(np.float32)
-        seen = self._blurred(seen) if errors.blur else seen
+        if errors.blur:
+            # Down, and then across: each time along the first axis.
+            seen = self._blurred(self._blurred(seen).swapaxes(0, 1)).swapaxes(0, 1)
         if errors.color:
             draws = Noise(self._seed, "color", camera).at(t_ns)
             noise = draws.standard_normal(pixels.shape, dtype=np.float32)
@@ -87,17 +85,9 @@ class Lens:
         return np.where(known, noisy, np.inf).astype("<f4")
 
     def _blurred(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-        height, width, channels = pixels.shape
-        down = self._weighted(pixels.reshape(height, width * channels))
-        # Neighbours in a row are as many values apart as a pixel has.
-        across = self._weighted(down.reshape(height, width, channels).swapaxes(0, 1))
-        return across.swapaxes(0, 1)
-
-    def _weighted(self, pixels: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return weighted sums of neighbours along the first axis; beyond the rim it goes on."""
         reach, count = len(self._weights) // 2, len(pixels)
-        rows = np.clip(np.arange(-reach, count + reach), 0, count - 1)
-        padded = pixels[rows]
+        padded = pixels[np.clip(np.arange(-reach, count + reach), 0, count - 1)]
         part: NDArray[np.float32] = self._weights[0] * padded[:count]
         total = part.copy()
         for n, weight in enumerate(self._weights[1:], 1):
@@ -110,7 +100,6 @@ IMAGE, CLOUD = "Image/1", "PointCloud/1"
 TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
 """What a port shows of a camera → its message type."""
 
-Quantity = Literal["rgb", "depth", "points"]
 Rendering = tuple[Image, Image]
 """Colours and depth."""
 
@@ -120,25 +109,21 @@ class Camera:
 
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
+    is_on: whether it takes images.
     """
 
     def __init__(
-        self,
-        name: str,
-        row: CameraSettings,
-        client: int,
-        bodies: Sequence[str],
-        lens: Lens | None = None,
+        self, name: str, row: CameraSettings, link: Link, engine: Engine, lens: Lens
     ) -> None:
+        self.name = name
         self.row = row
-        self._name, self._lens = name, lens or Lens(CameraErrors(), 0)
-        self.period_ns = row.period_ns
-        self._client = client
-        self._pose = PoseSensor(client, bodies, [row.link])
+        self.is_on = True
+        self._link, self._engine, self._lens = link, engine, lens
         self._focal = row.height / 2 / math.tan(row.fov / 2)
-        self._projection = self._column_major(self._project())
+        self._projection = self._project()
+        self._latest: tuple[int, Rendering] | None = None
 
-    def _project(self) -> np.ndarray:
+    def _project(self) -> Array:
         """Return OpenGL's projection matrix, shape (4, 4)."""
         row, matrix = self.row, np.zeros((4, 4))
         matrix[0, 0] = 2 * self._focal / row.width
@@ -150,21 +135,23 @@ class Camera:
         matrix[3, 2] = -1.0
         return matrix
 
-    def _view(self) -> np.ndarray:
+    def _view(self) -> Array:
         """Return the transform from the world to OpenGL's camera frame, shape (4, 4)."""
-        pose = self._pose.sense()
-        rotation = np.reshape(bullet.getMatrixFromQuaternion(pose.orientation[0]), (3, 3))
+        position, orientation = self._engine.frame(self._link)
         # OpenGL's camera looks along -z, with y up.
-        rotation = rotation * (1.0, -1.0, -1.0)
+        to_world = rotation(orientation) * (1.0, -1.0, -1.0)
         matrix = np.eye(4)
-        matrix[:3, :3] = rotation.T
-        matrix[:3, 3] = -rotation.T @ pose.position[0]
+        matrix[:3, :3] = to_world.T
+        matrix[:3, 3] = -to_world.T @ position
         return matrix
 
-    @staticmethod
-    def _column_major(matrix: np.ndarray) -> list[float]:
-        values: list[float] = matrix.T.ravel().tolist()
-        return values
+    def images(self, t_ns: int) -> Rendering | None:
+        """Return what it sees at a time [ns], rendered once for all ports; None while it is off."""
+        if not self.is_on:
+            return None
+        if self._latest is None or self._latest[0] != t_ns:
+            self._latest = t_ns, self.render(t_ns)
+        return self._latest[1]
 
     def render(self, t_ns: int = 0) -> Rendering:
         """Return the current colour image, and the depth along z [m]; t_ns: of its noise.
@@ -172,20 +159,16 @@ class Camera:
         Depth is +inf where there is nothing between `near` and `far` (REP 117 and 118 of ROS).
         """
         row = self.row
-        _, _, rgba, buffer, _ = bullet.getCameraImage(
-            row.width,
-            row.height,
-            viewMatrix=self._column_major(self._view()),
-            projectionMatrix=self._projection,
-            renderer=bullet.ER_TINY_RENDERER,
-            flags=bullet.ER_NO_SEGMENTATION_MASK,
-            physicsClientId=self._client,
-            **self._lens.light,
+        colours, buffer = self._engine.image(
+            (row.width, row.height), self._view(), self._projection, self._lens.light
         )
-        colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (row.height, row.width, 4))[..., :3]
-        colours = self._lens.colors(colours, self._name, t_ns)
-        depth = self._lens.depth(self._depth(buffer), self._name, t_ns)
-        return self._image("rgb8", colours), self._image("32FC1", depth)
+        # OpenGL's depth buffer is 0 at `near` and 1 at `far`.
+        metres = row.far * row.near / (row.far - (row.far - row.near) * buffer)
+        depth = np.where(buffer < 1.0, metres, np.inf).astype("<f4")
+        return (
+            self._image("rgb8", self._lens.colors(colours, self.name, t_ns)),
+            self._image("32FC1", self._lens.depth(depth, self.name, t_ns)),
+        )
 
     def cloud(self, rendering: Rendering) -> PointCloud:
         """Return the points of pixels with a depth, row by row, in the frame of the link."""
@@ -205,14 +188,7 @@ class Camera:
             colours=np.ascontiguousarray(colours[every, every][seen]).tobytes(),
         )
 
-    def _depth(self, buffer: Any) -> np.ndarray:
-        """Return metres from OpenGL's depth buffer, which is 0 at `near` and 1 at `far`."""
-        near, far = self.row.near, self.row.far
-        depth = np.asarray(buffer, dtype=np.float64)
-        metres = far * near / (far - (far - near) * depth)
-        return np.where(depth < 1.0, metres, np.inf).astype("<f4")
-
-    def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: np.ndarray) -> Image:
+    def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: NDArray[Any]) -> Image:
         return Image(
             width=self.row.width,
             height=self.row.height,
@@ -223,146 +199,42 @@ class Camera:
         )
 
 
-class _View(NamedTuple):
-    """The image of one port."""
+class View:
+    """What one port shows of a camera: a quantity of `TYPES`."""
 
-    camera: str
-    quantity: Quantity
+    def __init__(self, camera: Camera, quantity: str) -> None:
+        self.camera, self.port_type = camera, TYPES[quantity]
+        self._quantity = quantity
 
-
-class Cameras:
-    """All cameras that a world file declares; each is on or off.
-
-    bodies: names of the engine's bodies, in its order. period_ns: length of the plant's step [ns].
-    lens: what they make of the scene. enabled: false keeps all cameras off.
-    Raises WiringError that lists every mistake, each with its line.
-    """
-
-    def __init__(
-        self,
-        world: World,
-        client: int,
-        bodies: Sequence[str],
-        period_ns: int,
-        lens: Lens,
-        *,
-        enabled: bool,
-    ) -> None:
-        links = link_indices(client, bodies) if world.cameras else {}
-        world.source.refuse(
-            [
-                problem
-                for name, row in world.cameras.items()
-                for problem in _problems(name, row, links, period_ns)
-            ]
-        )
-        self._cameras = {
-            name: Camera(name, row, client, bodies, lens) for name, row in world.cameras.items()
+    def describe(self) -> Description:
+        """Return the camera, its link and period, and the shape of the image or largest cloud."""
+        row = self.camera.row
+        size = [row.height, row.width]
+        shapes = {
+            "rgb": [*size, 3],
+            "depth": [*size, 1],
+            "points": [math.prod(-(-n // row.stride) for n in size), 3],
         }
-        self._on = dict.fromkeys(self._cameras, enabled)
-        self._enabled = enabled
-
-    @property
-    def names(self) -> list[str]:
-        """Return the names of all cameras, in the order of the world."""
-        return list(self._cameras)
-
-    def switch(self, name: str, *, on: bool) -> None:
-        """Switch a camera on or off; it stays off if cameras are disabled."""
-        self._on[name] = on and self._enabled
-
-    def views(self, ports: Mapping[str, str]) -> Views:
-        """Return the images of ports; a port's name selects camera and quantity.
-
-        ports: name → message type. Raises WiringError that lists the ports with unknown names.
-        """
-        known: dict[str, _View] = {}
-        for quantity in get_args(Quantity):
-            if len(self._cameras) == 1:
-                known[quantity] = _View(self.names[0], quantity)
-            known |= {f"{name}_{quantity}": _View(name, quantity) for name in self._cameras}
-        mistakes = []
-        for port, port_type in ports.items():
-            fitting = [name for name, view in known.items() if TYPES[view.quantity] == port_type]
-            if port not in fitting:
-                text = (
-                    f"name it one of {', '.join(fitting)}"
-                    if known
-                    else "the world has no 'cameras'"
-                )
-                mistakes.append(f"{port}: has type {port_type}; {text}")
-        if mistakes:
-            raise WiringError("\n".join(mistakes))
-        return Views(self, {port: known[port] for port in ports})
-
-    def due(self, name: str, t_ns: int) -> bool:
-        """Return whether a camera takes an image at a time [ns]."""
-        return self._on[name] and t_ns % self._cameras[name].period_ns == 0
-
-    def camera(self, name: str) -> Camera:
-        """Return a camera by its name."""
-        return self._cameras[name]
-
-
-class Views:
-    """The images of several ports; each camera is rendered once for all of them."""
-
-    def __init__(self, cameras: Cameras, views: Mapping[str, _View]) -> None:
-        self._cameras = cameras
-        self._views = views
-        self._names = list(dict.fromkeys(view.camera for view in views.values()))
-
-    def describe(self) -> dict[str, Description]:
-        """Return for each port the camera, its link, its period and the shape of the image."""
-        return {port: self._description(view) for port, view in self._views.items()}
-
-    def _description(self, view: _View) -> Description:
-        camera = self._cameras.camera(view.camera)
-        row = camera.row
         return Description(
-            names=[view.camera],
-            shape=_shape(row, view.quantity),
-            details={"link": [row.link], "period": [format_duration(camera.period_ns)]},
+            names=[self.camera.name],
+            shape=shapes[self._quantity],
+            details={"link": [row.link], "period": [format_duration(row.period_ns)]},
         )
 
-    def images(self, t_ns: int) -> dict[str, Message]:
-        """Return the image of each port whose camera is due at a time [ns]."""
-        due = [name for name in self._names if self._cameras.due(name, t_ns)]
-        rendered = {name: self._cameras.camera(name).render(t_ns) for name in due}
-        return {
-            port: self._message(view, rendered[view.camera])
-            for port, view in self._views.items()
-            if view.camera in rendered
-        }
-
-    def _message(self, view: _View, rendering: Rendering) -> Message:
-        match view.quantity:
-            case "rgb":
-                return rendering[0]
-            case "depth":
-                return rendering[1]
-            case _:
-                return self._cameras.camera(view.camera).cloud(rendering)
+    def sense(self, t_ns: int) -> Message | None:
+        """Return what the camera sees at a time [ns]; None while it is off."""
+        images = self.camera.images(t_ns)
+        if images is None or self._quantity == "points":
+            return None if images is None else self.camera.cloud(images)
+        return images[0] if self._quantity == "rgb" else images[1]
 
 
-def _shape(row: CameraSettings, quantity: Quantity) -> list[int]:
-    """Return the shape of an image; of a cloud, its largest one."""
-    if quantity == "points":
-        rows, columns = (-(-size // row.stride) for size in (row.height, row.width))
-        return [rows * columns, 3]
-    return [row.height, row.width, 3 if quantity == "rgb" else 1]
-
-
-def _problems(
-    name: str, row: CameraSettings, links: Iterable[str], period_ns: int
-) -> Iterable[tuple[Keys, str]]:
-    """Yield the mistakes about a camera; period_ns: length of the plant's step [ns]."""
-    if row.link not in links:
-        yield (
-            ("cameras", name, "link"),
-            f"link {row.link!r} is unknown{suggest(row.link, links)}",
-        )
-    if row.period_ns % period_ns:
-        period, step = format_duration(row.period_ns), format_duration(period_ns)
-        text = f"{period} is not a multiple of the plant's step ({step})"
-        yield ("cameras", name, "period"), text
+def views(cameras: Mapping[str, Camera]) -> dict[str, View]:
+    """Return name of a port → what it shows."""
+    named: dict[str, View] = {}
+    for quantity in TYPES:
+        for name, camera in cameras.items():
+            view = View(camera, quantity)
+            named |= {quantity: view} if len(cameras) == 1 else {}
+            named[f"{name}_{quantity}"] = view
+    return named

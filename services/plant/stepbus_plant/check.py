@@ -7,49 +7,31 @@ crash.
 
 import json
 import os
-import re
 import sys
-from collections.abc import Iterator
+from contextlib import closing
 
-from stepbus_participant import Config
-from stepbus_participant.parameters import Keys
-from stepbus_schemas import Decoder, Description, Types, Welcome, WiringError
+from stepbus_participant import Config, SettingsError
+from stepbus_participant.parameters import Keys, Problem
+from stepbus_schemas import Decoder, Description, Types, Welcome
 
 from .participant import Plant
-
-_PARAMETER = re.compile(r"params\.([\w.\[\]]+): (.*)")
-_PORT = re.compile(r"(?:input )?'?([\w-]+)'?: (.*)")
 
 
 def problems(config: Config) -> list[tuple[Keys, str]]:
     """Return what is wrong with a plant: keys of the participant and a sentence each."""
     try:
-        plant = Plant(config)
-    except WiringError as exc:
-        return list(_located(str(exc), config))
-    try:
-        plant.start(dict.fromkeys(config.inputs, Description()))
-    except WiringError as exc:
-        return list(_located(str(exc), config))
-    finally:
-        plant.close()
+        with closing(Plant(config)) as plant:
+            plant.start(dict.fromkeys(config.inputs, Description()))
+    except SettingsError as exc:
+        return list(map(_answer, exc.problems))
     return []
 
 
-def _located(text: str, config: Config) -> Iterator[tuple[Keys, str]]:
-    """Yield each line of an error at what it is about: a parameter, a port, or else the world."""
-    for line in text.removeprefix(f"{config.name}: ").splitlines():
-        parameter, port = _PARAMETER.fullmatch(line), _PORT.fullmatch(line)
-        if parameter:
-            keys = re.findall(r"\w+", parameter[1])
-            path = tuple(int(key) if key.isdigit() else key for key in keys)
-            yield ("params", *path), parameter[2]
-        elif port and port[1] in config.inputs:
-            yield ("inputs", port[1]), port[2]
-        elif port and port[1] in config.outputs:
-            yield ("outputs", port[1]), port[2]
-        else:
-            yield ("params", "world"), line
+def _answer(problem: Problem) -> tuple[Keys, str]:
+    """Return a problem by its key in the scenario: that of the world, of what has a file."""
+    if problem.file:
+        return ("params", "world"), str(problem)
+    return problem.keys[2:], problem.message
 
 
 def main() -> int:

@@ -2,14 +2,11 @@
 
 import math
 from collections.abc import Sequence
-from typing import NoReturn
+from typing import Any, ClassVar, NoReturn
 
-from stepbus_participant import suggest
-from stepbus_plant.drives import Drive, locate_joints
-from stepbus_plant.engine import Physics
+from stepbus_plant.command_warnings import degrees_hint
+from stepbus_plant.drives import Motors
 from stepbus_plant.errors import CommandError
-from stepbus_plant.joint import Joint
-from stepbus_plant.sensing import Warnings, degrees_hint
 from stepbus_schemas import JointCommand, JointMode, WiringError
 
 _EXTRAS = {
@@ -25,66 +22,78 @@ _EXTRAS = {
 class Commander:
     """Executes the commands of one input; there may be several, one for each arm.
 
-    port: name of the input, for messages. names: joints of the vectors, in order. period: substeps
-    between two commands. owners: joint → the input that drives it. warnings: about commands. All
-    commanders of a plant share the last two. mode: of the last command.
+    port: name of the input, for messages. names: joints of the vectors, in order. period_ns:
+    between two commands [ns]; default: the plant's step. mode: of the last command.
     Raises WiringError for names that are unknown, fixed or duplicate.
     """
 
+    obeys_stop: ClassVar[bool] = True
+    """Whether an emergency stop brakes its joints."""
+
     def __init__(
-        self,
-        port: str,
-        names: Sequence[str],
-        *,
-        physics: Physics,
-        drives: Sequence[Drive],
-        period: int,
-        owners: dict[str, str],
-        warnings: Warnings,
+        self, port: str, names: Sequence[str], motors: Motors, period_ns: int | None = None
     ) -> None:
         self._port = port
-        self._period = period
-        self._warnings = warnings
-        self._physics = physics
-        self._owners = owners
+        self._period = (period_ns or motors.period_ns) // motors.step_ns
+        self._motors = motors
+        self._physics = motors.physics
+        self._warnings = motors.warnings
         self.mode: JointMode | None = None
-        joints = {joint.name: joint for joint in physics.joints}
-        self._check_names(names, joints)
-        self._joints = [joints[name] for name in names]
-        by_name = locate_joints(drives)
-        self._drives = [by_name[name] for name in names]
+        self._check_names(names)
+        self._joints = [self._physics.joints[name] for name in names]
+        self._drives = [motors.drive_of[name] for name in names]
         self._indices = [
             (drive, [(i, source) for source, (d, i) in enumerate(self._drives) if d is drive])
             for drive in dict.fromkeys(drive for drive, _ in self._drives)
         ]
 
-    def _check_names(self, names: Sequence[str], known: dict[str, Joint]) -> None:
+    def _check_names(self, names: Sequence[str]) -> None:
+        unmoved = "; no command moves it"
         mistakes = [
-            f"joint {n!r} is fixed in its model; no command moves it"
-            if n in self._physics.fixed
-            else f"joint {n!r} is unknown{suggest(n, known)}"
+            f"joint {n!r} {text}{unmoved if n in self._physics.fixed else ''}"
             for n in names
-            if n not in known
+            if (text := self._physics.lacks_joint(n))
         ]
         mistakes += [
             f"joint {n!r} is listed twice" for n in dict.fromkeys(names) if names.count(n) > 1
         ]
         if mistakes:
-            raise WiringError("\n".join(f"input {self._port!r}: {text}" for text in mistakes))
+            raise WiringError("\n".join(mistakes))
 
-    def apply(self, command: JointCommand) -> None:
-        """Execute a command from now on; an invalid one has no effect at all.
+    def apply(self, command: Any) -> None:
+        """Execute a JointCommand from now on; an invalid one has no effect at all.
 
         Raises CommandError for a vector of the wrong length or one that the mode does not accept, a
         value that is not finite, a mode that a joint does not accept, a teleport beyond a stop, and
         a joint that another input drives. Every joint accepts mode brake.
         """
-        self._check_vectors(command)
+        self.execute(command)
+
+    def before_step(self) -> None:
+        """Prepare a communication step, with or without a new command: the drives keep theirs."""
+
+    def stop(self) -> None:
+        """Hold every joint at its current position; a repeated brake keeps the first one."""
+        if self.mode == "brake":
+            return
+        for (drive, index), position in zip(self._drives, self._positions(), strict=True):
+            drive.brake(index, position)
+        self.mode = "brake"
+
+    def execute(self, command: JointCommand) -> None:
+        """Execute a command of joints, see `apply`."""
+        self._check_vector("values", command.values)
+        if command.velocity is not None:
+            self._check_extra("velocity", command.velocity, command.mode)
+        if command.effort_limit is not None:
+            self._check_extra("effort_limit", command.effort_limit, command.mode)
+            if command.effort_limit and min(command.effort_limit) < 0:
+                self._reject(f"effort_limit {min(command.effort_limit)} is negative")
         if command.mode == "teleport":
             self._teleport(command)
             return
         if command.mode == "brake":
-            self._brake()
+            self.stop()
             return
         if command.mode != self.mode:
             self._own(command.mode)
@@ -94,21 +103,10 @@ class Commander:
         for drive, indices in self._indices:
             drive.command(command, indices, self._period)
 
-    def before_step(self) -> None:
-        """Do nothing: the drives keep executing the latest command."""
-
-    def _check_vectors(self, command: JointCommand) -> None:
-        self._check_vector("values", command.values)
-        for field, vector in (
-            ("velocity", command.velocity),
-            ("effort_limit", command.effort_limit),
-        ):
-            if vector is not None:
-                if field not in _EXTRAS[command.mode]:
-                    self._reject(f"mode {command.mode} does not use {field}; leave it out")
-                self._check_vector(field, vector)
-        if command.effort_limit and min(command.effort_limit) < 0:
-            self._reject(f"effort_limit {min(command.effort_limit)} is negative")
+    def _check_extra(self, field: str, vector: Sequence[float], mode: JointMode) -> None:
+        if field not in _EXTRAS[mode]:
+            self._reject(f"mode {mode} does not use {field}; leave it out")
+        self._check_vector(field, vector)
 
     def _check_vector(self, field: str, vector: Sequence[float]) -> None:
         if len(vector) != len(self._joints):
@@ -129,27 +127,13 @@ class Commander:
                     f"joint {joint.name} has mode {joint.mode}, the command has mode {mode}; "
                     "change one of them (world file: mode)"
                 )
-            owner = self._owners.setdefault(joint.name, self._port)
+            owner = self._motors.owners.setdefault(joint.name, self._port)
             if owner != self._port:
                 self._reject(f"joint {joint.name} is already driven by input {owner!r}")
         self.mode = mode
 
-    def stop(self) -> None:
-        """Hold every joint where it is, until the next command."""
-        self._brake()
-
-    def _brake(self) -> None:
-        """Hold every joint at its current position; a repeated brake keeps the first one."""
-        if self.mode == "brake":
-            return
-        for (drive, index), position in zip(self._drives, self._positions(), strict=True):
-            drive.brake(index, position)
-        self.mode = "brake"
-
     def _positions(self) -> list[float]:
-        """Return the current joint positions [rad]."""
-        read = self._physics.read
-        return [read(joint.body, [joint.index])[0][0] for joint in self._joints]
+        return [self._physics.position(joint) for joint in self._joints]
 
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)

@@ -1,13 +1,14 @@
 """Drives turn joint commands into forces: one class per mode."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import groupby
 from typing import Any, ClassVar
 
-import pybullet as bullet
-
+from stepbus_plant.command_warnings import Warnings
+from stepbus_plant.engine import Engine
 from stepbus_plant.joint import Joint
+from stepbus_plant.physics import Physics
 from stepbus_schemas import JointCommand
 
 # A velocity the motor never reaches, so that it always applies its maximum force.
@@ -20,16 +21,21 @@ Indices = Sequence[tuple[int, int]]
 class Drive:
     """Joints of one body with the same mode and actuation, and the latest target of each.
 
-    client: of PyBullet. joints: each keeps its target until a command names it again, even if
+    This class itself drives nothing: a passive joint, and one of mode teleport, which jumps to each
+    commanded position. joints: each keeps its target until a command names it again, even if
     another input commands the drive's other joints. substep_s: length of a physics substep [s].
     """
 
     remembers: ClassVar[tuple[str, ...]] = ()
     """The attributes that commands and steps change."""
+    knows_torques: ClassVar[bool] = False
+    """Whether `torque` returns one, which the engine then does not report."""
+    has_targets: ClassVar[bool] = False
+    """Whether `target` returns one."""
 
-    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
+    def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         self.joints = list(joints)
-        self._client = client
+        self._engine = engine
         self._substep_s = substep_s
         self._body = joints[0].body
         self._indices = [joint.index for joint in joints]
@@ -66,80 +72,61 @@ class Drive:
         """
         return position, 0.0
 
-    def torques(self) -> list[float] | None:
-        """Return the torques applied last [N·m], if the engine does not report them."""
-        return None
+    def torque(self, index: int) -> float:
+        """Return the torque applied last to a joint [N·m]."""
+        return 0.0
 
-    def targets(self) -> list[float] | None:
-        """Return the latest position targets [rad], if the mode has any."""
-        return None
+    def target(self, index: int) -> float:
+        """Return the latest position target of a joint [rad]."""
+        return 0.0
 
 
 class DirectTorque(Drive):
-    """Mode torque: the engine applies the torque directly."""
+    """Mode torque: the engine applies the torque directly, and does not report it."""
 
-    remembers: ClassVar[tuple[str, ...]] = ("_wanted", "_applied")
+    remembers: ClassVar[tuple[str, ...]] = ("_wanted", "_applied", "_braked")
+    knows_torques: ClassVar[bool] = True
 
-    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
-        super().__init__(client, joints, substep_s)
+    def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(engine, joints, substep_s)
         self._wanted = [0.0] * len(joints)
         self._applied = self._wanted
-        self._braked: set[int] = set()
+        self._braked: list[int] = []
 
     def command(self, command: JointCommand, indices: Indices, period: int) -> None:
         """Set torques, saturated at the joints' limits; this releases the brake."""
-        values, efforts = command.values, self._efforts
-        wanted = self._wanted.copy()
+        self._wanted = self._wanted.copy()
         for index, source in indices:
-            wanted[index] = _clip(values[source], efforts[index])
+            self._wanted[index] = _clip(command.values[source], self._efforts[index])
             if index in self._braked:
                 self._braked.remove(index)
                 self._resist(index, self.joints[index].friction)
-        self._wanted = wanted
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with the engine's motor, whose torque is not reported."""
         self._wanted = self._wanted.copy()
         self._wanted[index] = 0.0
-        self._braked.add(index)
+        if index not in self._braked:
+            self._braked.append(index)
         self._resist(index, self._efforts[index])
-
-    def save(self) -> dict[str, Any]:
-        """See `Drive`."""
-        return {**super().save(), "braked": sorted(self._braked)}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """See `Drive`."""
         super().restore(saved)
-        self._braked = set(saved["braked"])
         for index in self._braked:
             self._resist(index, self._efforts[index])
 
-    def _resist(self, index: int, force: float) -> None:
-        """Let the engine resist any motion of a joint with up to this torque [N·m]."""
-        bullet.setJointMotorControl2(
-            self._body,
-            self._indices[index],
-            bullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=force,
-            physicsClientId=self._client,
-        )
+    def _resist(self, index: int, torque: float) -> None:
+        self._engine.resist(self._body, self._indices[index], torque)
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
         self._applied = self._wanted
-        bullet.setJointMotorControlArray(
-            self._body,
-            self._indices,
-            bullet.TORQUE_CONTROL,
-            forces=self._applied,
-            physicsClientId=self._client,
-        )
+        self._engine.push(self._body, self._indices, self._applied)
 
-    def torques(self) -> list[float] | None:
-        """Return the torques applied last [N·m]; the engine does not report them."""
-        return self._applied
+    def torque(self, index: int) -> float:
+        """See `Drive`."""
+        return self._applied[index]
 
 
 class _Motors(Drive):
@@ -150,21 +137,27 @@ class _Motors(Drive):
 
     remembers: ClassVar[tuple[str, ...]] = ("_velocities", "_forces")
 
-    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
-        super().__init__(client, joints, substep_s)
+    def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(engine, joints, substep_s)
         self._velocities = [0.0] * len(joints)
         self._forces = self._efforts.copy()
         self._changed = True
+
+    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
+        """Set targets and torque limits."""
+        for index, source in indices:
+            own, limit = self._efforts[index], command.effort_limit
+            self._forces[index] = own if limit is None else min(limit[source], own)
+            self._take(index, command, source, period)
+        self._changed = True
+
+    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
+        """Set the target of one joint; source: its index in the command."""
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """See `Drive`."""
         super().restore(saved)
         self._changed = True
-
-    def _set_limit(self, command: JointCommand, index: int, source: int) -> None:
-        own = self._efforts[index]
-        limit = command.effort_limit
-        self._forces[index] = own if limit is None else min(limit[source], own)
 
     def brake(self, index: int, position: float) -> None:
         """Hold the joint with its full torque."""
@@ -178,14 +171,7 @@ class _Motors(Drive):
             self._set()
 
     def _set(self) -> None:
-        bullet.setJointMotorControlArray(
-            self._body,
-            self._indices,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=self._velocities,
-            forces=self._forces,
-            physicsClientId=self._client,
-        )
+        self._engine.turn(self._body, self._indices, self._velocities, self._forces)
 
 
 class VelocityForce(_Motors):
@@ -194,34 +180,27 @@ class VelocityForce(_Motors):
     A motor with an unreachable target velocity and the force limit |τ| applies τ.
     """
 
-    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
-        super().__init__(client, joints, substep_s)
+    def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(engine, joints, substep_s)
         self._forces = [0.0] * len(joints)
 
-    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
-        """Set torques, saturated at the joints' limits."""
-        for index, source in indices:
-            torque = command.values[source]
-            self._velocities[index] = math.copysign(_UNREACHED_VELOCITY, torque)
-            self._forces[index] = min(abs(torque), self._efforts[index])
-        self._changed = True
+    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
+        torque = command.values[source]
+        self._velocities[index] = math.copysign(_UNREACHED_VELOCITY, torque)
+        self._forces[index] = min(abs(torque), self._efforts[index])
 
 
 class VelocityMotor(_Motors):
     """Mode velocity: a motor that tracks a velocity with limited torque."""
 
-    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
-        """Set velocities, saturated at the joints' limits."""
-        for index, source in indices:
-            limit = self.joints[index].max_velocity or math.inf
-            self._velocities[index] = _clip(command.values[source], limit)
-            self._set_limit(command, index, source)
-        self._changed = True
+    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
+        limit = self.joints[index].max_velocity or math.inf
+        self._velocities[index] = _clip(command.values[source], limit)
 
     def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
         """Return where its velocity takes a joint, no further than to its stops."""
-        joint, velocity = self.joints[index], self._velocities[index]
-        return min(max(position + velocity * dt, joint.lower), joint.upper), velocity
+        velocity = self._velocities[index]
+        return self.joints[index].within_stops(position + velocity * dt), velocity
 
 
 class PositionMotor(_Motors):
@@ -233,23 +212,20 @@ class PositionMotor(_Motors):
     """
 
     remembers: ClassVar[tuple[str, ...]] = (*_Motors.remembers, "_commanded", "_age", "_moving")
+    has_targets: ClassVar[bool] = True
 
-    def __init__(self, client: int, joints: Sequence[Joint], substep_s: float) -> None:
-        super().__init__(client, joints, substep_s)
+    def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
+        super().__init__(engine, joints, substep_s)
         self._commanded = [joint.start for joint in joints]
         self._age = [0] * len(joints)
         self._moving: dict[int, int] = {}
 
-    def command(self, command: JointCommand, indices: Indices, period: int) -> None:
-        """Set targets and feed-forward velocities."""
-        feed_forward = command.velocity
-        for index, source in indices:
-            self._hold(index, command.values[source])
-            self._set_limit(command, index, source)
-            if feed_forward is not None and feed_forward[source] != 0.0:
-                self._velocities[index] = feed_forward[source]
-                self._moving[index] = period
-        self._changed = True
+    def _take(self, index: int, command: JointCommand, source: int, period: int) -> None:
+        """Set target and feed-forward velocity."""
+        self._hold(index, command.values[source])
+        if command.velocity is not None and command.velocity[source] != 0.0:
+            self._velocities[index] = command.velocity[source]
+            self._moving[index] = period
 
     def _hold(self, index: int, position: float) -> None:
         """Set a constant target for a joint [rad]."""
@@ -269,23 +245,19 @@ class PositionMotor(_Motors):
 
     def followed(self, index: int, position: float, dt: float) -> tuple[float, float]:
         """Return the target, and its velocity."""
-        return self._target(index), self._velocities[index]
+        return self.target(index), self._velocities[index]
 
-    def targets(self) -> list[float] | None:
-        """Return the current targets, limited to the joints' stops [rad]."""
-        return [self._target(index) for index in range(len(self.joints))]
-
-    def _target(self, index: int) -> float:
-        joint = self.joints[index]
+    def target(self, index: int) -> float:
+        """Return the current target of a joint, limited to its stops [rad]."""
         travel = self._velocities[index] * self._age[index] * self._substep_s
-        return min(max(self._commanded[index] + travel, joint.lower), joint.upper)
+        return self.joints[index].within_stops(self._commanded[index] + travel)
 
     def before_substep(self) -> None:
         """Set the motors if a command has changed them, and advance the moving targets."""
         super().before_substep()
         for index, period in list(self._moving.items()):
             if self._age[index] >= period:
-                self._hold(index, self._target(index))
+                self._hold(index, self.target(index))
             self._set_one(index)
             self._age[index] += 1 if index in self._moving else 0
 
@@ -295,16 +267,13 @@ class PositionMotor(_Motors):
 
     def _set_one(self, index: int) -> None:
         joint = self.joints[index]
-        limit = {"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}
-        bullet.setJointMotorControl2(
+        self._engine.bring(
             self._body,
             joint.index,
-            bullet.POSITION_CONTROL,
-            targetPosition=self._target(index),
-            targetVelocity=self._velocities[index],
-            force=self._forces[index],
-            physicsClientId=self._client,
-            **limit,
+            self.target(index),
+            self._velocities[index],
+            self._forces[index],
+            **({"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}),
         )
 
 
@@ -312,33 +281,40 @@ def _clip(value: float, limit: float) -> float:
     return -limit if value < -limit else min(value, limit)
 
 
-def make_drives(client: int, joints: Iterable[Joint], substep_s: float) -> list[Drive]:
-    """Return one drive per body, mode and actuation: one engine call each per substep.
+_CLASSES: Mapping[tuple[str, str], type[Drive]] = {
+    ("torque", "direct"): DirectTorque,
+    ("torque", "velocity_force"): VelocityForce,
+    ("velocity", ""): VelocityMotor,
+    ("position", ""): PositionMotor,
+}
+"""Mode and, of mode torque, actuation → class; of any other: `Drive`."""
 
-    substep_s: length of a physics substep [s].
+
+class Motors:
+    """The drives of a world: one per body, mode and actuation, for one engine call per substep.
+
+    step_ns, period_ns: length of a physics substep, and of the plant's step [ns]. drive_of: joint →
+    its drive, and its index in that. owners: joint → the input that drives it. warnings: about
+    commands. All commanders share these.
     """
 
-    def key(joint: Joint) -> tuple[int, str, str]:
-        return (joint.body, joint.effective_mode, joint.actuation)
+    def __init__(self, physics: Physics, step_ns: int, period_ns: int) -> None:
+        def key(joint: Joint) -> tuple[int, str, str]:
+            return (joint.body, joint.effective_mode, joint.actuation)
 
-    groups = [list(group) for _, group in groupby(sorted(joints, key=key), key)]
-    return [_class_for(group[0])(client, group, substep_s) for group in groups]
-
-
-def locate_joints(drives: Iterable[Drive]) -> dict[str, tuple[Drive, int]]:
-    """Return joint name → its drive, and its index in the drive."""
-    return {joint.name: (drive, i) for drive in drives for i, joint in enumerate(drive.joints)}
-
-
-def _class_for(joint: Joint) -> type[Drive]:
-    torque = DirectTorque if joint.actuation == "direct" else VelocityForce
-    # Nothing drives a joint of mode teleport, which jumps to each commanded position, or a passive
-    # one.
-    classes: dict[str, type[Drive]] = {
-        "torque": torque,
-        "velocity": VelocityMotor,
-        "position": PositionMotor,
-        "teleport": Drive,
-        "passive": Drive,
-    }
-    return classes[joint.effective_mode]
+        self.physics = physics
+        self.step_ns, self.period_ns = step_ns, period_ns
+        groups = groupby(sorted(physics.joints.values(), key=key), key)
+        self.drives = [
+            _CLASSES.get((mode, actuation if mode == "torque" else ""), Drive)(
+                physics.engine, list(joints), step_ns * 1e-9
+            )
+            for (_, mode, actuation), joints in groups
+        ]
+        self.drive_of = {
+            joint.name: (drive, index)
+            for drive in self.drives
+            for index, joint in enumerate(drive.joints)
+        }
+        self.owners: dict[str, str] = {}
+        self.warnings = Warnings()

@@ -1,374 +1,422 @@
-"""The physics engine: headless PyBullet with a world loaded."""
+"""The physics engine: the one class that calls PyBullet."""
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
 
-import pybullet as bullet
+import numpy as np
+from numpy.typing import NDArray
 
-from stepbus_participant import Mimic, mimics, parse_urdf, suggest, urdf_warnings
-from stepbus_participant.parameters import Keys
+from stepbus_plant.bullet import Array, Pose, bullet, compose, inverse
 from stepbus_plant.errors import PhysicsError
-from stepbus_plant.joint import (
-    Joint,
-    is_fixed,
-    is_movable,
-    make_joint,
-    name_uniquely,
-    refuse_unsupported,
-    with_efforts,
-)
-from stepbus_plant.models import loadable, pairs_without_collision
-from stepbus_plant.params import Params
-from stepbus_plant.stock import Item
-from stepbus_plant.world import Body, JointSettings
-from stepbus_plant.world_file import World
-from stepbus_schemas import WiringError
+from stepbus_schemas import Point, WiringError
 
-_GEAR_ERP = 0.2
-"""Share of a follower's error that a substep corrects."""
-_GEAR_FORCE = 1e4
-"""Largest force between a joint and its follower [N or N·m]."""
-_STANDS = 1e-3
-"""Gap below which a thing stands on what is beneath it [m]."""
+Link = tuple[int, int]
+"""The engine's numbers of a body and one of its links."""
+BASE = -1
+"""Number of a body's root link."""
+_ANY_BODY, _ANY_LINK = -1, -2
+# What the engine gives a moving link: collision group, and groups that it collides with.
+_GROUP, _ALL_GROUPS = 1, -1
 
 
-class Physics:
-    """A PyBullet client that holds a world.
+_TYPES = {
+    bullet.JOINT_REVOLUTE: "revolute",
+    bullet.JOINT_PRISMATIC: "prismatic",
+    bullet.JOINT_FIXED: "fixed",
+}
 
-    step_ns: length of a physics substep [ns]. params: default actuation of the joints, and effort
-    limits that override the world's.
-    joints: all movable joints, in the order of the world's bodies and of their models. fixed: names
-    of the fixed ones. urdfs: each body's model as loaded, in the order of the bodies. notes: what
-    the engine computes otherwise than the models say.
-    Raises WiringError that lists every URDF that cannot be loaded, each with its line. `prepare`,
-    which has to come before the first step, reports all other mistakes about joints.
+
+@dataclass(frozen=True, kw_only=True)
+class JointInfo:
+    """A joint as its model has it; without stops, lower is above upper.
+
+    type: revolute, prismatic, fixed, or nothing that is supported. link: its child. axis: in the
+    frame of that.
     """
 
-    def __init__(self, world: World, step_ns: int, params: Params) -> None:
+    index: int
+    name: str
+    type: str
+    lower: float
+    upper: float
+    effort: float
+    velocity: float
+    link: str
+    axis: Point
+
+
+class Contact(NamedTuple):
+    """A point where two links touch, or are close.
+
+    on_one, on_other: where, on each of them [m]. normal: from the other one to the first.
+    distance: [m], below 0 where they overlap. force: along the normal [N].
+    """
+
+    one: Link
+    other: Link
+    on_one: Point
+    on_other: Point
+    normal: Point
+    distance: float
+    force: float
+
+
+class Motion(NamedTuple):
+    """Pose and velocity of a link in the world.
+
+    frame: of the link. centre: of its mass [m]; velocity: of that [m/s]. spin: [rad/s].
+    """
+
+    frame: Pose
+    centre: Point
+    velocity: Point
+    spin: Point
+
+
+class Engine:
+    """A headless PyBullet client.
+
+    step_s: length of a physics substep [s]. Bodies are numbered as they are loaded, from 0 on.
+    """
+
+    def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.client: int = bullet.connect(bullet.DIRECT)
-        self._source = world.source
-        self._efforts = params.effort
-        self._actuation = params.actuation
-        self._problems: list[tuple[Keys, str]] = []
-        self.fixed: set[str] = set()
-        self.urdfs: list[bytes] = []
-        self.notes: list[str] = []
-        self._followers: dict[tuple[int, int], list[Joint]] = {}
-        self._goods: list[int] = []
-        try:
-            self._set_up(world, step_ns)
-            bodies = [
-                (name, joint)
-                for name, body in world.bodies.items()
-                for joint in self._load(name, body, world)
-            ]
-            if any(where[-1] == "urdf" for where, _ in self._problems):
-                world.source.refuse(self._problems)
-            self.joints = name_uniquely(bodies)
-        except BaseException:
-            self.close()
-            raise
-
-    def prepare(self) -> None:
-        """Set the limits, motors and start positions of all joints.
-
-        Raises WiringError that lists every mistake about a joint in the world file, each with its
-        line, or else those in the params.
-        """
-        self._source.refuse(self._problems)
-        self.joints = with_efforts(self.joints, self._efforts)
-        for joint in self.joints:
-            self._prepare(joint)
-        for leader, followers in self._followers.items():
-            for follower in followers:
-                self._couple(leader, follower)
-        self._put_goods_to_sleep()
-
-    def _put_goods_to_sleep(self) -> None:
-        """Let goods that stand on something sleep from the start; others fall first."""
-        if not self._goods:
-            return
-        bullet.performCollisionDetection(self.client)
-        for number in self._goods:
-            touches = bullet.getContactPoints(number, physicsClientId=self.client)
-            if any(point[8] < _STANDS for point in touches):
-                bullet.changeDynamics(
-                    number,
-                    -1,
-                    activationState=bullet.ACTIVATION_STATE_ENABLE_SLEEPING
-                    | bullet.ACTIVATION_STATE_SLEEP,
-                    physicsClientId=self.client,
-                )
-
-    def _set_up(self, world: World, step_ns: int) -> None:
+        self._here = {"physicsClientId": self.client}
+        self._to_frame: dict[int, Pose] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1,
-            numSolverIterations=world.solver_iterations,
-            physicsClientId=self.client,
+            deterministicOverlappingPairs=1, numSolverIterations=solver_iterations, **self._here
         )
-        bullet.setTimeStep(step_ns * 1e-9, physicsClientId=self.client)
-        bullet.setGravity(*world.gravity, physicsClientId=self.client)
-
-    def _load(self, name: str, body: Body, world: World) -> list[Joint]:
-        """Load one body and return its movable joints, named as in the URDF."""
-        item = world.items.get(name)
-        try:
-            with loadable(body.urdf, None if item is None else item.make) as urdf:
-                root = parse_urdf(urdf.read_text(encoding="utf-8"))
-                refuse_unsupported(root, body.urdf)
-                number: int = bullet.loadURDF(
-                    str(urdf),
-                    basePosition=body.position,
-                    baseOrientation=bullet.getQuaternionFromEuler(body.orientation_rpy),
-                    useFixedBase=body.fixed_base,
-                    flags=_flags(body, item),
-                    physicsClientId=self.client,
-                )
-                self.urdfs.append(urdf.read_bytes())
-                self.notes += [f"body {name}: {note}" for note in urdf_warnings(root)]
-        except bullet.error as exc:
-            self._problems.append((("bodies", name, "urdf"), f"{body.urdf}: {exc}"))
-            return []
-        except WiringError as exc:
-            self._problems.append((("bodies", name, "urdf"), str(exc)))
-            return []
-        if world.sleeping:
-            self._allow_sleep(number)
-            self._goods += [] if item is None else [number]
-        self._set_dynamics(number, body)
-        self._disable_collisions(number, name, body)
-        return self._joints_of(number, name, body, mimics(root))
-
-    def _set_dynamics(self, number: int, body: Body) -> None:
-        """Remove PyBullet's default damping and velocity limit, and set each link's friction."""
-        friction = {
-            f"{key}Friction": value
-            for key in ("lateral", "rolling", "spinning")
-            if (value := getattr(body.friction, key)) is not None
-        }
-        for link in range(-1, self._count(number)):
-            bullet.changeDynamics(
-                number,
-                link,
-                linearDamping=0.0,
-                angularDamping=0.0,
-                jointDamping=0.0,
-                physicsClientId=self.client,
-                **friction,
-            )
-        # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
-        bullet.changeDynamics(number, -1, maxJointVelocity=math.inf, physicsClientId=self.client)
-
-    def _allow_sleep(self, number: int) -> None:
-        """Let a body without motors sleep once it is at rest; motors do not wake a body up."""
-        if not any(is_movable(info) for info in self._infos(number)):
-            bullet.changeDynamics(
-                number,
-                -1,
-                activationState=bullet.ACTIVATION_STATE_ENABLE_SLEEPING,
-                physicsClientId=self.client,
-            )
-
-    def _disable_collisions(self, number: int, name: str, body: Body) -> None:
-        """Disable the self-collisions of a body that its SRDF rules out."""
-        if body.srdf is None:
-            return
-        try:
-            pairs = pairs_without_collision(body.srdf)
-        except WiringError as exc:
-            self._problems.append((("bodies", name, "srdf"), str(exc)))
-            return
-        links = {bullet.getBodyInfo(number, self.client)[0].decode(): -1}
-        links |= {info[12].decode(): info[0] for info in self._infos(number)}
-        unknown = dict.fromkeys(link for pair in pairs for link in pair if link not in links)
-        self._problems += [
-            (
-                ("bodies", name, "srdf"),
-                f"{body.srdf}: link {link!r} is unknown{suggest(link, links)}",
-            )
-            for link in unknown
-        ]
-        for first, second in pairs:
-            if first not in unknown and second not in unknown:
-                bullet.setCollisionFilterPair(
-                    number, number, links[first], links[second], 0, physicsClientId=self.client
-                )
-
-    def _infos(self, body: int) -> list[Sequence[Any]]:
-        return [bullet.getJointInfo(body, n, self.client) for n in range(self._count(body))]
-
-    def _count(self, body: int) -> int:
-        count: int = bullet.getNumJoints(body, physicsClientId=self.client)
-        return count
-
-    def _joints_of(
-        self, number: int, name: str, body: Body, followed: Mapping[str, Mimic]
-    ) -> list[Joint]:
-        infos = self._infos(number)
-        joints = [
-            make_joint(number, info, self._settings(info, body), self._actuation)
-            for info in infos
-            if is_movable(info)
-        ]
-        self.fixed |= {info[1].decode() for info in infos if is_fixed(info)}
-        joints = self._coupled(joints, name, body, followed)
-        self._check_joints(name, body, joints)
-        if not body.fixed_base and joints and not any(self._has_shape(number)):
-            text = "it is not fixed to the world and has no collision shape, so it falls"
-            self.notes.append(f"body {name}: {text}; is `fixed_base: true` missing?")
-        return joints
-
-    def _has_shape(self, number: int) -> Iterator[bool]:
-        for link in range(-1, self._count(number)):
-            yield bool(bullet.getCollisionShapeData(number, link, self.client))
-
-    def _coupled(
-        self, joints: Sequence[Joint], name: str, body: Body, followed: Mapping[str, Mimic]
-    ) -> list[Joint]:
-        """Return the joints of a body, those with <mimic> as followers of others."""
-        by_name = {joint.name: joint for joint in joints}
-        coupled = []
-        for joint in joints:
-            mimic, own = followed.get(joint.name), body.joints.get(joint.name, JointSettings())
-            if mimic is None or own.mimic is False:
-                coupled.append(joint)
-                continue
-            leader = by_name[mimic.joint]
-            follower = joint.follow(leader, mimic)
-            coupled.append(follower)
-            self._followers.setdefault((leader.body, leader.index), []).append(follower)
-            for key in ("position", "velocity", "mode"):
-                if getattr(own, key) is not None:
-                    text = (
-                        f"follows joint {mimic.joint!r} (<mimic>); leave it out, or `mimic: false`"
-                    )
-                    self._problems.append((("bodies", name, "joints", joint.name, key), text))
-        return coupled
-
-    def _settings(self, info: Sequence[Any], body: Body) -> JointSettings:
-        return body.joints.get(info[1].decode(), JointSettings()).over(body.joint_defaults)
-
-    def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
-        known = [joint.name for joint in joints]
-        self._problems += [
-            (("bodies", name, "joints", given), f"unknown{suggest(given, known)}")
-            for given in body.joints
-            if given not in known
-        ]
-        for joint in joints:
-            keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
-            self._problems += [
-                (("bodies", name, *keys), f"joint {joint.name}: {text}")
-                for text in joint.problems()
-            ]
-
-    def _prepare(self, joint: Joint) -> None:
-        """Set the limits, damping and start state of a joint, and disable its default motor."""
-        limits = {}
-        if math.isfinite(joint.lower):
-            limits = {"jointLowerLimit": joint.lower, "jointUpperLimit": joint.upper}
-        bullet.changeDynamics(
-            joint.body,
-            joint.index,
-            jointDamping=joint.damping,
-            physicsClientId=self.client,
-            **limits,
-        )
-        self.teleport(joint, joint.start, joint.start_velocity)
-        bullet.setJointMotorControl2(
-            joint.body,
-            joint.index,
-            bullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=joint.friction,
-            physicsClientId=self.client,
-        )
-
-    def _couple(self, leader: tuple[int, int], follower: Joint) -> None:
-        """Let the engine keep a follower where its leader takes it, as by gears."""
-        body, index = leader
-        zero = (0.0, 0.0, 0.0)
-        gear = bullet.createConstraint(
-            body,
-            follower.index,
-            body,
-            index,
-            bullet.JOINT_GEAR,
-            jointAxis=(1.0, 0.0, 0.0),
-            parentFramePosition=zero,
-            childFramePosition=zero,
-            physicsClientId=self.client,
-        )
-        mimic = follower.mimic or Mimic(joint="")
-        bullet.changeConstraint(
-            gear,
-            gearRatio=-mimic.multiplier,
-            relativePositionTarget=mimic.offset,
-            erp=_GEAR_ERP,
-            maxForce=_GEAR_FORCE,
-            physicsClientId=self.client,
-        )
-
-    def teleport(self, joint: Joint, position: float, velocity: float) -> None:
-        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces.
-
-        Those that follow it go along; a follower alone stays where it is.
-        """
-        if joint.mimic is not None:
-            return
-        bullet.resetJointState(
-            joint.body, joint.index, position, velocity, physicsClientId=self.client
-        )
-        for follower in self._followers.get((joint.body, joint.index), ()):
-            if (mimic := follower.mimic) is not None:
-                bullet.resetJointState(
-                    follower.body,
-                    follower.index,
-                    mimic.multiplier * position + mimic.offset,
-                    mimic.multiplier * velocity,
-                    physicsClientId=self.client,
-                )
-
-    def wake(self, body: int) -> None:
-        """Wake up a body: a sleeping one would stay where it is put, even in the air."""
-        bullet.changeDynamics(
-            body,
-            -1,
-            activationState=bullet.ACTIVATION_STATE_WAKE_UP,
-            physicsClientId=self.client,
-        )
-
-    def read(self, body: int, indices: list[int]) -> Any:
-        """Return PyBullet's (position, velocity, reaction, applied torque) of joints of a body."""
-        return bullet.getJointStates(body, indices, self.client)
+        bullet.setTimeStep(step_s, **self._here)
+        bullet.setGravity(*gravity, **self._here)
 
     def step(self) -> None:
-        """Advance by one substep.
-
-        Raises PhysicsError when PyBullet does.
-        """
+        """Advance by one substep; raises PhysicsError when PyBullet fails."""
         try:
             bullet.stepSimulation(self.client)
         except bullet.error as exc:
             raise PhysicsError(f"the physics engine failed: {exc}") from exc
 
     def close(self) -> None:
-        """Disconnect from the physics engine; harmless when repeated."""
+        """Disconnect; harmless when repeated."""
         if self.client >= 0:
-            bullet.disconnect(physicsClientId=self.client)
+            bullet.disconnect(**self._here)
             self.client = -1
 
+    # --- bodies ---------------------------------------------------------------------------
 
-def _flags(body: Body, item: Item | None) -> int:
-    # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
-    flags: int = bullet.URDF_USE_INERTIA_FROM_FILE
-    if body.srdf is not None:
-        flags |= bullet.URDF_USE_SELF_COLLISION
-    if not body.visuals:
-        flags |= bullet.URDF_IGNORE_VISUAL_SHAPES
-    if item is not None:
-        # A cylinder made of 32 faces has a collision margin and would stand 1 mm higher.
-        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER
-    return flags
+    def load(
+        self,
+        urdf: Path,
+        pose: Pose,
+        friction: Mapping[str, float],
+        *,
+        is_fixed: bool,
+        collides_with_itself: bool,
+        has_visuals: bool,
+        is_smooth: bool,
+    ) -> int:
+        """Load a body without damping or a limit of velocities; return its number.
+
+        friction: of all links; absent: the model's. is_smooth: cylinders are round, instead of a
+        mesh of 32 faces, whose collision margin makes it stand 1 mm higher.
+        Raises WiringError for a model that cannot be loaded.
+        """
+        # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
+        flags = bullet.URDF_USE_INERTIA_FROM_FILE
+        flags |= bullet.URDF_USE_SELF_COLLISION if collides_with_itself else 0
+        flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
+        try:
+            body: int = bullet.loadURDF(
+                str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
+            )
+        except bullet.error as exc:
+            raise WiringError(str(exc)) from exc
+        undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
+        frictions = {f"{key}Friction": value for key, value in friction.items()}
+        for link in range(BASE, bullet.getNumJoints(body, **self._here)):
+            bullet.changeDynamics(body, link, **undamped, **frictions, **self._here)
+        # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
+        bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
+        return body
+
+    def joints(self, body: int) -> list[JointInfo]:
+        """Return all joints of a body, in the order of their numbers."""
+        infos = (
+            bullet.getJointInfo(body, index, self.client)
+            for index in range(bullet.getNumJoints(body, **self._here))
+        )
+        return [
+            JointInfo(
+                index=info[0],
+                name=info[1].decode(),
+                type=_TYPES.get(info[2], ""),
+                lower=info[8],
+                upper=info[9],
+                effort=info[10],
+                velocity=info[11],
+                link=info[12].decode(),
+                axis=info[13],
+            )
+            for info in infos
+        ]
+
+    def links(self, body: int) -> dict[str, Link]:
+        """Return each link of a body by its name, the root first."""
+        root = bullet.getBodyInfo(body, self.client)[0].decode()
+        return {root: (body, BASE), **{j.link: (body, j.index) for j in self.joints(body)}}
+
+    def is_solid(self, link: Link) -> bool:
+        """Return whether a link has a collision shape."""
+        return bool(bullet.getCollisionShapeData(*link, **self._here))
+
+    def let_through(self, one: Link, other: Link) -> None:
+        """Let two links never collide."""
+        bullet.setCollisionFilterPair(one[0], other[0], one[1], other[1], 0, **self._here)
+
+    def let_sleep(self, body: int, *, now: bool = False) -> None:
+        """Skip a body once it is at rest, or from now on, until something moves it."""
+        state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING
+        state |= bullet.ACTIVATION_STATE_SLEEP if now else 0
+        bullet.changeDynamics(body, BASE, activationState=state, **self._here)
+
+    def wake(self, body: int) -> None:
+        """Wake up a body: a sleeping one would stay where it is put, even in the air."""
+        state = bullet.ACTIVATION_STATE_WAKE_UP
+        bullet.changeDynamics(body, BASE, activationState=state, **self._here)
+
+    # --- joints ---------------------------------------------------------------------------
+
+    def read(self, body: int, indices: Sequence[int]) -> Any:
+        """Return (position, velocity, reaction, applied torque) of joints of a body."""
+        return bullet.getJointStates(body, indices, self.client)
+
+    def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
+        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces."""
+        bullet.resetJointState(body, index, position, velocity, **self._here)
+
+    def set_joint(
+        self, body: int, index: int, *, damping: float, lower: float, upper: float
+    ) -> None:
+        """Set damping [N·m·s/rad] and stops [rad] of a joint; infinite: none."""
+        stops = {"jointLowerLimit": lower, "jointUpperLimit": upper} if lower > -math.inf else {}
+        bullet.changeDynamics(body, index, jointDamping=damping, **stops, **self._here)
+
+    def couple(
+        self,
+        body: int,
+        follower: int,
+        leader: int,
+        *,
+        multiplier: float,
+        offset: float = 0.0,
+        erp: float,
+        force: float,
+    ) -> None:
+        """Keep a joint where another one takes it, as by gears.
+
+        erp: share of the error that a substep corrects. force: the largest [N or N·m].
+        """
+        origins = {"parentFramePosition": (0.0, 0.0, 0.0), "childFramePosition": (0.0, 0.0, 0.0)}
+        pair, axis = (body, follower, body, leader), (1.0, 0.0, 0.0)
+        gear = bullet.createConstraint(
+            *pair, bullet.JOINT_GEAR, jointAxis=axis, **origins, **self._here
+        )
+        bullet.changeConstraint(
+            gear,
+            gearRatio=-multiplier,
+            relativePositionTarget=offset,
+            erp=erp,
+            maxForce=force,
+            **self._here,
+        )
+
+    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+        """Apply torques [N·m] to joints in the next substep only."""
+        bullet.setJointMotorControlArray(
+            body, indices, bullet.TORQUE_CONTROL, forces=torques, physicsClientId=self.client
+        )
+
+    def turn(
+        self,
+        body: int,
+        indices: Sequence[int],
+        velocities: Sequence[float],
+        torques: Sequence[float],
+    ) -> None:
+        """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
+        bullet.setJointMotorControlArray(
+            body,
+            indices,
+            bullet.VELOCITY_CONTROL,
+            targetVelocities=velocities,
+            forces=torques,
+            **self._here,
+        )
+
+    def resist(self, body: int, index: int, torque: float) -> None:
+        """Set a motor that resists any motion of a joint with up to a torque [N·m]."""
+        bullet.setJointMotorControl2(
+            body,
+            index,
+            bullet.VELOCITY_CONTROL,
+            targetVelocity=0.0,
+            force=torque,
+            **self._here,
+        )
+
+    def bring(
+        self, body: int, index: int, position: float, velocity: float, torque: float, **more: float
+    ) -> None:
+        """Set a motor that tracks a position [rad] and its velocity with a limited torque [N·m].
+
+        more: `maxVelocity` [rad/s], `positionGain`, `velocityGain`; absent: PyBullet's.
+        """
+        bullet.setJointMotorControl2(
+            body,
+            index,
+            bullet.POSITION_CONTROL,
+            targetPosition=position,
+            targetVelocity=velocity,
+            force=torque,
+            **more,
+            **self._here,
+        )
+
+    def watch_reaction(self, joint: Link) -> None:
+        """Measure from now on what everything beyond a joint exerts on it."""
+        bullet.enableJointForceTorqueSensor(*joint, True, self.client)
+
+    def reaction(self, joint: Link) -> tuple[Array, Array]:
+        """Return the reaction of the latest substep: force [N] and torque [N·m], shape (3,) each.
+
+        Both in the frame of the child's centre of mass, and about it.
+        """
+        values = np.array(bullet.getJointState(*joint, self.client)[2])
+        return values[:3], values[3:]
+
+    # --- poses ----------------------------------------------------------------------------
+
+    def mass(self, link: Link) -> float:
+        """Return the mass of a link [kg]; 0: it is fixed."""
+        mass: float = bullet.getDynamicsInfo(*link, self.client)[0]
+        return mass
+
+    def inertial(self, link: Link) -> Pose:
+        """Return the pose of a link's centre of mass in its frame."""
+        pose: Pose = bullet.getDynamicsInfo(*link, self.client)[3:5]
+        return pose
+
+    def centre(self, body: int) -> Pose:
+        """Return the pose of the centre of mass of a body's root link."""
+        pose: Pose = bullet.getBasePositionAndOrientation(body, self.client)
+        return pose
+
+    def frame(self, link: Link) -> Pose:
+        """Return the pose of a link's frame, that of the URDF."""
+        body, index = link
+        if index == BASE:
+            if body not in self._to_frame:
+                self._to_frame[body] = inverse(self.inertial(link))
+            return compose(self.centre(body), self._to_frame[body])
+        return self.frames(body, [index])[0]
+
+    def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
+        """Return the frames of links other than the root."""
+        states = bullet.getLinkStates(body, indices, computeForwardKinematics=True, **self._here)
+        return [state[4:6] for state in states]
+
+    def motion(self, link: Link) -> Motion:
+        """Return pose and velocity of a link."""
+        body, index = link
+        if index == BASE:
+            velocity, spin = bullet.getBaseVelocity(body, self.client)
+            return Motion(self.frame(link), self.centre(body)[0], velocity, spin)
+        state = bullet.getLinkState(
+            body, index, computeLinkVelocity=True, computeForwardKinematics=True, **self._here
+        )
+        return Motion(state[4:6], state[0], state[6], state[7])
+
+    def put(self, body: int, frame: Pose) -> None:
+        """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
+        self.put_centre(body, compose(frame, self.inertial((body, BASE))))
+
+    def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
+        """Put the centre of mass of a body's root link somewhere, at rest or moving as before."""
+        velocity = bullet.getBaseVelocity(body, self.client) if keeps_velocity else None
+        bullet.resetBasePositionAndOrientation(body, *pose, self.client)
+        if velocity is not None:
+            bullet.resetBaseVelocity(body, *velocity, **self._here)
+
+    # --- contacts, rays, images -----------------------------------------------------------
+
+    def update_shapes(self) -> None:
+        """Let contacts, boxes and rays see shapes where they are now.
+
+        Otherwise these are where they were in the latest substep, or when they were loaded.
+        """
+        bullet.performCollisionDetection(self.client)
+
+    def contacts(self, body: int = _ANY_BODY, link: int = _ANY_LINK) -> list[Contact]:
+        """Return the contacts of the latest substep; of one body or link, it is the first one."""
+        return _contacts(bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here))
+
+    def closest(
+        self, link: Link, body: int, within: float, other: int = _ANY_LINK
+    ) -> list[Contact]:
+        """Return the nearest points of a link and of another body or its link, if within [m]."""
+        return _contacts(
+            bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
+        )
+
+    def neighbours(self, link: Link, within: float) -> list[Link]:
+        """Return links of other bodies whose boxes are near that of a link, sorted.
+
+        The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
+        the link (gContactBreakingThreshold), which is more than it moves in a substep.
+        """
+        low, high = bullet.getAABB(*link, self.client)
+        pairs = bullet.getOverlappingObjects(
+            [x - within for x in low], [x + within for x in high], **self._here
+        )
+        return sorted({(body, index) for body, index in pairs or () if body != link[0]})
+
+    def forget_contacts(self, link: Link) -> None:
+        """Forget the contacts of a link, which the next substep then finds anew."""
+        bullet.setCollisionFilterGroupMask(*link, _GROUP, _ALL_GROUPS, **self._here)
+
+    def cast(self, starts: Array, ends: Array) -> Array:
+        """Return how far along each ray the first hit is, from 0 to 1, or infinity.
+
+        starts, ends: shape (n, 3) [m].
+        """
+        hits = bullet.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1, **self._here)
+        return np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
+
+    def image(
+        self, size: tuple[int, int], view: Array, projection: Array, light: Mapping[str, Any]
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """Return colours, shape (height, width, 3), and OpenGL's depth buffer, shape (h, w).
+
+        size: width and height [pixel]. view, projection: OpenGL's matrices, shape (4, 4).
+        """
+        _, _, rgba, depth, _ = bullet.getCameraImage(
+            *size,
+            viewMatrix=view.T.ravel().tolist(),
+            projectionMatrix=projection.T.ravel().tolist(),
+            renderer=bullet.ER_TINY_RENDERER,
+            flags=bullet.ER_NO_SEGMENTATION_MASK,
+            **light,
+            **self._here,
+        )
+        width, height = size
+        colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (height, width, 4))[..., :3]
+        return colours, np.asarray(depth, dtype=np.float64)
+
+
+def _contacts(rows: Iterable[Any]) -> list[Contact]:
+    return [Contact((r[1], r[3]), (r[2], r[4]), r[5], r[6], r[7], r[8], r[9]) for r in rows]

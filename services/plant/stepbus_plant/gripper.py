@@ -1,119 +1,17 @@
-"""What a gripper holds: how far it has slid, and how it follows the arc of the pads."""
+"""A gripper of two fingers: what it holds, how that follows the pads, and its commands."""
 
 import math
 import operator
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
-import pybullet as bullet
-
+from stepbus_plant.bullet import Pose, into, out_of, turned
 from stepbus_plant.commander import Commander
-from stepbus_plant.engine import Physics
-from stepbus_plant.errors import CommandError
+from stepbus_plant.drives import Motors
+from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.joint import Joint, describe_joints
-from stepbus_plant.poses import LinkIndex
-from stepbus_plant.sensing import Warnings
 from stepbus_plant.world import GripperSettings
-from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand
-
-_NO_TURN = (0.0, 0.0, 0.0, 1.0)
-
-Point = Sequence[float]
-
-
-class Grip:
-    """A grip, from its first contact on.
-
-    finger: the left one. slide: its axis, in its frame. thing: what is held. points: of contact
-    with both pads, in the world [m].
-    """
-
-    def __init__(
-        self,
-        client: int,
-        finger: LinkIndex,
-        slide: Point,
-        thing: LinkIndex,
-        points: Sequence[Point],
-    ) -> None:
-        self.thing = thing
-        self._client, self._finger, self._slide = client, finger, slide
-        middle = [sum(axis) / len(points) for axis in zip(*points, strict=True)]
-        self._on_thing = _into(frame_of(client, thing), middle)
-        self._on_finger = _into(frame_of(client, finger), middle)
-        mass = bullet.getDynamicsInfo(*thing, physicsClientId=client)[0]
-        self._is_free = thing[1] < 0 and mass > 0.0
-        self._before: Point = ()
-
-    def _where(self) -> Point:
-        """Return where the point of the thing is that was first gripped [m]."""
-        return _out_of(frame_of(self._client, self.thing), self._on_thing)
-
-    def slip(self) -> float:
-        """Return how far it has slid along the pads [m]."""
-        now = _into(frame_of(self._client, self._finger), self._where())
-        moved = [a - b for a, b in zip(now, self._on_finger, strict=True)]
-        across = sum(map(operator.mul, moved, self._slide))
-        return math.sqrt(max(sum(part * part for part in moved) - across * across, 0.0))
-
-    def before_substep(self) -> None:
-        """Keep where it is gripped."""
-        self._before = self._where()
-        self._at = _into(frame_of(self._client, self._finger), self._before)
-
-    def after_substep(self, dt: float) -> None:
-        """Move the thing from the tangent, along which the engine moves it, to the pads' arc.
-
-        On a circle it would go outwards by ω² r dt / 2 per second: by 2 mm in a swing of the arm at
-        a physics step dt of 4 ms [s], however strong the friction. Half of the pads' acceleration
-        that no joint's acceleration explains is the difference between their displacement and their
-        velocity at its end. Friction is not touched: what it does not hold slides.
-        """
-        if not self._is_free or not self._before:
-            return
-        client = self._client
-        state = bullet.getLinkState(
-            *self._finger,
-            computeLinkVelocity=True,
-            computeForwardKinematics=True,
-            physicsClientId=client,
-        )
-        after = _out_of((state[4], state[5]), self._at)
-        arm = [a - b for a, b in zip(after, state[0], strict=True)]
-        velocity = [a + b for a, b in zip(state[6], _cross(state[7], arm), strict=True)]
-        pose = bullet.getBasePositionAndOrientation(self.thing[0], client)
-        moving = bullet.getBaseVelocity(self.thing[0], client)
-        rows = zip(pose[0], after, self._before, velocity, strict=True)
-        position = [p - ((new - old) - v * dt) for p, new, old, v in rows]
-        bullet.resetBasePositionAndOrientation(self.thing[0], position, pose[1], client)
-        bullet.resetBaseVelocity(self.thing[0], *moving, physicsClientId=client)
-
-
-def frame_of(client: int, link: LinkIndex) -> tuple[Point, Point]:
-    """Return the pose of a link in the world; of the base of a body, that of its centre of mass."""
-    body, number = link
-    if number < 0:
-        position, rotation = bullet.getBasePositionAndOrientation(body, client)
-        return position, rotation
-    state = bullet.getLinkState(body, number, computeForwardKinematics=True, physicsClientId=client)
-    return state[4], state[5]
-
-
-def _into(frame: tuple[Point, Point], point: Point) -> Point:
-    """Return a point of the world in a frame."""
-    return _out_of(bullet.invertTransform(*frame), point)
-
-
-def _out_of(frame: tuple[Point, Point], point: Point) -> Point:
-    """Return a point of a frame in the world."""
-    moved: Point = bullet.multiplyTransforms(*frame, point, _NO_TURN)[0]
-    return moved
-
-
-def _cross(a: Point, b: Point) -> Point:
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
-
+from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand, Point
 
 # Proportional gain from the width error to the finger velocity [1/s].
 _GAIN = 10.0
@@ -127,20 +25,66 @@ _LEAST_COSINE = math.sqrt(0.5)
 _FRESH_COSINE = math.cos(math.radians(25.0))
 _TURNED_COSINE = math.cos(math.radians(10.0))
 
-# What the engine gives a moving link: collision group, and groups that it collides with.
-_GROUP, _ALL_GROUPS = 1, -1
-
 FORCE_WITHOUT_DYNAMICS = 15.0
 """Reported of a gripper that holds something while dynamics are off [N]."""
 
 
-@dataclass(frozen=True)
-class _Contact:
-    """The contact of a finger with an object: force [N], normals of its points, ±, and points."""
+class Grip:
+    """A grip, from its first contact on.
 
-    force: float
-    normals: list[Sequence[float]]
-    points: list[Sequence[float]]
+    finger: the left one. slide: its axis, in its frame. thing: what is held. points: of contact
+    with both pads, in the world [m].
+    """
+
+    def __init__(
+        self, engine: Engine, finger: Link, slide: Point, thing: Link, points: Sequence[Point]
+    ) -> None:
+        self.thing = thing
+        self._engine, self._finger, self._slide = engine, finger, slide
+        x, y, z = (sum(axis) / len(points) for axis in zip(*points, strict=True))
+        self._on_thing = into(self._pose(thing), (x, y, z))
+        self._on_finger = into(self._pose(finger), (x, y, z))
+        self._is_free = thing[1] == BASE and engine.mass(thing) > 0.0
+        self._before: Point | None = None
+
+    def _pose(self, link: Link) -> Pose:
+        """Return the pose of a link; of the root of a body, that of its centre of mass."""
+        return self._engine.centre(link[0]) if link[1] == BASE else self._engine.frame(link)
+
+    def _where(self) -> Point:
+        """Return where the point of the thing is that was first gripped [m]."""
+        return out_of(self._pose(self.thing), self._on_thing)
+
+    def slip(self) -> float:
+        """Return how far it has slid along the pads [m]."""
+        now = into(self._pose(self._finger), self._where())
+        moved = [a - b for a, b in zip(now, self._on_finger, strict=True)]
+        across = _dot(moved, self._slide)
+        return math.sqrt(max(sum(part * part for part in moved) - across * across, 0.0))
+
+    def before_substep(self) -> None:
+        """Keep where it is gripped."""
+        self._before = self._where()
+        self._at = into(self._pose(self._finger), self._before)
+
+    def after_substep(self, dt: float) -> None:
+        """Move the thing from the tangent, along which the engine moves it, to the pads' arc.
+
+        On a circle it would go outwards by ω² r dt / 2 per second: by 2 mm in a swing of the arm at
+        a physics step dt of 4 ms [s], however strong the friction. Half of the pads' acceleration
+        that no joint's acceleration explains is the difference between their displacement and their
+        velocity at its end. Friction is not touched: what it does not hold slides.
+        """
+        if not self._is_free or self._before is None:
+            return
+        pads = self._engine.motion(self._finger)
+        after = out_of(pads.frame, self._at)
+        arm = [a - b for a, b in zip(after, pads.centre, strict=True)]
+        velocity = [a + b for a, b in zip(pads.velocity, _cross(pads.spin, arm), strict=True)]
+        at, orientation = self._engine.centre(self.thing[0])
+        rows = zip(at, after, self._before, velocity, strict=True)
+        x, y, z = (p - ((new - old) - v * dt) for p, new, old, v in rows)
+        self._engine.put_centre(self.thing[0], ((x, y, z), orientation), keeps_velocity=True)
 
 
 class Gripper:
@@ -149,44 +93,27 @@ class Gripper:
     width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
 
-    def __init__(self, row: GripperSettings, left: Joint, right: Joint, physics: Physics) -> None:
+    def __init__(self, row: GripperSettings, left: Joint, right: Joint, engine: Engine) -> None:
         self.joints = (left, right)
         self.speed = row.speed
         self.max_force = min(left.effort, right.effort)
         self.widths = (left.lower + right.lower, left.upper + right.upper)
-        self.fingers = [left.index, right.index]
-        self.held_without_forces: LinkIndex | None = None
-        self._body = left.body
-        self._physics = physics
-        self._slide = bullet.getJointInfo(left.body, left.index, physics.client)[13]
+        self.fingers: list[Link] = [(joint.body, joint.index) for joint in self.joints]
+        self.held_without_forces: Link | None = None
+        self._engine = engine
+        self._slide = engine.joints(left.body)[left.index].axis
         self._grip: Grip | None = None
-        self._pressed_along: Sequence[float] = ()
-        self._stale: list[int] = []
+        self._pressed_along: Point = (0.0, 0.0, 0.0)
+        self._stale: list[Link] = []
         self._renewed = False
         self._force = 0.0
-        self._couple()
-
-    def _couple(self) -> None:
-        """Let the engine keep both positions equal; uncoupled fingers drift with the object."""
-        client = self._physics.client
-        left, right = self.fingers
-        zero = (0.0, 0.0, 0.0)
-        gear = bullet.createConstraint(
-            self._body,
-            left,
-            self._body,
-            right,
-            bullet.JOINT_GEAR,
-            jointAxis=(1.0, 0.0, 0.0),
-            parentFramePosition=zero,
-            childFramePosition=zero,
-            physicsClientId=client,
-        )
-        bullet.changeConstraint(gear, gearRatio=-1, erp=0.1, maxForce=100, physicsClientId=client)
+        # Uncoupled fingers drift with the object.
+        engine.couple(left.body, left.index, right.index, multiplier=1, erp=0.1, force=100)
 
     def width(self) -> float:
         """Return the current distance of the fingers [m]."""
-        left, right = self._physics.read(self._body, self.fingers)
+        body, indices = self.joints[0].body, [joint.index for joint in self.joints]
+        left, right = self._engine.read(body, indices)
         width: float = left[0] + right[0]
         return width
 
@@ -196,22 +123,14 @@ class Gripper:
 
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""
-        if self._stale:
-            self._renew_contacts()
+        # Where pads and object turn together, the engine may keep the normals that points had when
+        # they were made, and press along them.
+        for finger in self._stale:
+            self._engine.forget_contacts(finger)
+            self._renewed = True
+        self._stale = []
         if self._grip is not None:
             self._grip.before_substep()
-
-    def _renew_contacts(self) -> None:
-        """Let the engine forget the contacts of fingers, and find them in the next substep.
-
-        Where pads and object turn together, it may keep the normals that points had when they were
-        made, and press along them.
-        """
-        for finger in self._stale:
-            bullet.setCollisionFilterGroupMask(
-                self._body, finger, _GROUP, _ALL_GROUPS, physicsClientId=self._physics.client
-            )
-        self._stale, self._renewed = [], True
 
     def after_substep(self, dt: float) -> None:
         """Let what is held follow the arc of the pads; dt: length of the substep [s]."""
@@ -224,32 +143,34 @@ class Gripper:
         The force is that of the weaker finger: the difference between the two does not squeeze the
         object, it pushes it aside until it is centred. Renewed contacts need a moment.
         """
-        left, right = (self._contacts(finger) for finger in self.fingers)
-        self._force = min(sum(contact.force for contact in side.values()) for side in (left, right))
-        both = [(thing, contact, right[thing]) for thing, contact in left.items() if thing in right]
-        axis = self.opening() if both else ()
-        held = {
-            thing: [*one.points, *other.points]
-            for thing, one, other in both
-            if _is_along(axis, one) and _is_along(axis, other)
-        }
+        sides = [self._pressing(finger) for finger in self.fingers]
+        # By thing first: the rounding of a sum depends on its order.
+        self._force = min(
+            sum(sum(contact.force for contact in contacts) for contacts in side.values())
+            for side in sides
+        )
+        left, right = sides
+        both = [thing for thing in left if thing in right]
+        axis = self.opening() if both else (0.0, 0.0, 0.0)
+        held = [t for t in both if _is_along(axis, left[t]) and _is_along(axis, right[t])]
         renewed, self._renewed = self._renewed, False
         if renewed and not held:
             return
         if self._grip is None or self._grip.thing not in held:
-            pads = (self._body, self.fingers[0])
-            grips = (
-                Grip(self._physics.client, pads, self._slide, thing, points)
-                for thing, points in held.items()
-            )
-            self._grip = next(grips, None)
+            self._grip = None
+            if held:
+                points = [contact.on_one for side in sides for contact in side[held[0]]]
+                self._grip = Grip(self._engine, self.fingers[0], self._slide, held[0], points)
             self._pressed_along = axis
-        elif _cosine(axis, self._pressed_along) < _TURNED_COSINE:
-            sides = zip(self.fingers, (left, right), strict=True)
-            self._stale = [finger for finger, side in sides if _is_stale(axis, side.values())]
+        elif _dot(axis, self._pressed_along) < _TURNED_COSINE:
+            self._stale = [
+                finger
+                for finger, side in zip(self.fingers, sides, strict=True)
+                if any(_is_stale(axis, contacts) for contacts in side.values())
+            ]
             self._pressed_along = axis
 
-    def sense(self) -> GripperState:
+    def sense(self, _t_ns: int) -> GripperState:
         """Return the current width and force, whether the gripper holds an object, and its slip."""
         if self.held_without_forces is not None:
             return GripperState(width=self.width(), force=FORCE_WITHOUT_DYNAMICS, holding=True)
@@ -261,99 +182,78 @@ class Gripper:
             slip=0.0 if grip is None else grip.slip(),
         )
 
-    def opening(self) -> Sequence[float]:
+    def opening(self) -> Point:
         """Return the opening direction of the fingers in the world frame."""
-        _, rotation = frame_of(self._physics.client, (self._body, self.fingers[0]))
-        axis: Sequence[float] = bullet.rotateVector(rotation, self._slide)
-        return axis
+        return turned(self._engine.frame(self.fingers[0])[1], self._slide)
 
-    def _contacts(self, finger: int) -> dict[LinkIndex, _Contact]:
+    def _pressing(self, finger: Link) -> dict[Link, list[Contact]]:
         """Return what a finger presses on, except its own body."""
-        points = bullet.getContactPoints(
-            bodyA=self._body, linkIndexA=finger, physicsClientId=self._physics.client
-        )
-        groups: dict[LinkIndex, list[Sequence[Any]]] = {}
-        for point in points:
-            if point[9] > 0.0 and point[2] != self._body:
-                groups.setdefault((point[2], point[4]), []).append(point)
-        return {thing: _sum(group) for thing, group in groups.items()}
+        pressing: dict[Link, list[Contact]] = {}
+        for contact in self._engine.contacts(*finger):
+            if contact.force > 0.0 and contact.other[0] != finger[0]:
+                pressing.setdefault(contact.other, []).append(contact)
+        return pressing
 
 
-def _sum(points: Sequence[Sequence[Any]]) -> _Contact:
-    force = sum(point[9] for point in points)
-    return _Contact(force, [point[7] for point in points], [point[5] for point in points])
-
-
-def _is_along(axis: Sequence[float], contact: _Contact) -> bool:
+def _is_along(axis: Point, contacts: Iterable[Contact]) -> bool:
     """Return whether a finger squeezes the object instead of resting on it.
 
     One point is enough: others may be at its rim. The sign of a normal is arbitrary.
     """
-    return any(abs(_cosine(axis, normal)) > _LEAST_COSINE for normal in contact.normals)
+    return any(abs(_dot(axis, contact.normal)) > _LEAST_COSINE for contact in contacts)
 
 
-def _is_stale(axis: Sequence[float], contacts: Iterable[_Contact]) -> bool:
+def _is_stale(axis: Point, contacts: Iterable[Contact]) -> bool:
     """Return whether a finger presses on something in a direction that is not its own."""
-    normals = (normal for contact in contacts for normal in contact.normals)
-    return any(abs(_cosine(axis, normal)) < _FRESH_COSINE for normal in normals)
+    return any(abs(_dot(axis, contact.normal)) < _FRESH_COSINE for contact in contacts)
 
 
-def _cosine(one: Sequence[float], other: Sequence[float]) -> float:
+def _dot(one: Sequence[float], other: Sequence[float]) -> float:
     return sum(map(operator.mul, one, other), 0.0)
 
 
-class GripperDriver:
-    """Executes the commands of one input to a gripper; a command holds until the next one.
+def _cross(a: Sequence[float], b: Sequence[float]) -> Point:
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
-    port: name of the input, for messages. commander: of the fingers. warnings: about commands.
-    """
 
-    def __init__(
-        self, port: str, gripper: Gripper, commander: Commander, warnings: Warnings
-    ) -> None:
-        self._port = port
+class GripperDriver(Commander):
+    """Executes the commands of one input to a gripper; a command holds until the next one."""
+
+    obeys_stop: ClassVar[bool] = False
+
+    def __init__(self, port: str, gripper: Gripper, motors: Motors) -> None:
+        super().__init__(port, [joint.name for joint in gripper.joints], motors)
         self._gripper = gripper
-        self._commander = commander
-        self._warnings = warnings
         self._command: GripperCommand | None = None
 
-    def apply(self, command: GripperCommand) -> None:
-        """Execute a command from now on.
+    def apply(self, command: Any) -> None:
+        """Execute a GripperCommand from now on.
 
         Raises CommandError for a value that is not finite, and for a force below 0.
         """
-        for field, value in (("width", command.width), ("force", command.force)):
-            if not math.isfinite(value):
-                raise CommandError(self._port, f"{field} is {value}, not a finite number")
+        for field in ("width", "force"):
+            if not math.isfinite(value := getattr(command, field)):
+                self._reject(f"{field} is {value}, not a finite number")
         if command.force < 0.0:
-            raise CommandError(
-                self._port,
+            self._reject(
                 f"force {command.force:g} N is negative; the width decides "
                 "whether to open or to close",
             )
-        self._check_range(command)
-        self._command = command
-
-    def _check_range(self, command: GripperCommand) -> None:
-        """Warn about a width or force that the gripper cannot reach."""
-        subject = f"input {self._port!r}"
         least, most = self._gripper.widths
         if not least <= command.width <= most:
             text = f"width {command.width:g} m is out of reach ({least:g} to {most:g} m)"
-            self._warnings.add(subject, "width", text)
-        if command.force > self._gripper.max_force:
-            limit = self._gripper.max_force
+            self._warnings.add(f"input {self._port!r}", "width", text)
+        limit = self._gripper.max_force
+        if command.force > limit:
             text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
-            self._warnings.add(subject, "force", text)
+            self._warnings.add(f"input {self._port!r}", "force", text)
+        self._command = command
 
     def before_step(self) -> None:
         """Move both fingers towards the width, with no more than the commanded force."""
         if self._command is None:
             return
-        gap = self._command.width - self._gripper.width()
-        speed = self._gripper.speed
+        gap, speed = self._command.width - self._gripper.width(), self._gripper.speed
         velocity = min(max(_GAIN * gap / 2, -speed), speed)
         force = self._command.force
-        self._commander.apply(
-            JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2)
-        )
+        self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2))

@@ -4,32 +4,20 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Any
 
-import pybullet as bullet
-
-from stepbus_participant import Mimic, suggest
+from stepbus_participant import Mimic
+from stepbus_plant.engine import JointInfo
 from stepbus_plant.world import Actuation, JointSettings, OwnMode
-from stepbus_schemas import Description, WiringError
-
-_TYPES = {bullet.JOINT_REVOLUTE: "revolute", bullet.JOINT_PRISMATIC: "prismatic"}
-_INSTEAD = {
-    "floating": "leave it and its parent out: a body without `fixed_base` floats",
-    "planar": "use two prismatic joints and a revolute one",
-    "spherical": "use three revolute joints",
-}
-"""Type of a URDF that the plant does not support → what to use."""
+from stepbus_schemas import Description
 
 
 @dataclass(frozen=True, kw_only=True)
 class Joint:
     """One movable joint of the world.
 
-    name: unique in the world; `body/joint` if two bodies share it. body, index: PyBullet's
+    name: unique in the world; `body/joint` if two bodies share it. body, index: the engine's
     numbers. type: revolute, continuous or prismatic. lower, upper: stops [rad]. effort: torque
     limit [N·m]. max_velocity: limit of the commanded velocity [rad/s]; 0: none. motor: a joint
     without a motor swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
@@ -74,6 +62,10 @@ class Joint:
         """Return the unit of its effort."""
         return "N·m" if self.is_rotary else "N"
 
+    def within_stops(self, position: float) -> float:
+        """Return the nearest position that it can have [rad]."""
+        return min(max(position, self.lower), self.upper)
+
     def follow(self, leader: Joint, mimic: Mimic) -> Joint:
         """Return the joint as a follower of another one: without a motor, where that takes it."""
         return dataclasses.replace(
@@ -84,75 +76,51 @@ class Joint:
             mimic=mimic,
         )
 
-    def problems(self) -> list[str]:
-        """Return contradictions between the world file and the URDF."""
-        problems = []
+    def problems(self) -> Iterator[str]:
+        """Yield contradictions between the world file and the URDF."""
         if math.isfinite(self.lower) != math.isfinite(self.upper):
-            problems.append("has no limits in its URDF; give both 'lower' and 'upper' or neither")
+            yield "has no limits in its URDF; give both 'lower' and 'upper' or neither"
         elif self.lower > self.upper:
-            problems.append(f"lower {self.lower} is above upper {self.upper}")
+            yield f"lower {self.lower} is above upper {self.upper}"
         elif not self.lower <= self.start <= self.upper:
-            problems.append(
-                f"start position {self.start} is outside its limits [{self.lower}, {self.upper}]"
-            )
+            limits = f"[{self.lower}, {self.upper}]"
+            yield f"start position {self.start} is outside its limits {limits}"
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
         if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""
-            problems.append(
+            yield (
                 "friction needs mode torque with actuation direct, but the joint has mode "
                 f"{self.mode}{actuation}"
             )
-        return problems
 
 
-def is_movable(info: Sequence[Any]) -> bool:
-    """Return whether PyBullet's joint info describes a joint with one degree of freedom."""
-    return info[2] in _TYPES
-
-
-def is_fixed(info: Sequence[Any]) -> bool:
-    """Return whether PyBullet's joint info describes a fixed joint."""
-    return bool(info[2] == bullet.JOINT_FIXED)
-
-
-def refuse_unsupported(root: Any, file: Path) -> None:
-    """Raise WiringError that lists the joints of a URDF that the plant does not support."""
-    rows = [(joint.get("name"), joint.get("type")) for joint in root.findall("joint")]
-    lines = [
-        f"{file}: joint {name!r} is {joint_type}, which is not supported; {_INSTEAD[joint_type]}"
-        for name, joint_type in rows
-        if joint_type in _INSTEAD
-    ]
-    if lines:
-        raise WiringError("\n".join(lines))
-
-
-def make_joint(
-    body: int, info: Sequence[Any], settings: JointSettings, actuation: Actuation
-) -> Joint:
-    """Return a joint from PyBullet's info, overridden by the settings.
+def make_joint(body: int, info: JointInfo, settings: JointSettings, actuation: Actuation) -> Joint:
+    """Return a joint as loaded, overridden by the settings.
 
     actuation: default if the settings have none.
     """
-    bounded = info[8] <= info[9]  # PyBullet marks an unlimited joint by crossed limits
-    lower = _first(settings.lower, info[8] if bounded else -math.inf)
-    upper = _first(settings.upper, info[9] if bounded else math.inf)
-    joint_type = _TYPES[info[2]]
+
+    def either(value: float | None, default: float) -> float:
+        return default if value is None else value
+
+    is_bounded = info.lower <= info.upper
+    lower = either(settings.lower, info.lower if is_bounded else -math.inf)
+    upper = either(settings.upper, info.upper if is_bounded else math.inf)
     return Joint(
-        name=info[1].decode(),
+        name=info.name,
         body=body,
-        index=info[0],
-        type="continuous" if joint_type == "revolute" and not bounded else joint_type,
+        index=info.index,
+        type="continuous" if info.type == "revolute" and not is_bounded else info.type,
         lower=lower,
         upper=upper,
-        effort=_first(settings.effort, info[10]),
-        max_velocity=_first(settings.max_velocity, info[11]),
+        effort=either(settings.effort, info.effort),
+        max_velocity=either(settings.max_velocity, info.velocity),
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
         actuation=settings.actuation or actuation,
         damping=settings.damping or 0.0,
         friction=settings.friction or 0.0,
-        start=_first(settings.position, min(max(0.0, lower), upper)),
+        start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,
     )
 
@@ -174,37 +142,3 @@ def describe_joints(joints: Sequence[Joint]) -> Description:
             **({"mimic": followed} if any(followed) else {}),
         },
     )
-
-
-def _first(value: float | None, default: float) -> float:
-    return default if value is None else value
-
-
-def name_uniquely(rows: Sequence[tuple[str, Joint]]) -> list[Joint]:
-    """Return joints with unique names: `body/joint` for a name that bodies share.
-
-    found: pairs of a body's name and a joint.
-    """
-    counts = Counter(joint.name for _, joint in rows)
-    return [
-        joint
-        if counts[joint.name] == 1
-        else dataclasses.replace(joint, name=f"{body}/{joint.name}")
-        for body, joint in rows
-    ]
-
-
-def with_efforts(joints: Sequence[Joint], efforts: Mapping[str, float]) -> list[Joint]:
-    """Return joints with overridden effort limits; efforts: by unique name [N·m or N].
-
-    Raises WiringError that lists the unknown names.
-    """
-    names = [joint.name for joint in joints]
-    mistakes = [
-        f"params.effort: joint {name!r} is unknown{suggest(name, names)}"
-        for name in efforts
-        if name not in names
-    ]
-    if mistakes:
-        raise WiringError("\n".join(mistakes))
-    return [dataclasses.replace(j, effort=efforts.get(j.name, j.effort)) for j in joints]

@@ -18,6 +18,12 @@ _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 
 _MADE = {".xacro", ".sdf"}
 """Endings of files that a URDF is made from."""
+_INSTEAD = {
+    "floating": "leave it and its parent out: a body without `fixed_base` floats",
+    "planar": "use two prismatic joints and a revolute one",
+    "spherical": "use three revolute joints",
+}
+"""Type of a joint that the plant does not support → what to use."""
 
 
 @contextmanager
@@ -31,6 +37,7 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     text = read_urdf_text(urdf)
     root = parse_urdf(text)
     refuse_missing_meshes(urdf, root)
+    _refuse_unsupported(urdf, root)
     links = [link for link in root.findall("link") if link.find("inertial") is None]
     if not links and urdf.suffix.lower() not in _MADE and edit is None:
         yield urdf
@@ -39,7 +46,12 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
         link.append(ET.fromstring(_TINY_INERTIAL))  # noqa: S314
     if edit is not None:
         edit(root)
-    yield from _copy(root, urdf)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
+    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
+        copy = Path(folder) / urdf.name.removesuffix(".xacro")
+        ET.ElementTree(root).write(copy, encoding="utf-8")
+        yield copy
 
 
 def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
@@ -59,6 +71,18 @@ def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
         raise WiringError("\n".join(missing.values()))
 
 
+def _refuse_unsupported(urdf: Path, root: ET.Element) -> None:
+    """Raise WiringError that lists the joints of a model that the plant does not support."""
+    types = ((joint.get("name"), joint.get("type", "")) for joint in root.findall("joint"))
+    lines = [
+        f"{urdf}: joint {name!r} is {joint_type}, which is not supported; {_INSTEAD[joint_type]}"
+        for name, joint_type in types
+        if joint_type in _INSTEAD
+    ]
+    if lines:
+        raise WiringError("\n".join(lines))
+
+
 def _place(urdf: Path, element: Any) -> str:
     """Return a model's file with an element's line; of what is made from a file, the file."""
     return str(urdf) if urdf.suffix.lower() in _MADE else f"{urdf}:{element.line}"
@@ -69,16 +93,6 @@ def _is_file(path: Path) -> bool:
         return path.is_file()
     except (OSError, ValueError):
         return False
-
-
-def _copy(root: ET.Element, urdf: Path) -> Iterator[Path]:
-    """Provide a copy of a model in a temporary folder."""
-    for mesh in root.iter("mesh"):
-        mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
-    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
-        copy = Path(folder) / urdf.name.removesuffix(".xacro")
-        ET.ElementTree(root).write(copy, encoding="utf-8")
-        yield copy
 
 
 def _absolute(file: str, folder: Path) -> str:
@@ -106,5 +120,4 @@ def pairs_without_collision(srdf: Path) -> list[tuple[str, str]]:
         root = ET.parse(srdf).getroot()  # noqa: S314
     except (OSError, ET.ParseError) as exc:
         raise WiringError(f"{srdf}: cannot be read: {exc}") from exc
-    rows = root.iter("disable_collisions")
-    return [(row.get("link1", ""), row.get("link2", "")) for row in rows]
+    return [(e.get("link1", ""), e.get("link2", "")) for e in root.iter("disable_collisions")]

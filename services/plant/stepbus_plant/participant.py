@@ -2,6 +2,7 @@
 
 import logging
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import Literal
 
 import msgspec
@@ -13,38 +14,22 @@ from stepbus_participant import (
     Participant,
     Problems,
     Step,
-    format_duration,
     installed_version,
 )
-from stepbus_plant import bullet as _bullet  # noqa: F401  (before all that imports PyBullet)
-from stepbus_plant import camera
-from stepbus_plant import device_registry as devices
-from stepbus_plant import sensor_registry as sensors
+from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander
-from stepbus_plant.device import BaseDriver
-from stepbus_plant.device_registry import Driver
+from stepbus_plant.devices import COMMANDS, STATES, period_problem
+from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.script import WorldCalls
+from stepbus_plant.poses import PLANOGRAM, Planogram
 from stepbus_plant.world_file import load_world
-from stepbus_schemas import (
-    Description,
-    Event,
-    InputConfig,
-    JointMode,
-    JointState,
-    Message,
-    WiringError,
-)
-
-from .params import Params
+from stepbus_schemas import Description, Event, JointMode, Message, WiringError
 
 _TYPES = {
-    "inputs": ("JointCommand/1", *devices.INPUTS),
-    "outputs": (
-        *("JointState/1", "Event/1", "Poses/1", camera.IMAGE, camera.CLOUD),
-        *(*devices.OUTPUTS, *sensors.SECTIONS),
-    ),
+    "inputs": ("JointCommand/1", *COMMANDS),
+    "outputs": ("JointState/1", "Event/1", "Poses/1", *dict.fromkeys(TYPES.values()), *STATES),
 }
+_log = logging.getLogger("stepbus_plant")
 
 
 class _Saved(msgspec.Struct):
@@ -57,12 +42,7 @@ class _Saved(msgspec.Struct):
     modes: dict[str, JointMode | None]
     warnings: list[str]
     events: list[str]
-    is_stopped: bool = False
-
-
-STOPPED = (Commander, BaseDriver)
-"""What an emergency stop stops; a gripper keeps what it holds."""
-_log = logging.getLogger("stepbus_plant")
+    is_stopped: bool
 
 
 class Plant(Participant):
@@ -81,139 +61,100 @@ class Plant(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        params = config.read(Params, self._port_problems())
-        world = load_world(params.world, params.stock)
-        self.plant = SimulatedPlant(world, params, config.step_ns * config.every, config.seed)
-        self._drivers: dict[str, Driver] = {}
-        outputs = config.outputs.items()
-        self._state_ports = [name for name, port in outputs if port.type == "JointState/1"]
-        self._event_ports = [name for name, port in outputs if port.type == "Event/1"]
-        self._pose_ports = [name for name, port in outputs if port.type == "Poses/1"]
-        self._warnings: list[str] = []
-        self._events: list[str] = []
-        self._is_stopped = False
-        try:
-            self._connect(params)
-        except WiringError as exc:
-            self.plant.close()
-            raise WiringError(f"{config.name}: {exc}") from exc
-
-    def _connect(self, params: Params) -> None:
-        """Find what each output measures; raises WiringError that lists all mistakes."""
-        plant, period_ns = self.plant, self.config.step_ns * self.config.every
-        problems = Problems()
-        points = {name: (point.link, point.position) for name, point in params.points.items()}
-        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, points))
-        poses_period = problems.attempt((), lambda: _period(params.poses_period_ns, period_ns))
-        views = problems.attempt(
-            (), lambda: plant.cameras.views(self._outputs(camera.IMAGE, camera.CLOUD))
-        )
-        made = problems.attempt((), lambda: plant.devices.sensors(self._outputs(*devices.OUTPUTS)))
-        readings = problems.attempt(
-            (), lambda: plant.sensors.ports(self._outputs(*sensors.SECTIONS))
-        )
-        if poses is None or poses_period is None or views is None:
-            raise problems.error()
-        if made is None or readings is None:
-            raise problems.error()
-        self._poses, self._poses_period, self._views = poses, poses_period, views
-        self._devices, self._sensors = made, readings
-        self._has_views = bool(views.describe())
-        self._links = plant.describe_poses(poses) if self._pose_ports else None
-        self._planogram = plant.planogram(poses)
-
-    def _outputs(self, *types: str) -> dict[str, str]:
-        """Return the outputs of some types, each with its type."""
-        outputs = self.config.outputs.items()
-        return {name: port.type for name, port in outputs if port.type in types}
-
-    def _port_problems(self) -> Problems:
-        problems = self.config.problems()
-        for side, ports in (("inputs", self.config.inputs), ("outputs", self.config.outputs)):
+        problems = config.problems()
+        for side, ports in (("inputs", config.inputs), ("outputs", config.outputs)):
             for name, port in ports.items():
                 if port.type not in _TYPES[side]:
                     types = " or ".join(_TYPES[side])
                     text = f"a plant's {side} have type {types}, not {port.type}"
                     problems.add((side, name), text)
-        return problems
+        params = config.read(Params, problems)
+        world = load_world(params.world, params.stock, problems.below(("params", "stock")))
+        self._period_ns = config.step_ns * config.every
+        self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
+        self._drivers: dict[str, Commander] = {}
+        self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
+        self._warnings: list[str] = []
+        self._events: list[str] = []
+        self._is_stopped = False
+        try:
+            self._connect(params, problems)
+        except WiringError:
+            self.plant.close()
+            raise
+
+    def _connect(self, params: Params, problems: Problems) -> None:
+        """Find what each output shows; raises SettingsError that lists all mistakes."""
+        plant, period_ns = self.plant, self._period_ns
+        types = {port: config.type for port, config in self.config.outputs.items()}
+        devices = {
+            port: problems.attempt(("outputs", port), partial(plant.devices.sensor, port, name))
+            for port, name in types.items()
+            if name in (*TYPES.values(), *STATES)
+        }
+        wrong = problems.below(("params",))
+        if text := period_problem(params.poses_period_ns, period_ns):
+            wrong.add(("poses_period",), text)
+        poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, params.points, wrong))
+        if poses is None or len(problems):
+            raise problems.error()
+        sensors = {port: row for port, row in devices.items() if row is not None}
+        for port, name in types.items():
+            if name == "JointState/1":
+                sensors[port] = plant.joints, period_ns
+            elif name == "Poses/1":
+                sensors[port] = poses, params.poses_period_ns or period_ns
+                if port == PLANOGRAM:
+                    sensors[port] = Planogram(poses, plant.world.items), period_ns
+        self._descriptions = {port: sensor.describe() for port, (sensor, _) in sensors.items()}
+        # Ports may share a sensor, whose noise counts readings.
+        self._readings = [
+            (*row, [port for port, other in sensors.items() if other[0] is row[0]])
+            for row in {id(row[0]): row for row in sensors.values()}.values()
+        ]
 
     def describe(self) -> Mapping[str, Description]:
         """Return what the vectors of each output belong to, with their constant properties."""
-        return {
-            **dict.fromkeys(self._state_ports, self.plant.describe()),
-            **dict.fromkeys(self._event_ports, Description()),
-            **dict.fromkeys(self._pose_ports, self._links or Description()),
-            **{port: device.describe() for port, device in self._devices.items()},
-            **self._views.describe(),
-            **{port: sensor.describe() for port, (sensor, _) in self._sensors.items()},
-        }
+        return {**dict.fromkeys(self._event_ports, Description()), **self._descriptions}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map joint commands by joint name, and find the device of every other command."""
-        for port, description in inputs.items():
-            config = self.config.inputs[port]
-            if config.type in devices.INPUTS:
-                self._drivers[port] = self._driver(port, config)
-                continue
-            # A sender that names no joints commands all of them, in the plant's order.
-            names = description.names or self.plant.names
-            if not description.names and len(names) > 1:
-                text = f"names no joints; its values are applied to {', '.join(names)}"
-                self.plant.warnings.add(f"input {port!r}", "names", text)
-            period_ns = config.every * self.config.step_ns
-            self._drivers[port] = self.plant.commander(port, names, period_ns)
+        """Map joint commands by joint name, and find the device of every other command.
 
-    def _driver(self, port: str, config: InputConfig) -> Driver:
-        plant = self.plant
-        return plant.devices.driver(
-            port, config.type, lambda names: plant.commander(port, names), plant.warnings
-        )
+        Raises SettingsError that lists all mistakes.
+        """
+        problems = self.config.problems()
+        for port, description in inputs.items():
+            driver = problems.attempt(("inputs", port), partial(self._driver, port, description))
+            if driver is not None:
+                self._drivers[port] = driver
+        problems.refuse()
+
+    def _driver(self, port: str, description: Description) -> Commander:
+        config = self.config.inputs[port]
+        if config.type in COMMANDS:
+            return self.plant.driver(port, config.type)
+        # A sender that names no joints commands all of them, in the plant's order.
+        names = description.names or self.plant.names
+        if not description.names and len(names) > 1:
+            text = f"names no joints; its values are applied to {', '.join(names)}"
+            self.plant.warnings.add(f"input {port!r}", "names", text)
+        return self.plant.commander(port, names, config.every * self.config.step_ns)
 
     def output(self, step: Step) -> Mapping[str, Message]:
         """Return the sensor readings and new events."""
-        state: JointState = self.plant.sense()
-        messages: dict[str, Message] = dict.fromkeys(self._state_ports, state)
-        if self._pose_ports and self.plant.t_ns % self._poses_period == 0:
-            messages.update(dict.fromkeys(self._pose_ports, self._poses.sense()))
-        if devices.PORT in self._pose_ports:
-            messages.pop(devices.PORT, None)
-            if self.plant.t_ns == 0:
-                messages[devices.PORT] = self._planogram
-        # A small arm has none of these, and a step of it is short.
-        if self._devices:
-            messages.update(self._sensed())
-        if self._has_views:
-            messages.update(self._views.images(self.plant.t_ns))
-        if self._sensors:
-            messages.update(self._readings(self.plant.t_ns))
+        t_ns = self.plant.t_ns
+        messages: dict[str, Message] = {}
+        for sensor, period_ns, ports in self._readings:
+            if t_ns % period_ns == 0 and (message := sensor.sense(t_ns)) is not None:
+                for port in ports:
+                    messages[port] = message
         if self._warnings or self._events:
-            messages.update(dict.fromkeys(self._event_ports, self._event()))
+            # Warnings first.
+            level: Literal["warning", "info"] = "warning" if self._warnings else "info"
+            event = Event(level=level, text="\n".join(self._warnings + self._events))
+            self._warnings, self._events = [], []
+            messages |= dict.fromkeys(self._event_ports, event)
         return messages
-
-    def _sensed(self) -> dict[str, Message]:
-        """Return the readings of the devices; ports may share one, whose noise counts readings."""
-        sensed = {
-            key: device.sense()
-            for key, device in {id(d): d for d in self._devices.values()}.items()
-        }
-        return {port: sensed[id(device)] for port, device in self._devices.items()}
-
-    def _readings(self, t_ns: int) -> dict[str, Message]:
-        """Return the readings of the sensors that are due; ports may share one."""
-        due = {id(s): s for s, period_ns in self._sensors.values() if t_ns % period_ns == 0}
-        readings = {key: sensor.sense(t_ns) for key, sensor in due.items()}
-        return {
-            port: readings[id(sensor)]
-            for port, (sensor, _) in self._sensors.items()
-            if id(sensor) in readings
-        }
-
-    def _event(self) -> Event:
-        """Return what has happened since the last event, warnings first."""
-        level: Literal["warning", "info"] = "warning" if self._warnings else "info"
-        event = Event(level=level, text="\n".join(self._warnings + self._events))
-        self._warnings, self._events = [], []
-        return event
 
     def update(self, step: Step) -> Mapping[str, Message] | None:
         """Execute new commands and advance the world by one step; return its state if it is due."""
@@ -221,7 +162,7 @@ class Plant(Participant):
         # The state of the first step is that before any command.
         advances = not is_last or step.index > 0
         for port, driver in self._drivers.items():
-            if step.is_new(port) and not (self._is_stopped and isinstance(driver, STOPPED)):
+            if step.is_new(port) and not (self._is_stopped and driver.obeys_stop):
                 driver.apply(step.read(port))
             if advances:
                 driver.before_step()
@@ -232,16 +173,20 @@ class Plant(Participant):
             self._report(self.plant.script.take_events(), self._events, logging.INFO)
         return self.output(step) if is_last else None
 
+    def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
+        """Queue messages for the next output, or log them if there is no Event port."""
+        if self._event_ports:
+            pending += new
+            return
+        for text in new:
+            _log.log(level, text)
+
     def save(self) -> bytes | None:
         """Return the state of the world and of the drivers; None where it cannot be had."""
         plant = self.plant.save()
         if plant is None:
             return None
-        modes = {
-            port: driver.mode
-            for port, driver in self._drivers.items()
-            if isinstance(driver, Commander)
-        }
+        modes = {port: driver.mode for port, driver in self._drivers.items()}
         return msgspec.msgpack.encode(
             _Saved(plant, modes, self._warnings, self._events, self._is_stopped)
         )
@@ -251,18 +196,9 @@ class Plant(Participant):
         saved = msgspec.msgpack.decode(state, type=_Saved)
         self.plant.restore(saved.plant)
         for port, driver in self._drivers.items():
-            if isinstance(driver, Commander):
-                driver.mode = saved.modes[port]
+            driver.mode = saved.modes[port]
         self._warnings, self._events = saved.warnings, saved.events
         self._is_stopped = saved.is_stopped
-
-    def _report(self, new: Sequence[str], pending: list[str], level: int) -> None:
-        """Queue messages for the next output, or log them if there is no Event port."""
-        if self._event_ports:
-            pending += new
-            return
-        for text in new:
-            _log.log(level, text)
 
     def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints and bodies between two steps, or change them."""
@@ -272,20 +208,19 @@ class Plant(Participant):
             "false; a gripper keeps what it holds",
             changes=True,
         )
-        world = WorldCalls(self.plant.script, lambda: self.plant.t_ns)
-        return {**self.plant.joint_calls().methods(), **world.methods(), "emergency_stop": stop}
+        return {**self.plant.calls.methods(), "emergency_stop": stop}
 
     def emergency_stop(self, on: bool = True) -> None:
         """Brake all joints and bases, or let commands move them again."""
         if not isinstance(on, bool):
             raise CallError(f"{on!r} is neither true nor false")
         self._is_stopped = on
-        if on:
-            for driver in self._drivers.values():
-                if isinstance(driver, STOPPED):
-                    driver.stop()
-        text = "emergency stop" if on else "emergency stop released"
-        self._report([f"at {self.plant.t_ns / 1e9:.9g} s: {text}"], self._events, logging.INFO)
+        for driver in self._drivers.values():
+            if on and driver.obeys_stop:
+                driver.stop()
+        script = self.plant.script
+        script.record(self.plant.t_ns, f"emergency stop{'' if on else ' released'}")
+        self._report(script.take_events(), self._events, logging.INFO)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that the physics depend on."""
@@ -294,13 +229,3 @@ class Plant(Participant):
     def close(self) -> None:
         """Disconnect from the physics engine."""
         self.plant.close()
-
-
-def _period(period_ns: int | None, step_ns: int) -> int:
-    """Return the period of the poses [ns]; raises WiringError for one that steps do not meet."""
-    if period_ns is None:
-        return step_ns
-    if period_ns % step_ns:
-        period, step = format_duration(period_ns), format_duration(step_ns)
-        raise WiringError(f"params.poses_period: {period} is not a multiple of the step ({step})")
-    return period_ns

@@ -1,61 +1,50 @@
-"""What sensors read: accelerations, distances and forces, with their errors and noise."""
+"""What sensors on links and joints read: accelerations, distances, forces and transforms.
+
+Each is made from its name for random numbers, such as `imus/torso`, its row of the world file, the
+physics and the plant's seed.
+"""
 
 import math
-import zlib
+from typing import Any
 
 import numpy as np
-import pybullet as bullet
-from numpy.typing import NDArray
 
-from stepbus_plant.devices.sensor_errors import Errors
-from stepbus_plant.frames import Frame, point, read_frame, rotation_of, tilted
-from stepbus_plant.poses import LinkIndex
-from stepbus_plant.world_sensors import ImuSettings, LidarSettings, WrenchSettings
-from stepbus_schemas import Description, Imu, LaserScan, Wrench
-
-
-class Noise:
-    """Random numbers for one purpose of one sensor.
-
-    seed: of the plant. purpose: such as `odometry`; name: of the sensor. Each pair has a stream of
-    its own, so that a base and a contact sensor may have the same name. Philox (Salmon et al.,
-    Parallel random numbers: as easy as 1, 2, 3, 2011) computes them from a counter, so that what
-    other sensors do, and whether this one was on before, changes none.
-    """
-
-    def __init__(self, seed: int, purpose: str, name: str = "") -> None:
-        self._key = np.array(
-            [seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())], dtype=np.uint64
-        )
-
-    def at(self, number: int) -> np.random.Generator:
-        """Return the generator of a reading; number: ≥ 0, such as a time [ns]."""
-        counter = np.array([0, 0, number, 0], dtype=np.uint64)
-        return np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+from stepbus_plant.bullet import Array, Pose, compose, inverse, rotation
+from stepbus_plant.noise import Errors
+from stepbus_plant.physics import Physics
+from stepbus_plant.world_sensors import (
+    WORLD,
+    ImuSettings,
+    LidarSettings,
+    TransformSettings,
+    WrenchSettings,
+)
+from stepbus_schemas import (
+    Description,
+    Imu,
+    LaserScan,
+    Point,
+    Quaternion,
+    Transforms,
+    Wrench,
+)
 
 
 class WrenchSensor:
     """Measures what everything beyond a joint exerts on it, in the frame of the joint's child link.
 
-    PyBullet reports the reaction of the latest substep, in the frame of the child's centre of mass
-    and about it.
+    The engine reports the reaction in the frame of the child's centre of mass, and about it.
     """
 
-    def __init__(
-        self, name: str, row: WrenchSettings, joint: LinkIndex, client: int, seed: int
-    ) -> None:
+    def __init__(self, stream: str, row: WrenchSettings, physics: Physics, seed: int) -> None:
         self._row = row
-        self._joint = joint
-        self._client = client
-        inertial = bullet.getDynamicsInfo(*joint, client)[3:5]
-        self._centre, self._rotation = np.array(inertial[0]), rotation_of(inertial[1])
-        bullet.enableJointForceTorqueSensor(*joint, True, client)
-
-        def errors(quantity: str) -> Errors:
-            noise, bias = getattr(row.noise, quantity), getattr(row.bias, quantity)
-            return Errors(seed, f"wrenches/{name}/{quantity}", noise, bias, 3)
-
-        self._force, self._torque = errors("force"), errors("torque")
+        self._joint = physics.all_joints()[row.joint]
+        self._engine = physics.engine
+        centre, orientation = self._engine.inertial(self._joint)
+        self._centre, self._rotation = np.array(centre), rotation(orientation)
+        self._engine.watch_reaction(self._joint)
+        self._force = _errors(seed, stream, row, "force")
+        self._torque = _errors(seed, stream, row, "torque")
 
     def describe(self) -> Description:
         """Return the joint."""
@@ -63,11 +52,11 @@ class WrenchSensor:
 
     def sense(self, _t_ns: int) -> Wrench:
         """Return the current reading; 0 before the first step."""
-        reaction = np.array(bullet.getJointState(*self._joint, self._client)[2])
-        force = -self._rotation @ reaction[:3]
-        torque = np.cross(self._centre, force) - self._rotation @ reaction[3:]
+        reaction, about_centre = self._engine.reaction(self._joint)
+        force = -self._rotation @ reaction
+        torque = np.cross(self._centre, force) - self._rotation @ about_centre
         return Wrench(
-            force=point(self._force.disturb(force)), torque=point(self._torque.disturb(torque))
+            force=_point(self._force.disturb(force)), torque=_point(self._torque.disturb(torque))
         )
 
 
@@ -77,21 +66,17 @@ class Lidar:
     A ray begins at `range_min`, so that it does not see the sensor's own housing.
     """
 
-    def __init__(
-        self, name: str, row: LidarSettings, link: LinkIndex, client: int, seed: int
-    ) -> None:
+    def __init__(self, stream: str, row: LidarSettings, physics: Physics, seed: int) -> None:
         self._row = row
-        self._link = link
-        self._client = client
-        steps = max(row.rays - 1, 1)
-        self._increment = (row.angle_max - row.angle_min) / steps
+        self._link = physics.links[row.link]
+        self._engine = physics.engine
+        self._increment = (row.angle_max - row.angle_min) / max(row.rays - 1, 1)
         angles = row.angle_min + self._increment * np.arange(row.rays)
         self._directions = np.stack([np.cos(angles), np.sin(angles), np.zeros(row.rays)], axis=1)
         # The rays of a unit have one offset, and noise of their own.
-        self._offset = Errors(seed, f"lidars/{name}/bias", 0.0, row.bias, 1)
-        self._noise = Errors(seed, f"lidars/{name}/ranges", row.noise, 0.0, row.rays)
-        # Before the first step, the engine's bounding boxes are those of loading.
-        bullet.performCollisionDetection(client)
+        self._offset = Errors(seed, f"{stream}/bias", 0.0, row.bias, 1)
+        self._noise = Errors(seed, f"{stream}/ranges", row.noise, 0.0, row.rays)
+        self._engine.update_shapes()
 
     def describe(self) -> Description:
         """Return the link, and the number of rays."""
@@ -105,25 +90,20 @@ class Lidar:
             angle_increment=self._increment,
             range_min=row.range_min,
             range_max=row.range_max,
-            ranges=[float(value) for value in self._ranges()],
+            ranges=self._ranges().tolist(),
         )
 
-    def _ranges(self) -> NDArray[np.float64]:
+    def _ranges(self) -> Array:
         row = self._row
-        frame = read_frame(self._client, self._link)
-        directions = self._directions @ frame.rotation.T
-        starts = frame.position + row.range_min * directions
-        ends = frame.position + row.range_max * directions
-        hits = bullet.rayTestBatch(
-            starts.tolist(), ends.tolist(), numThreads=1, physicsClientId=self._client
-        )
-        distances = np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
-        ranges = row.range_min + distances * (row.range_max - row.range_min)
+        position, orientation = self._engine.frame(self._link)
+        directions = self._directions @ rotation(orientation).T
+        starts, ends = (position + r * directions for r in (row.range_min, row.range_max))
+        ranges = row.range_min + self._engine.cast(starts, ends) * (row.range_max - row.range_min)
         seen = np.isfinite(ranges)
         disturbed = self._noise.disturb(self._offset.disturb(np.zeros(1))[0] + ranges)
         disturbed[seen & (disturbed > row.range_max)] = math.inf
         disturbed[seen & (disturbed < row.range_min)] = -math.inf
-        result: NDArray[np.float64] = np.where(seen, disturbed, math.inf)
+        result: Array = np.where(seen, disturbed, math.inf)
         return result
 
 
@@ -134,29 +114,15 @@ class ImuSensor:
     of velocity over that time, minus gravity. At the first reading, it is that of rest.
     """
 
-    def __init__(
-        self,
-        name: str,
-        row: ImuSettings,
-        link: LinkIndex,
-        client: int,
-        *,
-        gravity: NDArray[np.float64],
-        seed: int,
-    ) -> None:
+    def __init__(self, stream: str, row: ImuSettings, physics: Physics, seed: int) -> None:
         self._row = row
-        self._link = link
-        self._client = client
-        self._gravity = gravity
-        self._before: tuple[Frame, int] | None = None
-
-        def errors(quantity: str) -> Errors:
-            noise, bias = getattr(row.noise, quantity), getattr(row.bias, quantity)
-            return Errors(seed, f"imus/{name}/{quantity}", noise, bias, 3)
-
-        self._gyro = errors("angular_velocity")
-        self._accelerometer = errors("linear_acceleration")
-        self._compass = errors("orientation")
+        self._link = physics.links[row.link]
+        self._engine = physics.engine
+        self._gravity = np.array(physics.world.gravity)
+        self._before: tuple[Array, int] | None = None
+        self._gyro = _errors(seed, stream, row, "angular_velocity")
+        self._accelerometer = _errors(seed, stream, row, "linear_acceleration")
+        self._compass = _errors(seed, stream, row, "orientation")
 
     def describe(self) -> Description:
         """Return the link."""
@@ -164,18 +130,79 @@ class ImuSensor:
 
     def sense(self, t_ns: int) -> Imu:
         """Return the reading at a time [ns]."""
-        frame = read_frame(self._client, self._link)
+        motion = self._engine.motion(self._link)
+        (position, orientation), spin = motion.frame, np.array(motion.spin)
+        arm = np.array(position) - np.array(motion.centre)
+        velocity = np.array(motion.velocity) + np.cross(spin, arm)
         acceleration = np.zeros(3)
         if self._before is not None and t_ns > self._before[1]:
             before, then_ns = self._before
-            acceleration = (frame.velocity - before.velocity) / ((t_ns - then_ns) * 1e-9)
-        self._before = frame, t_ns
-        spin = self._gyro.disturb(frame.rotation.T @ frame.spin)
-        force = self._accelerometer.disturb(frame.rotation.T @ (acceleration - self._gravity))
-        angles = self._compass.disturb(np.zeros(3))
-        orientation = tilted(frame.orientation, angles) if angles.any() else frame.orientation
+            acceleration = (velocity - before) / ((t_ns - then_ns) * 1e-9)
+        self._before = velocity, t_ns
+        to_link = rotation(orientation).T
+        measured_spin = self._gyro.disturb(to_link @ spin)
+        force = self._accelerometer.disturb(to_link @ (acceleration - self._gravity))
+        measured = _tilted(orientation, self._compass.disturb(np.zeros(3)))
         return Imu(
-            angular_velocity=point(spin),
-            linear_acceleration=point(force),
-            orientation=orientation if self._row.orientation else None,
+            angular_velocity=_point(measured_spin),
+            linear_acceleration=_point(force),
+            orientation=measured if self._row.orientation else None,
         )
+
+
+class TransformSensor:
+    """Measures where links are in the frame of another link, or of the world."""
+
+    def __init__(self, stream: str, row: TransformSettings, physics: Physics, seed: int) -> None:
+        self._names = list(row.links)
+        self._parent = row.parent
+        self._indices = physics.links
+        self._engine = physics.engine
+        count = 3 * len(self._names)
+        self._position = _errors(seed, stream, row, "position", count)
+        self._orientation = _errors(seed, stream, row, "orientation", count)
+
+    def describe(self) -> Description:
+        """Return the links."""
+        return Description(names=self._names)
+
+    def sense(self, _t_ns: int) -> Transforms:
+        """Return the current transforms."""
+        poses: list[Pose] = [self._engine.frame(self._indices[name]) for name in self._names]
+        if self._parent != WORLD:
+            from_world = inverse(self._engine.frame(self._indices[self._parent]))
+            poses = [compose(from_world, pose) for pose in poses]
+        count = len(poses)
+        true = np.array([position for position, _ in poses]).reshape(-1)
+        positions = self._position.disturb(true).reshape(count, 3)
+        angles = self._orientation.disturb(np.zeros(3 * count)).reshape(count, 3)
+        return Transforms(
+            parents=[self._parent] * count,
+            children=self._names,
+            position=[_point(row) for row in positions],
+            orientation=[
+                _tilted(orientation, turn)
+                for (_, orientation), turn in zip(poses, angles, strict=True)
+            ],
+        )
+
+
+def _errors(seed: int, stream: str, row: Any, quantity: str, count: int = 3) -> Errors:
+    """Return the errors of a quantity, as a row of the world file has them."""
+    noise, bias = getattr(row.noise, quantity), getattr(row.bias, quantity)
+    return Errors(seed, f"{stream}/{quantity}", noise, bias, count)
+
+
+def _point(values: Array) -> Point:
+    """Return three numbers as a message has them."""
+    x, y, z = values.tolist()
+    return x, y, z
+
+
+def _tilted(orientation: Quaternion, angles: Array) -> Quaternion:
+    """Return an orientation turned by small angles about its own axes [rad]."""
+    if not angles.any():
+        return orientation
+    turn = np.array([*(angles / 2), 1.0])
+    x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
+    return compose(((0, 0, 0), orientation), ((0, 0, 0), (x, y, z, w)))[1]

@@ -1,156 +1,108 @@
-"""Warnings about commands that cannot take effect: each cause once per joint, with its numbers."""
+"""Joint states: true ones, as the engine has them, turned into sensor readings."""
 
 import math
-from collections.abc import Callable, Sequence
-from itertools import combinations
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
+import msgspec
 import numpy as np
 
-from stepbus_plant.joint import Joint
+from stepbus_plant.drives import Motors
+from stepbus_plant.errors import PhysicsError
+from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.params import Params
-from stepbus_schemas import JointCommand, JointState
-
-# Joint limits are often a full turn, rounded up [rad].
-_FULL_TURN = 2 * math.pi + 1e-3
-# Two joints count as swapped if each target misses the other joint's position by less than this
-# share of the distance between the two.
-_SWAPPED = 0.1
-# A target closer than this to its joint's position is right [rad, m].
-_LEAST_SWAP = 0.01
-
-
-class Warnings:
-    """Collects warnings about commands until they are taken.
-
-    Each cause is reported once per subject: a controller that commands the impossible does so at
-    every step. reported: (subject, cause). pending: those since the last call of `take`.
-    """
-
-    def __init__(self) -> None:
-        self.reported: set[tuple[str, str]] = set()
-        self.pending: list[str] = []
-
-    def add(self, subject: str, cause: str, text: str) -> None:
-        """Add a warning, unless this cause has been reported for this subject."""
-        if (subject, cause) not in self.reported:
-            self.reported.add((subject, cause))
-            self.pending.append(f"{subject}: {text}")
-
-    def take(self) -> list[str]:
-        """Return the warnings since the last call, one sentence each."""
-        new, self.pending = self.pending, []
-        return new
-
-    def check(self, joints: Sequence[Joint], command: JointCommand) -> None:
-        """Warn about each part of a command that cannot take effect; its vectors fit the joints."""
-        limits = command.effort_limit
-        for index, joint in enumerate(joints):
-            value = command.values[index]
-            effort = joint.effort if limits is None else min(joint.effort, limits[index])
-            if joint.mimic is not None:
-                text = (
-                    f"follows joint {joint.mimic.joint!r} (<mimic> of its URDF); command that one"
-                )
-                self._add(joint, "mimic", text)
-            elif not joint.motor:
-                text = "has no motor (world file: motor: false); it swings freely"
-                self._add(joint, "motor", text)
-            elif command.mode == "torque":
-                self._check_torque(joint, value)
-            elif effort == 0.0:
-                text = f"has an effort limit of 0 {joint.effort_unit}; nothing moves it"
-                self._add(joint, "effort", text)
-            elif command.mode == "position":
-                self._check_target(joint, value)
-                if command.velocity is not None:
-                    self._check_target_velocity(joint, command.velocity[index])
-            elif 0 < joint.max_velocity < abs(value):
-                text = f"{value:g} {joint.unit}/s exceeds its limit of {joint.max_velocity:g}"
-                self._add(joint, "velocity", f"{text}; limited to it")
-
-    def _check_torque(self, joint: Joint, value: float) -> None:
-        if abs(value) > joint.effort:
-            text = f"{value:g} {joint.effort_unit} exceeds its limit of {joint.effort:g}"
-            self._add(joint, "torque", f"{text}; limited to it")
-
-    def _check_target(self, joint: Joint, value: float) -> None:
-        if not joint.lower <= value <= joint.upper:
-            stop = joint.lower if value < joint.lower else joint.upper
-            text = f"target {value:g} {joint.unit} is beyond its stop at {stop:g}; limited to it"
-            hint = degrees_hint(joint, value)
-            # A sinusoid in degrees starts within a turn; the hint should still come.
-            self._add(joint, "turn" if hint else "stop", text + hint)
-        elif hint := degrees_hint(joint, value):
-            self._add(joint, "turn", f"target {value:g} rad is more than a full turn{hint}")
-
-    def _check_target_velocity(self, joint: Joint, velocity: float) -> None:
-        # Tolerate the rounding error of a sender that moves exactly at the limit.
-        if 0 < 1.001 * joint.max_velocity < abs(velocity):
-            speed = f"{velocity:g} {joint.unit}/s"
-            text = f"its target moves at {speed}, its limit is {joint.max_velocity:g}"
-            self._add(joint, "target velocity", f"{text}; it falls behind")
-
-    def check_start(
-        self, joints: Sequence[Joint], positions: Sequence[float], targets: Sequence[float]
-    ) -> None:
-        """Warn about pairs of joints whose first targets are each other's positions.
-
-        positions, targets: shape (n,), [rad]. A distant target alone is not a mistake.
-        """
-        states = list(zip(joints, positions, targets, strict=True))
-        moving = [state for state in states if abs(state[2] - state[1]) > _LEAST_SWAP]
-        for (one, at_one, to_one), (two, at_two, to_two) in combinations(moving, 2):
-            tolerance = _SWAPPED * abs(at_one - at_two)
-            if abs(to_one - at_two) <= tolerance and abs(to_two - at_one) <= tolerance:
-                self.add(
-                    f"joints {one.name} and {two.name}",
-                    "swapped",
-                    f"are at {at_one:g} and {at_two:g} {one.unit}, their first targets are "
-                    f"{to_one:g} and {to_two:g}; are the two swapped?",
-                )
-
-    def _add(self, joint: Joint, cause: str, text: str) -> None:
-        self.add(f"joint {joint.name}", cause, text)
-
-
-def degrees_hint(joint: Joint, position: float) -> str:
-    """Return the end of a sentence if a position looks like degrees instead of radians."""
-    if not joint.is_rotary or not _FULL_TURN < abs(position) < math.inf:
-        return ""
-    return f"; is it in degrees? {position:g}° is {math.radians(position):.4f} rad"
-
+from stepbus_schemas import Description, JointState
 
 Values = list[float]
 """One number per sensed joint."""
 
 
-class Sensors:
-    """Turns true joint states into sensor readings.
+class JointSensor:
+    """Reads the states of joints.
 
-    seed: of the noise. Each quantity has its own random stream, so that the noise on one does not
-    change the noise on another.
+    joints: those to sense, in their order. details: further ones of its description. seed: of the
+    noise; each quantity has its own random stream, so that the noise on one does not change the
+    noise on another. efforts: torques of the latest step [N·m], where the engine does not know them
+    after a restart from a checkpoint; else empty.
     """
 
-    def __init__(self, params: Params, seed: int) -> None:
+    def __init__(
+        self,
+        joints: Sequence[Joint],
+        motors: Motors,
+        params: Params,
+        seed: int,
+        details: Mapping[str, list[str]],
+    ) -> None:
+        self.joints = list(joints)
+        self.efforts: Values = []
+        self._details = details
+        self._engine = motors.physics.engine
         self._random = [np.random.PCG64([seed, number]) for number in range(3)]
+        self._measure = {
+            quantity: _measurement(params, quantity, np.random.Generator(random))
+            for quantity, random in zip(
+                ("position", "velocity", "effort"), self._random, strict=True
+            )
+        }
+        # What every step reads: one call per body, and where its results go.
+        groups: dict[int, list[Joint]] = {}
+        for joint in joints:
+            groups.setdefault(joint.body, []).append(joint)
+        self._groups = [(body, [j.index for j in group]) for body, group in groups.items()]
+        read = [joint for group in groups.values() for joint in group]
+        self._order = None if read == self.joints else [read.index(joint) for joint in joints]
+        drives = [motors.drive_of[joint.name] for joint in joints]
+        self._unreported = [(n, d, i) for n, (d, i) in enumerate(drives) if d.knows_torques]
+        self._targeted = drives if all(drive.has_targets for drive, _ in drives) else []
 
-        def make(number: int, quantity: str) -> Callable[[Values], Values | None]:
-            return _sensor(params, quantity, np.random.Generator(self._random[number]))
+    def describe(self) -> Description:
+        """Return the joints of a JointState, in order, and their limits."""
+        description = describe_joints(self.joints)
+        details = {**description.details, **self._details}
+        return msgspec.structs.replace(description, details=details)
 
-        self._position = make(0, "position")
-        self._velocity = make(1, "velocity")
-        self._effort = make(2, "effort")
+    def sense(self, _t_ns: int = 0) -> JointState:
+        """Return the readings; `target`, without noise, only if every joint has one.
 
-    def sense(
-        self, position: Values, velocity: Values, effort: Values, target: Values | None
-    ) -> JointState:
-        """Return the readings of true positions, velocities and efforts; targets have no noise."""
+        Raises PhysicsError when the simulation has diverged.
+        """
+        states = self._read()
+        position: Values = [state[0] for state in states]
+        velocity: Values = [state[1] for state in states]
+        effort: Values = self.efforts or [state[3] for state in states]
+        if not math.isfinite(sum(position) + sum(velocity)):
+            self._check_finite(position, velocity)
+        for number, drive, index in self._unreported:
+            effort[number] = drive.torque(index)
+        measure = self._measure
         return JointState(
-            position=self._position(position),
-            velocity=self._velocity(velocity),
-            effort=self._effort(effort),
-            target=target,
+            position=measure["position"](position),
+            velocity=measure["velocity"](velocity),
+            effort=measure["effort"](effort),
+            target=[drive.target(index) for drive, index in self._targeted] or None,
         )
+
+    def applied(self) -> Values:
+        """Return the torques of the latest step as the engine reports them [N·m]."""
+        return [state[3] for state in self._read()]
+
+    def _read(self) -> Sequence[Any]:
+        """Return the engine's state of each joint."""
+        if len(self._groups) == 1:
+            states: Sequence[Any] = self._engine.read(*self._groups[0])
+        else:
+            states = [state for group in self._groups for state in self._engine.read(*group)]
+        return states if self._order is None else [states[i] for i in self._order]
+
+    def _check_finite(self, position: Values, velocity: Values) -> None:
+        states = zip(self.joints, position, velocity, strict=True)
+        diverged = [j.name for j, q, v in states if not (math.isfinite(q) and math.isfinite(v))]
+        if diverged:
+            raise PhysicsError(
+                f"the simulation has diverged (joints {', '.join(diverged)}); use a shorter "
+                "physics_step or smaller gains"
+            )
 
     def save(self) -> list[tuple[str, str]]:
         """Return how far each random stream is, for a checkpoint."""
@@ -160,12 +112,10 @@ class Sensors:
     def restore(self, saved: Sequence[tuple[str, str]]) -> None:
         """Take what `save` returned."""
         for random, (state, increment) in zip(self._random, saved, strict=True):
-            full = random.state
-            full["state"] = {"state": int(state), "inc": int(increment)}
-            random.state = full
+            random.state = {**random.state, "state": {"state": int(state), "inc": int(increment)}}
 
 
-def _sensor(
+def _measurement(
     params: Params, quantity: str, random: np.random.Generator
 ) -> Callable[[Values], Values | None]:
     """Return the function from true to sensed values of one quantity."""
@@ -178,7 +128,8 @@ def _sensor(
             sensed = sensed + noise * random.standard_normal(len(values))
         if resolution is not None:
             sensed = resolution * np.round(sensed / resolution)
-        return [float(value) for value in sensed]
+        disturbed: Values = sensed.tolist()
+        return disturbed
 
     if quantity not in params.sense:
         return lambda _: None

@@ -152,22 +152,17 @@ def stock_problems(
     ]
 
 
-def params_problems(stock: StockSettings | None, params: StockParams) -> list[str]:
-    """Return the mistakes in `params.stock`, as sentences; stock None: the world has none."""
+def params_problems(stock: StockSettings | None, params: StockParams) -> Iterator[tuple[Keys, str]]:
+    """Yield the mistakes in `params.stock`; stock None: the world has none."""
     if stock is None:
-        return ["params.stock: this world has no stock"]
+        yield (), "this world has no stock"
+        return
     items = draw_items(stock, StockParams(seed=params.seed))
     slots = [f"{slot.row}_{slot.number}" for slot in _slots(stock.rows)]
     known = [*(item.name for item in items), *slots, *stock.rows, *stock.types]
-    return [
-        *(
-            f"params.stock.types.{name}: unknown{suggest(name, stock.types)}"
-            for name in params.types
-            if name not in stock.types
-        ),
-        *(
-            f"params.stock.missing: {name!r} is unknown{suggest(name, known)}"
-            for name in params.missing
-            if name not in known
-        ),
-    ]
+    for name in params.types:
+        if name not in stock.types:
+            yield ("types", name), f"unknown{suggest(name, stock.types)}"
+    for name in params.missing:
+        if name not in known:
+            yield ("missing",), f"{name!r} is unknown{suggest(name, known)}"

@@ -63,7 +63,7 @@ IN_THE_WORLD = [
     ({"joint2: {pos": "jont2: {pos"}, "10: bodies.arm.joints.jont2: unknown; did you mean 'joint2'?"),
     ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]"),
     ({"imus:": "bases: {cart: {left: jont1, right: joint2, wheel_radius: 1, track: 1}}\nimus:"}, "11: bases.cart.left: joint 'jont1' is unknown; did you mean 'joint1'?"),
-    ({"imus:": "contacts: {skin: {links: [lnk1]}}\nimus:"}, "11: contacts.skin.links: link 'lnk1' is unknown; did you mean 'link1'?"),
+    ({"imus:": "contacts: {skin: {links: [lnk1]}}\nimus:"}, "11: contacts.skin.links[0]: link 'lnk1' is unknown; did you mean 'link1'?"),
     ({"imus:": "wrenches: {ft: {joint: jont1}}\nimus:"}, "11: wrenches.ft.joint: joint 'jont1' is unknown; did you mean 'joint1'?"),
 ]  # fmt: skip
 
@@ -81,7 +81,7 @@ IN_THE_SCENARIO = [
     ({WORLD: f"{WORLD}, joints: [join1]"}, "params.joints", "'join1' is unknown; did you mean 'joint1'?"),
     ({WORLD: f"{WORLD}, effort: {{jont1: 1}}"}, "params.effort", "joint 'jont1' is unknown; did you mean 'joint1'?"),
     ({WORLD: f"{WORLD}, poses: [lnk1]"}, "params.poses", "link 'lnk1' is unknown; did you mean 'link1'?"),
-    ({WORLD: f"{WORLD}, poses_period: 7ms"}, "params.poses_period", "7ms is not a multiple of the step (5ms)"),
+    ({WORLD: f"{WORLD}, poses_period: 7ms"}, "params.poses_period", "7ms is not a multiple of the plant's step (5ms)"),
     ({WORLD: f"{WORLD}, script: [{{at: 1s, body: am, position: [0, 0, 0]}}]"}, "params.script.0.body", "body 'am' is unknown; did you mean 'arm'?"),
 ]  # fmt: skip
 

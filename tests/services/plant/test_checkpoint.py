@@ -55,7 +55,7 @@ def advance(plant, driver, first, last):
     found = []
     for k in range(first, last):
         found.append(plant.sense())
-        mode = plant.physics.joints[0].mode
+        mode = next(iter(plant.physics.joints.values())).mode
         scale = {"torque": 20.0, "velocity": 1.0, "position": 0.3}[mode]
         values = [scale * math.sin(0.01 * k + i) for i in range(2)]
         if k % 3 == 0:

@@ -96,7 +96,7 @@ def test_the_srdf_rules_398_pairs_out_and_nothing_touches_at_rest(monkeypatch):
         pybullet, "setCollisionFilterPair", lambda *a, **k: (ruled_out.append(a), real(*a, **k))
     )
     plant = SimulatedPlant(load_world(WORLD), Params(world=WORLD.name), 50_000_000, 0)
-    client = plant.physics.client
+    client = plant.physics.engine.client
     pybullet.performCollisionDetection(client)
     assert (len(ruled_out), pybullet.getContactPoints(physicsClientId=client)) == (398, ())
     plant.close()

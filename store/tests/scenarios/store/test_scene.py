@@ -49,7 +49,7 @@ def smallest(kinematics: RobotModel, q: np.ndarray) -> float:
 def test_plant_and_controller_agree_on_where_the_robots_links_are(kinematics):
     plant = make_plant(fill=0)
     sensor = plant.pose_sensor(["grasp", "camera", "left_pad", "forearm_link"])
-    joints = {joint.name: joint for joint in plant.physics.joints}
+    joints = plant.physics.joints
     for q in np.random.default_rng(0).uniform(-3, 3, (20, 6)):
         for name, angle in zip(ARM, q, strict=True):
             plant.physics.teleport(joints[name], angle, 0.0)
@@ -142,8 +142,10 @@ def test_the_robot_starts_with_its_hand_low_inside_of_its_outline():
     assert z.max() < 0.75
     plant.advance()
     robot = list(plant.world.bodies).index("robot")
-    points = pybullet.getContactPoints(robot, physicsClientId=plant.physics.client)
-    infos = [pybullet.getJointInfo(robot, point[3], plant.physics.client) for point in points]
+    points = pybullet.getContactPoints(robot, physicsClientId=plant.physics.engine.client)
+    infos = [
+        pybullet.getJointInfo(robot, point[3], plant.physics.engine.client) for point in points
+    ]
     assert {info[12].decode() for info in infos} <= {
         "left_wheel_link", "right_wheel_link", "front_caster", "back_caster",
     }  # fmt: skip

@@ -28,8 +28,8 @@ def plant():
 
 def own_contacts(plant):
     """Return the deepest penetration between links of the robot [m], and the largest force [N]."""
-    robot = plant.physics.joints[0].body
-    points = bullet.getContactPoints(robot, robot, physicsClientId=plant.physics.client)
+    robot = next(iter(plant.physics.joints.values())).body
+    points = bullet.getContactPoints(robot, robot, physicsClientId=plant.physics.engine.client)
     return min((p[8] for p in points), default=0.0), max((p[9] for p in points), default=0.0)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -12,6 +12,8 @@ import numpy as np
 import pybullet as bullet
 
 from stepbus_plant.camera import Camera, Lens
+from stepbus_plant.engine import BASE, Engine
+from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
 from stepbus_store.perception.images import Pose, rotation
@@ -58,7 +60,7 @@ class Store:
     """Items on boards, and a camera that can be put anywhere."""
 
     folder: Path
-    client: int
+    engine: Engine
     width: int = 320
     height: int = 240
     items: list[Item] = field(default_factory=list)
@@ -66,13 +68,15 @@ class Store:
     lens: Lens | None = None
 
     def __post_init__(self) -> None:
+        self.client = self.engine.client
         path = self.folder / "camera.urdf"
         path.write_text(_URDF.format(name="camera", parts=""), encoding="utf-8")
         self._camera = bullet.loadURDF(str(path), physicsClientId=self.client, useFixedBase=True)
         row = CameraSettings(
             link="camera", period_ns=8_000_000, width=self.width, height=self.height
         )
-        self._sensor = Camera("camera", row, self.client, ["camera"], self.lens)
+        lens = self.lens or Lens(CameraErrors(), 0)
+        self._sensor = Camera("camera", row, (self._camera, BASE), self.engine, lens)
         self._views = 0
 
     def add(self, item: Item) -> None:
@@ -147,14 +151,11 @@ def open_store(
     folder: Path, *items: Item, lens: Lens | None = None, **size: int
 ) -> Iterator[Store]:
     """Yield a store with some items; lens: of its camera."""
-    client = bullet.connect(bullet.DIRECT)
-    try:
-        store = Store(folder, client, lens=lens, **size)
+    with closing(Engine(1e-3, (0.0, 0.0, 0.0), 50)) as engine:
+        store = Store(folder, engine, lens=lens, **size)
         for item in items:
             store.add(item)
         yield store
-    finally:
-        bullet.disconnect(client)
 
 
 def fill_shelves(store: Store, seed: int = 7) -> None:

@@ -152,8 +152,8 @@ def test_with_two_cameras_a_port_names_the_camera_too(tmp_path):
         make_plant(tmp_path, {"rgb": "Image/1", "wrist_rg": "Image/1"})
     names = "wrist_rgb, top_rgb, wrist_depth, top_depth"
     assert str(caught.value).splitlines() == [
-        f"plant: rgb: has type Image/1; name it one of {names}",
-        f"wrist_rg: has type Image/1; name it one of {names}",
+        f"participants.plant.outputs.rgb: has type Image/1; name it one of {names}",
+        f"participants.plant.outputs.wrist_rg: has type Image/1; name it one of {names}",
     ]
 
 

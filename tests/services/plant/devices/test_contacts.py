@@ -102,7 +102,7 @@ def test_only_the_links_that_are_asked_for_are_shown(tmp_path):
 
 
 def test_an_unknown_link_is_refused_with_its_line(tmp_path):
-    text = r"world\.yaml:3: contacts\.touch\.links: link 'two/cab' is unknown; .*'two/can'"
+    text = r"world\.yaml:3: contacts\.touch\.links\[0\]: link 'two/cab' is unknown; .*'two/can'"
     with pytest.raises(WiringError, match=text):
         settle(tmp_path, touch="{links: [two/cab]}")
 

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from stepbus_plant.base import Base
 from stepbus_plant.camera import Lens
-from stepbus_plant.device import Base
+from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors, OdometryErrors
-from stepbus_plant.readings import Noise
 from stepbus_plant.world import BaseSettings
 
 MS = 1_000_000
@@ -49,7 +49,7 @@ def odometry(seed=0, *, distance=1.0, steps=50, **errors):
     base = Base(row, wheels, wheels, wheels, errors=OdometryErrors(**errors), noise=noise)
     for n in range(1, steps + 1):
         wheels.angles = [distance / 0.1 * n / steps] * 2
-        state = base.sense()
+        state = base.sense(n)
     return state
 
 

@@ -19,7 +19,7 @@ POSITION = body("arm", "two_link", "{mode: position}")
 
 
 def ask(plant, method, *args):
-    return plant.joint_calls().methods()[method].function(*args)
+    return plant.calls.methods()[method].function(*args)
 
 
 def test_every_joint_of_the_world_is_known_also_those_that_are_not_sensed(tmp_path):

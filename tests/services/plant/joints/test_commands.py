@@ -77,9 +77,9 @@ def test_all_unknown_and_double_names_are_listed(tmp_path):
     with pytest.raises(WiringError) as caught:
         make_plant(tmp_path).commander("command", ["joint1", "joint3", "elbow", "joint1"])
     assert [line.split(";")[0] for line in str(caught.value).splitlines()] == [
-        "input 'command': joint 'joint3' is unknown",
-        "input 'command': joint 'elbow' is unknown",
-        "input 'command': joint 'joint1' is listed twice",
+        "joint 'joint3' is unknown",
+        "joint 'elbow' is unknown",
+        "joint 'joint1' is listed twice",
     ]
 
 

@@ -38,8 +38,8 @@ def followed(position):
 def test_a_follower_starts_where_its_joint_takes_it_and_has_no_motor(tmp_path):
     plant = make(tmp_path)
     assert plant.sense().position == pytest.approx([0.4, 0.1])
-    assert plant.describe().details["mode"] == ["torque", "passive"]
-    assert plant.describe().details["mimic"] == ["", "lead"]
+    assert plant.joints.describe().details["mode"] == ["torque", "passive"]
+    assert plant.joints.describe().details["mimic"] == ["", "lead"]
 
 
 @pytest.mark.parametrize("joint_type", ["revolute", "continuous", "prismatic"])
@@ -60,7 +60,7 @@ def test_computed_torque_moves_joint_and_follower_as_one(tmp_path, joint_type):
 
 def test_a_teleport_takes_the_follower_along(tmp_path):
     plant = make(tmp_path)
-    plant.joint_calls().teleport("lead", 1.0)
+    plant.calls.teleport("lead", 1.0)
     assert plant.sense().position == pytest.approx([1.0, followed(1.0)])
 
 

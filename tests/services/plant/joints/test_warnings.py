@@ -41,7 +41,7 @@ def test_what_has_no_effect_is_told_with_joint_and_numbers(tmp_path, settings, c
 
 def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
     plant = make_plant(tmp_path, POSITION)
-    plant.joint_calls().teleport("joint1", 0.5)
+    plant.calls.teleport("joint1", 0.5)
     (line,) = told(plant, position(0.01, 0.49), position(0.01, 0.49))
     assert line == (
         "joints joint1 and joint2: are at 0.5 and 0 rad, their first targets are 0.01 and 0.49; "
@@ -52,7 +52,7 @@ def test_joints_whose_targets_are_in_each_others_place_are_told_once(tmp_path):
 @pytest.mark.parametrize("targets", [(0.5, 0.0), (0.0, 0.0), (0.0, 1.0), (-0.5, 0.5)])
 def test_targets_that_are_far_away_are_not_swapped(tmp_path, targets):
     plant = make_plant(tmp_path, POSITION)
-    plant.joint_calls().teleport("joint1", 0.5)
+    plant.calls.teleport("joint1", 0.5)
     assert told(plant, position(*targets)) == []
 
 
@@ -91,7 +91,7 @@ def test_a_joint_without_a_motor_swings_and_is_called_passive(tmp_path):
     for _ in range(20):
         plant.advance()
     assert abs(plant.sense().position[0]) > 0.01
-    assert plant.describe().details["mode"] == ["passive", "passive"]
+    assert plant.joints.describe().details["mode"] == ["passive", "passive"]
 
 
 def test_a_fixed_joint_cannot_be_commanded(tmp_path):
@@ -103,7 +103,7 @@ def test_a_fixed_joint_cannot_be_commanded(tmp_path):
 
 def test_params_override_the_effort_of_a_joint(tmp_path):
     plant = make_plant(tmp_path, effort={"joint2": 0.5})
-    assert plant.describe().limits["effort"] == [50.0, 0.5]
+    assert plant.joints.describe().limits["effort"] == [50.0, 0.5]
 
 
 def test_an_effort_of_an_unknown_joint_is_refused(tmp_path):

@@ -31,8 +31,8 @@ def plant_of(folder, pairs=None):
 
 
 def contacts(plant):
-    pybullet.performCollisionDetection(plant.physics.client)
-    return len(pybullet.getContactPoints(physicsClientId=plant.physics.client))
+    pybullet.performCollisionDetection(plant.physics.engine.client)
+    return len(pybullet.getContactPoints(physicsClientId=plant.physics.engine.client))
 
 
 def test_links_collide_unless_their_pair_is_ruled_out(tmp_path):
@@ -58,7 +58,7 @@ def test_an_srdf_that_is_no_xml_is_refused(tmp_path):
 
 def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(tmp_path, capfd):
     plant = plant_of(tmp_path)
-    mass = pybullet.getDynamicsInfo(0, -1, physicsClientId=plant.physics.client)[0]
+    mass = pybullet.getDynamicsInfo(0, -1, physicsClientId=plant.physics.engine.client)[0]
     assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
 
 

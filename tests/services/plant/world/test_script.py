@@ -220,7 +220,8 @@ def test_unknown_names_are_all_listed_before_the_run(tmp_path):
     with pytest.raises(WiringError) as caught:
         make_stand(tmp_path, *({"at": "1s", **action} for action, _ in UNKNOWN))
     assert str(caught.value).splitlines() == [
-        f"params.script.{number}.{text}" for number, (_, text) in enumerate(UNKNOWN)
+        f"participants.plant.params.script[{number}].{text}"
+        for number, (_, text) in enumerate(UNKNOWN)
     ]
 
 

@@ -7,6 +7,7 @@ import pytest
 from support.services.devices import box, link, write_can, write_urdf
 
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_plant.poses import Planogram
 from stepbus_plant.stock import draw_items
 from stepbus_plant.world import StockParams
 from stepbus_schemas import WiringError
@@ -89,7 +90,7 @@ def test_params_change_mass_and_friction_of_a_type(tmp_path):
         for n, name in enumerate(world.bodies)
         if name in world.items and world.items[name].type == "can"
     )
-    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.client)[:3]
+    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.engine.client)[:3]
     assert (mass, friction) == pytest.approx((item.mass, item.friction))
     assert mass == pytest.approx(9, rel=0.03)
     assert friction == pytest.approx(0.05, rel=0.05)
@@ -98,7 +99,7 @@ def test_params_change_mass_and_friction_of_a_type(tmp_path):
 
 def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     plant = SimulatedPlant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
-    said = plant.describe_poses(plant.pose_sensor(None))
+    said = plant.pose_sensor().describe()
     assert said.names == ["board", *plant.world.items]
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 
@@ -121,7 +122,7 @@ def _carton(folder, height, steps):
     for _ in range(steps):
         plant.advance()
     number = list(plant.world.bodies).index("carton_a_1")
-    pose = pybullet.getBasePositionAndOrientation(number, plant.physics.client)
+    pose = pybullet.getBasePositionAndOrientation(number, plant.physics.engine.client)
     plant.close()
     return pose
 
@@ -184,7 +185,7 @@ def test_a_planogram_has_the_slots_to_the_centimetre(tmp_path):
     world = load(tmp_path, text=text)
     plant = SimulatedPlant(world, Params(world="world.yaml"), 8_000_000, 0)
     sensor = plant.pose_sensor(None)
-    true, plan = sensor.sense(), plant.planogram(sensor)
+    true, plan = sensor.sense(), Planogram(sensor, world.items).sense(0)
     for name, truth, place in zip(sensor.names, true.position, plan.position, strict=True):
         if name in world.items:
             assert place[:2] == tuple(round(value, 2) for value in place[:2])

@@ -128,11 +128,11 @@ def test_keys_that_are_null_count_as_absent(tmp_path):
 
 def test_a_joints_own_settings_go_over_the_defaults_of_its_body(tmp_path):
     arm = body("arm", "two_link", "{effort: 7, damping: 1}", "{joint2: {effort: 3}}")
-    assert make_plant(tmp_path, arm).describe().limits["effort"] == [7.0, 3.0]
+    assert make_plant(tmp_path, arm).joints.describe().limits["effort"] == [7.0, 3.0]
 
 
 def test_the_urdf_holds_where_the_world_is_silent(tmp_path):
-    limits = make_plant(tmp_path).describe().limits
+    limits = make_plant(tmp_path).joints.describe().limits
     assert limits["effort"] == [50.0, 50.0]
     assert limits["velocity"] == [20.0, 20.0]
 
@@ -190,7 +190,7 @@ def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp
         "bases.base.right: joint 'joint1' has mode torque",
         "grippers.gripper.left: joint 'fingr' is unknown",
         "grippers.gripper.right: joint 'joint2' is revolute, not prismatic",
-        "contacts.touch.links: link 'lnk1' is unknown",
+        "contacts.touch.links[0]: link 'lnk1' is unknown",
         "cameras.eye.link: link 'camra' is unknown",
         "bodies.arm.joints.jont1: unknown",
     ]

@@ -1,26 +1,25 @@
 """A mobile base with two driven wheels: commands and odometry."""
 
 import math
+from typing import Any
 
 from stepbus_plant.commander import Commander
-from stepbus_plant.engine import Physics
-from stepbus_plant.errors import CommandError
+from stepbus_plant.drives import Motors
+from stepbus_plant.engine import Engine
 from stepbus_plant.joint import Joint, describe_joints
+from stepbus_plant.noise import Noise
 from stepbus_plant.params import OdometryErrors
-from stepbus_plant.readings import Noise
 from stepbus_plant.world import BaseSettings
-from stepbus_schemas import BaseCommand, BaseState, Description, JointCommand
-
-_NONE = OdometryErrors()
+from stepbus_schemas import BaseState, Description, JointCommand
 
 
 class Base:
     """A differential drive and its odometry.
 
     Odometry integrates the wheel angles; it does not notice slip, which `errors` adds: the physics
-    has none of that size. It treats the path between two
-    readings as a circular arc, which is exact for constant wheel velocities (R. Siegwart, I.
-    Nourbakhsh: Introduction to Autonomous Mobile Robots, 2004, section 5.2.4).
+    has none of that size. It treats the path between two readings as a circular arc, which is exact
+    for constant wheel velocities (R. Siegwart, I. Nourbakhsh: Introduction to Autonomous Mobile
+    Robots, 2004, section 5.2.4).
     """
 
     def __init__(
@@ -28,32 +27,32 @@ class Base:
         row: BaseSettings,
         left: Joint,
         right: Joint,
-        physics: Physics,
+        engine: Engine,
         *,
-        errors: OdometryErrors = _NONE,
-        noise: Noise | None = None,
+        errors: OdometryErrors,
+        noise: Noise,
     ) -> None:
-        self._errors, self._noise = errors, noise or Noise(0, "odometry")
-        one, other = self._noise.at(0).normal(0.0, 1.0, 2).tolist()
+        self._errors, self._noise = errors, noise
+        one, other = noise.at(0).normal(0.0, 1.0, 2).tolist()
         self._scale = (1.0 + errors.wheel * one, 1.0 + errors.wheel * other)
         self._readings = 0
         self.joints = (left, right)
         self._row = row
-        self._physics = physics
-        self._wheels = (left.body, [left.index, right.index])
+        self._engine = engine
         self._angles = self._read()[0]
         self._x = self._y = self._yaw = 0.0
 
     def _read(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the angles [rad] and velocities [rad/s] of the left and right wheel."""
-        left, right = self._physics.read(*self._wheels)
-        return (left[0], right[0]), (left[1], right[1])
+        left, right = self.joints
+        one, other = self._engine.read(left.body, [left.index, right.index])
+        return (one[0], other[0]), (one[1], other[1])
 
     def describe(self) -> Description:
         """Return names and limits of the wheels: left, right."""
         return describe_joints(self.joints)
 
-    def sense(self) -> BaseState:
+    def sense(self, _t_ns: int) -> BaseState:
         """Return the current odometry; call it at every step."""
         angles, velocities = self._read()
         arc, turn = self.base_motion(
@@ -90,41 +89,30 @@ class Base:
         return [(vx - side) / self._row.wheel_radius, (vx + side) / self._row.wheel_radius]
 
 
-class BaseDriver:
-    """Executes the commands of one input to a base; a command holds until the next one.
+class BaseDriver(Commander):
+    """Executes the commands of one input to a base; a command holds until the next one."""
 
-    port: name of the input, for messages. commander: of the base's wheels.
-    """
-
-    def __init__(self, port: str, base: Base, commander: Commander) -> None:
-        self._port = port
+    def __init__(self, port: str, base: Base, motors: Motors) -> None:
+        super().__init__(port, [joint.name for joint in base.joints], motors)
         self._base = base
-        self._commander = commander
 
-    def apply(self, command: BaseCommand) -> None:
-        """Execute a command from now on.
+    def apply(self, command: Any) -> None:
+        """Execute a BaseCommand from now on.
 
         Raises CommandError for a value that is not finite, and for velocities of both the base and
         the wheels.
         """
+        velocity = {"vx": command.vx, "wz": command.wz}
         if command.wheels is None:
-            for field, value in (("vx", command.vx), ("wz", command.wz)):
+            for field, value in velocity.items():
                 if not math.isfinite(value):
-                    raise CommandError(self._port, f"{field} is {value}, not a finite number")
-            velocities = self._base.wheel_velocities(command.vx, command.wz)
-        elif command.vx != 0.0 or command.wz != 0.0:
-            raise CommandError(
-                self._port,
+                    self._reject(f"{field} is {value}, not a finite number")
+            values = self._base.wheel_velocities(**velocity)
+        elif any(velocity.values()):
+            self._reject(
                 f"has both wheels and vx {command.vx:g}, wz {command.wz:g}; "
-                "give the velocity of the base or of its wheels",
+                "give the velocity of the base or of its wheels"
             )
         else:
-            velocities = list(command.wheels)
-        self._commander.apply(JointCommand(mode="velocity", values=velocities))
-
-    def stop(self) -> None:
-        """Brake both wheels, until the next command."""
-        self._commander.stop()
-
-    def before_step(self) -> None:
-        """Do nothing: the wheels keep their velocities."""
+            values = list(command.wheels)
+        self.execute(JointCommand(mode="velocity", values=values))

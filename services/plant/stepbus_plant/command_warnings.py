@@ -1,0 +1,108 @@
+"""Warnings about commands that cannot take effect: each cause once per joint, with its numbers."""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+
+from stepbus_plant.joint import Joint
+from stepbus_schemas import JointCommand
+
+# Joint limits are often a full turn, rounded up [rad].
+_FULL_TURN = 2 * math.pi + 1e-3
+# Two joints count as swapped if each target misses the other joint's position by less than this
+# share of the distance between the two.
+_SWAPPED = 0.1
+# A target closer than this to its joint's position is right [rad, m].
+_LEAST_SWAP = 0.01
+
+
+class Warnings:
+    """Collects warnings about commands until they are taken.
+
+    Each cause is reported once per subject: a controller that commands the impossible does so at
+    every step. reported: (subject, cause). pending: those since the last call of `take`.
+    """
+
+    def __init__(self) -> None:
+        self.reported: set[tuple[str, str]] = set()
+        self.pending: list[str] = []
+
+    def add(self, subject: str, cause: str, text: str) -> None:
+        """Add a warning, unless this cause has been reported for this subject."""
+        if (subject, cause) not in self.reported:
+            self.reported.add((subject, cause))
+            self.pending.append(f"{subject}: {text}")
+
+    def take(self) -> list[str]:
+        """Return the warnings since the last call, one sentence each."""
+        new, self.pending = self.pending, []
+        return new
+
+    def check(self, joints: Sequence[Joint], command: JointCommand) -> None:
+        """Warn about each part of a command that cannot take effect; its vectors fit the joints."""
+        for index, joint in enumerate(joints):
+            for cause, text in _without_effect(joint, command, index):
+                self.add(f"joint {joint.name}", cause, text)
+
+    def check_start(
+        self, joints: Sequence[Joint], positions: Sequence[float], targets: Sequence[float]
+    ) -> None:
+        """Warn about pairs of joints whose first targets are each other's positions.
+
+        positions, targets: shape (n,), [rad]. A distant target alone is not a mistake.
+        """
+        states = list(zip(joints, positions, targets, strict=True))
+        moving = [state for state in states if abs(state[2] - state[1]) > _LEAST_SWAP]
+        for (one, at_one, to_one), (two, at_two, to_two) in combinations(moving, 2):
+            tolerance = _SWAPPED * abs(at_one - at_two)
+            if abs(to_one - at_two) <= tolerance and abs(to_two - at_one) <= tolerance:
+                self.add(
+                    f"joints {one.name} and {two.name}",
+                    "swapped",
+                    f"are at {at_one:g} and {at_two:g} {one.unit}, their first targets are "
+                    f"{to_one:g} and {to_two:g}; are the two swapped?",
+                )
+
+
+def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator[tuple[str, str]]:
+    """Yield cause and sentence of what cannot take effect; index: of the joint in the command."""
+    value, limits = command.values[index], command.effort_limit
+    if joint.mimic is not None:
+        leader = joint.mimic.joint
+        yield "mimic", f"follows joint {leader!r} (<mimic> of its URDF); command that one"
+    elif not joint.motor:
+        yield "motor", "has no motor (world file: motor: false); it swings freely"
+    elif command.mode == "torque":
+        if abs(value) > joint.effort:
+            text = f"{value:g} {joint.effort_unit} exceeds its limit of {joint.effort:g}"
+            yield "torque", f"{text}; limited to it"
+    elif joint.effort == 0.0 or (limits is not None and limits[index] == 0.0):
+        yield "effort", f"has an effort limit of 0 {joint.effort_unit}; nothing moves it"
+    elif command.mode == "position":
+        yield from _unreached(joint, value)
+        velocity = 0.0 if command.velocity is None else command.velocity[index]
+        # Tolerate the rounding error of a sender that moves exactly at the limit.
+        if 0 < 1.001 * joint.max_velocity < abs(velocity):
+            text = f"its target moves at {velocity:g} {joint.unit}/s, its limit is "
+            yield "target velocity", f"{text}{joint.max_velocity:g}; it falls behind"
+    elif 0 < joint.max_velocity < abs(value):
+        text = f"{value:g} {joint.unit}/s exceeds its limit of {joint.max_velocity:g}"
+        yield "velocity", f"{text}; limited to it"
+
+
+def _unreached(joint: Joint, target: float) -> Iterator[tuple[str, str]]:
+    hint = degrees_hint(joint, target)
+    if not joint.lower <= target <= joint.upper:
+        stop = joint.within_stops(target)
+        text = f"target {target:g} {joint.unit} is beyond its stop at {stop:g}; limited to it"
+        # A sinusoid in degrees starts within a turn; the hint should still come.
+        yield "turn" if hint else "stop", text + hint
+    elif hint:
+        yield "turn", f"target {target:g} rad is more than a full turn{hint}"
+
+
+def degrees_hint(joint: Joint, position: float) -> str:
+    """Return the end of a sentence if a position looks like degrees instead of radians."""
+    if not joint.is_rotary or not _FULL_TURN < abs(position) < math.inf:
+        return ""
+    return f"; is it in degrees? {position:g}° is {math.radians(position):.4f} rad"

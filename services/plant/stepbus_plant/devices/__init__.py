@@ -1,1 +1,0 @@
-"""Devices beside single joints: bases, grippers, contact sensors, cameras, poses of links."""

@@ -1,0 +1,53 @@
+"""Random numbers of the plant: those of one reading, and errors that go on from one to the next."""
+
+import hashlib
+import zlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from stepbus_plant.bullet import Array
+
+
+class Noise:
+    """Random numbers for one purpose of one sensor.
+
+    seed: of the plant. purpose: such as `odometry`; name: of the sensor. Each pair has a stream of
+    its own, so that a base and a contact sensor may have the same name. Philox (Salmon et al.,
+    Parallel random numbers: as easy as 1, 2, 3, 2011) computes them from a counter, so that what
+    other sensors do, and whether this one was on before, changes none.
+    """
+
+    def __init__(self, seed: int, purpose: str, name: str = "") -> None:
+        self._key = np.array(
+            [seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())], dtype=np.uint64
+        )
+
+    def at(self, number: int) -> np.random.Generator:
+        """Return the generator of a reading; number: ≥ 0, such as a time [ns]."""
+        counter = np.array([0, 0, number, 0], dtype=np.uint64)
+        return np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+
+
+class Errors:
+    """Adds noise and bias to readings of one quantity.
+
+    seed: of the plant. stream: names the quantity; each has random numbers of its own. noise:
+    standard deviation of each reading. bias: standard deviation of the offset, drawn once.
+    """
+
+    def __init__(self, seed: int, stream: str, noise: float, bias: float, count: int) -> None:
+        digest = hashlib.sha256(stream.encode()).digest()
+        keys = [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]
+        self._random = np.random.Generator(np.random.PCG64([seed, *keys]))
+        self._bias: Array = bias * self._random.standard_normal(count)
+        self._noise = noise
+
+    def disturb(self, values: Sequence[float] | Array) -> Array:
+        """Return a reading of true values, shape (count,)."""
+        disturbed: Array = np.asarray(values, dtype=np.float64)
+        if self._bias.any():
+            disturbed = disturbed + self._bias
+        if self._noise:
+            disturbed = disturbed + self._noise * self._random.standard_normal(len(disturbed))
+        return disturbed

@@ -1,0 +1,264 @@
+"""A world in the physics engine: its bodies, links and joints by name."""
+
+import dataclasses
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import TypeVar
+
+from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
+from stepbus_participant.parameters import Keys
+from stepbus_plant.bullet import quaternion
+from stepbus_plant.engine import BASE, Engine, JointInfo, Link
+from stepbus_plant.errors import PhysicsError
+from stepbus_plant.joint import Joint, make_joint
+from stepbus_plant.models import loadable, pairs_without_collision
+from stepbus_plant.params import Params
+from stepbus_plant.world import Body, JointSettings
+from stepbus_plant.world_file import World
+from stepbus_schemas import WiringError
+
+T = TypeVar("T")
+_GEAR_ERP = 0.2
+_GEAR_FORCE = 1e4
+_STANDS = 1e-3
+"""Gap below which a thing stands on what is beneath it [m]."""
+
+
+class Physics:
+    """An engine that holds a world.
+
+    step_ns: length of a physics substep [ns]. params: default actuation of the joints, and effort
+    limits that override the world's. problems: of the params; what is wrong is added.
+
+    bodies: their names, in the engine's order. joints: the movable ones by name, in the order of
+    the bodies and of their models; `body/joint` if two bodies share a name. fixed: names of the
+    others. urdfs: each body's model as loaded. notes: (body, sentence): what the engine computes
+    otherwise than the models say. mistakes: in the world file. Without any, joints are at their
+    start.
+
+    Raises WiringError that lists every URDF that cannot be loaded, each with its line.
+    """
+
+    def __init__(self, world: World, step_ns: int, params: Params, problems: Problems) -> None:
+        self.engine = Engine(step_ns * 1e-9, world.gravity, world.solver_iterations)
+        self.world = world
+        self.bodies = list(world.bodies)
+        self.fixed: set[str] = set()
+        self.urdfs: list[bytes] = []
+        self.notes: list[tuple[str, str]] = []
+        self.mistakes: list[tuple[Keys, str]] = []
+        self._actuation = params.actuation
+        self._followers: dict[Link, list[Joint]] = {}
+        self._goods: list[int] = []
+        try:
+            loaded = [row for name, body in world.bodies.items() for row in self._load(name, body)]
+            if any(keys[-1] == "urdf" for keys, _ in self.mistakes):
+                world.source.refuse(self.mistakes)
+        except BaseException:
+            self.close()
+            raise
+        self.joints = {
+            name: dataclasses.replace(
+                joint, name=name, effort=params.effort.get(name, joint.effort)
+            )
+            for name, joint in _by_name((name, joint.name, joint) for name, joint in loaded).items()
+        }
+        unknown = [name for name in params.effort if name not in self.joints]
+        for name in unknown:
+            problems.add(("effort",), f"joint {name!r} is unknown{suggest(name, self.joints)}")
+        if not (self.mistakes or unknown):
+            self._start()
+
+    @cached_property
+    def links(self) -> dict[str, Link]:
+        """Every link by its name; `body/link` if two bodies share it."""
+        return _by_name(
+            (body, name, link)
+            for number, body in enumerate(self.bodies)
+            for name, link in self.engine.links(number).items()
+        )
+
+    def all_joints(self) -> dict[str, Link]:
+        """Return the child link of every joint, fixed ones included, by the joint's name."""
+        return _by_name(
+            (body, joint.name, (number, joint.index))
+            for number, body in enumerate(self.bodies)
+            for joint in self.engine.joints(number)
+        )
+
+    def lacks_joint(self, name: str) -> str:
+        """Return why no joint of a name can move, as the end of a sentence; empty: one can."""
+        if name in self.joints:
+            return ""
+        if name in self.fixed:
+            return "is fixed in its model"
+        return f"is unknown{suggest(name, self.joints)}"
+
+    def position(self, joint: Joint) -> float:
+        """Return the position of a joint [rad]."""
+        position: float = self.engine.read(joint.body, [joint.index])[0][0]
+        return position
+
+    def teleport(self, joint: Joint, position: float, velocity: float) -> None:
+        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces.
+
+        Those that follow it go along; a follower alone stays where it is.
+        """
+        if joint.mimic is not None:
+            return
+        self.engine.put_joint(joint.body, joint.index, position, velocity)
+        for follower, mimic in self._followers_of((joint.body, joint.index)):
+            where = mimic.multiplier * position + mimic.offset
+            self.engine.put_joint(follower.body, follower.index, where, mimic.multiplier * velocity)
+
+    def close(self) -> None:
+        """Disconnect from the engine."""
+        self.engine.close()
+
+    # --- loading --------------------------------------------------------------------------
+
+    def _load(self, name: str, body: Body) -> Iterator[tuple[str, Joint]]:
+        """Load a body; yield its name and each of its movable joints, named as in the URDF."""
+        item = self.world.items.get(name)
+        friction = {
+            key: value
+            for key in ("lateral", "rolling", "spinning")
+            if (value := getattr(body.friction, key)) is not None
+        }
+        try:
+            with loadable(body.urdf, None if item is None else item.make) as urdf:
+                root = parse_urdf(urdf.read_text(encoding="utf-8"))
+                number = self.engine.load(
+                    urdf,
+                    (body.position, quaternion(body.orientation_rpy)),
+                    friction,
+                    is_fixed=body.fixed_base,
+                    collides_with_itself=body.srdf is not None,
+                    has_visuals=body.visuals,
+                    is_smooth=item is not None,
+                )
+                self.urdfs.append(urdf.read_bytes())
+        except (PhysicsError, WiringError) as exc:
+            file = f"{body.urdf}: " if isinstance(exc, PhysicsError) else ""
+            self.mistakes.append((("bodies", name, "urdf"), f"{file}{exc}"))
+            return
+        self.notes += [(f"body {name}", note) for note in urdf_warnings(root)]
+        infos = self.engine.joints(number)
+        movable = [info for info in infos if info.type in {"revolute", "prismatic"}]
+        self.fixed |= {info.name for info in infos if info.type == "fixed"}
+        if self.world.sleeping:
+            # Motors do not wake a body up.
+            if not movable:
+                self.engine.let_sleep(number)
+            self._goods += [] if item is None else [number]
+        self._disable_collisions(number, name, body)
+        joints = self._joints_of(number, movable, name, body, mimics(root))
+        self._check_joints(name, body, joints)
+        solid = (self.engine.is_solid((number, index)) for index in range(BASE, len(infos)))
+        if not body.fixed_base and joints and not any(solid):
+            text = "it is not fixed to the world and has no collision shape, so it falls"
+            self.notes.append((f"body {name}", f"{text}; is `fixed_base: true` missing?"))
+        yield from ((name, joint) for joint in joints)
+
+    def _disable_collisions(self, number: int, name: str, body: Body) -> None:
+        """Disable the self-collisions of a body that its SRDF rules out."""
+        if body.srdf is None:
+            return
+        keys = ("bodies", name, "srdf")
+        try:
+            pairs = pairs_without_collision(body.srdf)
+        except WiringError as exc:
+            self.mistakes.append((keys, str(exc)))
+            return
+        links = self.engine.links(number)
+        for link in dict.fromkeys(link for pair in pairs for link in pair if link not in links):
+            text = f"{body.srdf}: link {link!r} is unknown{suggest(link, links)}"
+            self.mistakes.append((keys, text))
+        for one, other in pairs:
+            if one in links and other in links:
+                self.engine.let_through(links[one], links[other])
+
+    def _joints_of(
+        self,
+        number: int,
+        infos: Sequence[JointInfo],
+        name: str,
+        body: Body,
+        followed: Mapping[str, Mimic],
+    ) -> list[Joint]:
+        """Return the joints of a body, those with <mimic> as followers of others."""
+        own = {info.name: body.joints.get(info.name, JointSettings()) for info in infos}
+        joints = {
+            info.name: make_joint(
+                number, info, own[info.name].over(body.joint_defaults), self._actuation
+            )
+            for info in infos
+        }
+        followers = {
+            joint: joints[joint].follow(joints[mimic.joint], mimic)
+            for joint in joints
+            if (mimic := followed.get(joint)) is not None and own[joint].mimic is not False
+        }
+        for joint, follower in followers.items():
+            leader = followed[joint].joint
+            self._followers.setdefault((number, joints[leader].index), []).append(follower)
+            text = f"follows joint {leader!r} (<mimic>); leave it out, or `mimic: false`"
+            self.mistakes += [
+                (("bodies", name, "joints", joint, key), text)
+                for key in ("position", "velocity", "mode")
+                if getattr(own[joint], key) is not None
+            ]
+        return list({**joints, **followers}.values())
+
+    def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
+        known = [joint.name for joint in joints]
+        self.mistakes += [
+            (("bodies", name, "joints", given), f"unknown{suggest(given, known)}")
+            for given in body.joints
+            if given not in known
+        ]
+        for joint in joints:
+            keys = ("joints", joint.name) if joint.name in body.joints else ("joint_defaults",)
+            self.mistakes += [
+                (("bodies", name, *keys), f"joint {joint.name}: {text}")
+                for text in joint.problems()
+            ]
+
+    def _start(self) -> None:
+        """Set the limits, motors and start positions of all joints."""
+        engine = self.engine
+        for joint in self.joints.values():
+            where = joint.body, joint.index
+            engine.set_joint(*where, damping=joint.damping, lower=joint.lower, upper=joint.upper)
+            self.teleport(joint, joint.start, joint.start_velocity)
+            engine.resist(*where, joint.friction)
+        for body, leader in self._followers:
+            for follower, mimic in self._followers_of((body, leader)):
+                engine.couple(
+                    body,
+                    follower.index,
+                    leader,
+                    multiplier=mimic.multiplier,
+                    offset=mimic.offset,
+                    erp=_GEAR_ERP,
+                    force=_GEAR_FORCE,
+                )
+        if self._goods:
+            engine.update_shapes()
+        for number in self._goods:
+            # Goods that stand on something sleep from the start; others fall first.
+            if any(contact.distance < _STANDS for contact in engine.contacts(number)):
+                engine.let_sleep(number, now=True)
+
+    def _followers_of(self, leader: Link) -> Iterator[tuple[Joint, Mimic]]:
+        for follower in self._followers.get(leader, ()):
+            if follower.mimic is not None:
+                yield follower, follower.mimic
+
+
+def _by_name(rows: Iterable[tuple[str, str, T]]) -> dict[str, T]:
+    """Return values by their name; `body/name` where bodies share one. rows: body, name, value."""
+    rows = list(rows)
+    counts = Counter(name for _, name, _ in rows)
+    return {name if counts[name] == 1 else f"{body}/{name}": value for body, name, value in rows}
