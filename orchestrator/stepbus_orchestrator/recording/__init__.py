@@ -14,7 +14,7 @@ from .recover import Recovery, recover
 from .timing import TimingRecorder
 
 if TYPE_CHECKING:
-    from .reader import BATCH_BYTES, Batch, Entry, Port, Recording, Tail, TailPort, raw_map
+    from .reader import BATCH_BYTES, Batch, Entry, Port, PortInfo, Recording, Tail, raw_map
 
 __all__ = [
     "BATCH_BYTES",
@@ -25,13 +25,13 @@ __all__ = [
     "Entry",
     "McapFile",
     "Port",
+    "PortInfo",
     "Recorder",
     "Recording",
     "Recovery",
     "SavedState",
     "Sink",
     "Tail",
-    "TailPort",
     "TimingRecorder",
     "raw_map",
     "recorded_decoder",

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from mcap.writer import CompressionType, IndexType
+from mcap import records as mcap
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
@@ -23,41 +23,32 @@ class McapFile:
 
     All methods but `close` raise RecordingFailed when the file cannot be written or is closed.
     After the first failed write nothing but the index is appended: a recording has no hole.
+
+    closed: whether the file is complete; nothing can be added to it then.
     """
 
     def __init__(self, path: Path, disk: Disk = os) -> None:
         self.path = path
+        self.closed = False
         self._schemas: dict[str, int] = {}
-        self._closed = False
-        self._failed: RecordingFailed | None = None
+        self._refusal: RecordingFailed | None = None
+        """Why nothing can be added: the first failure, or that the file is closed."""
         with self._translated():
             self._file = ReservedFile(path, disk)
-            sink: Any = self._file
-            self._writer: Any = MessageWriter(
-                sink,
-                chunk_size=layout.CHUNK_BYTES,
-                compression=CompressionType.ZSTD,
-                index_types=IndexType.ALL,
-            )
-            self._writer.keep_room = self._file.keep_room
-            self._writer.start(profile=layout.PROFILE, library=layout.LIBRARY)
-
-    @property
-    def closed(self) -> bool:
-        """Return whether the file is complete; nothing can be added to it then."""
-        return self._closed
+            self._writer = MessageWriter(self._file, keep_room=self._file.keep_room)
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file."""
-        with self._open():
-            self._writer.add_attachment(
-                create_time=0, log_time=0, name=name, media_type=media_type, data=data
-            )
+        attachment = mcap.Attachment(
+            create_time=0, log_time=0, name=name, media_type=media_type, data=data
+        )
+        with self._translated():
+            self._writer.add(attachment)
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
-        with self._open():
-            self._writer.add_metadata(name, dict(content))
+        with self._translated():
+            self._writer.add(mcap.Metadata(name, dict(content)))
 
     def add_channel(
         self,
@@ -67,16 +58,20 @@ class McapFile:
         schema_of: Callable[[str], Mapping[str, Any]] = json_schema,
     ) -> int:
         """Register a channel and, once, its type's JSON Schema; return the channel's number."""
-        with self._open():
+        with self._translated():
             if type_name not in self._schemas:
-                schema = json.dumps(schema_of(type_name), sort_keys=True, ensure_ascii=False)
-                self._schemas[type_name] = self._writer.register_schema(
-                    layout.schema_name(type_name), layout.SCHEMA_ENCODING, schema.encode()
-                )
-            channel: int = self._writer.register_channel(
-                topic, layout.MESSAGE_ENCODING, self._schemas[type_name], dict(metadata)
+                text = json.dumps(schema_of(type_name), sort_keys=True, ensure_ascii=False)
+                name, encoding = layout.schema_name(type_name), layout.SCHEMA_ENCODING
+                schema = mcap.Schema(id=0, name=name, encoding=encoding, data=text.encode())
+                self._schemas[type_name] = self._writer.register(schema)
+            channel = mcap.Channel(
+                id=0,
+                topic=topic,
+                message_encoding=layout.MESSAGE_ENCODING,
+                metadata=dict(metadata),
+                schema_id=self._schemas[type_name],
             )
-        return channel
+            return self._writer.register(channel)
 
     def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
         """Write one message."""
@@ -88,19 +83,19 @@ class McapFile:
             # Nobody has published at this step: its time is no part of the chunk.
             return
         # Called for every step: the context manager would take longer than the rest.
-        if self._closed or self._failed is not None:
-            raise self._refusal()
+        if self._refusal is not None:
+            raise self._refusal
         try:
             self._writer.add_messages(messages, t_ns, t_ns, sequence)
         except OSError as exc:
-            raise self._failure(exc) from exc
+            raise self._refuse(exc) from exc
 
     def flush(self) -> None:
         """Let the file have all messages even if this process is killed; it raises nothing.
 
         To be called between steps, whose end it marks. The bytes of the closed file stay the same.
         """
-        if not self._closed and self._failed is None:
+        if self._refusal is None:
             self._writer.write_unfinished()
 
     def close(self) -> None:
@@ -109,22 +104,27 @@ class McapFile:
         On a full disk they go into the room that was set aside. Raises RecordingFailed when they
         cannot be written all the same.
         """
-        if self._closed:
+        if self.closed:
             return
-        self._closed = True
+        self.closed = True
         self._file.release()
         try:
-            with self._translated():
-                if self._failed is not None:
-                    self._writer.drop_chunk()
-                self._writer.finish()
+            if self._refusal is not None:
+                self._writer.drop_chunk()
+            self._writer.finish()
+        except OSError as exc:
+            raise self._refuse(exc) from exc
         finally:
             self._file.close()
+            closed = f"the recording {self.path} is closed; nothing can be added to it"
+            self._refusal = self._refusal or RecordingFailed(closed)
 
     def check(self) -> None:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
-        with self._translated():
+        try:
             changed = self._file.changed()
+        except OSError as exc:
+            raise self._failure(exc) from exc
         if changed:
             raise RecordingFailed(
                 f"the recording {self.path} {changed}: somebody changed it while the run wrote it; "
@@ -132,32 +132,25 @@ class McapFile:
             )
 
     @contextlib.contextmanager
-    def _open(self) -> Iterator[None]:
-        if self._closed or self._failed is not None:
-            raise self._refusal()
-        with self._translated():
-            yield
-
-    @contextlib.contextmanager
     def _translated(self) -> Iterator[None]:
+        if self._refusal is not None:
+            raise self._refusal
         try:
             yield
         except OSError as exc:
-            raise self._failure(exc) from exc
+            raise self._refuse(exc) from exc
 
-    def _refusal(self) -> RecordingFailed:
-        return self._failed or RecordingFailed(
-            f"the recording {self.path} is closed; nothing can be added to it"
-        )
+    def _refuse(self, exc: OSError) -> RecordingFailed:
+        """Return the first failure, which refuses all that comes next."""
+        self._refusal = self._refusal or self._failure(exc)
+        return self._refusal
 
     def _failure(self, exc: OSError) -> RecordingFailed:
-        """Return the failure, which is the first one from then on."""
         remedy = (
             "raise the limit of a file's size (ulimit -f)"
             if exc.errno == errno.EFBIG
             else f"free some disk space or choose another folder with {argument('--out')}"
         )
-        self._failed = self._failed or RecordingFailed(
+        return RecordingFailed(
             f"the recording {self.path} cannot be written: {exc.strerror or exc}; {remedy}"
         )
-        return self._failed

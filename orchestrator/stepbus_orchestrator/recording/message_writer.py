@@ -1,65 +1,47 @@
-"""The chunk of an MCAP file that is still being filled."""
+"""Writes the records of an MCAP file: chunks of whole steps, and the index behind them."""
 
-import contextlib
+import dataclasses
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable
 from struct import Struct
 from typing import Any
 
 import zstandard
+from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
-from mcap.records import Channel, Chunk, ChunkIndex, Schema
-from mcap.writer import CompressionType, IndexType, Writer
 
-from stepbus_orchestrator.recording.records import HEAD, STEP_END
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.records import CRC_BYTES, HEAD, MAGIC, STEP_END
 
+_MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_FIELDS_BYTES = _MESSAGE.size - HEAD.size
 _INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
-_NUMBER_BYTES = 8
+_STEP_END = HEAD.pack(STEP_END, 0)
+_GROUPS = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+"""What the summary section consists of, in its order."""
 
 
-class OpenChunk:
-    """Takes the place of the chunk builder of mcap, which calls four functions for each message.
+class _Chunk:
+    """The chunk that is being filled; the builder of mcap calls four functions for each message.
 
-    records: what the chunk holds, in order. count: their size [bytes]. indexes: channel → log
-    time and offset of each of its messages, one behind the other. earliest, latest: log times.
+    records: what it holds, in order. size: of these [bytes]. indexes: channel → log time and
+    offset of each of its messages, one behind the other. earliest, latest: log times.
     """
 
     def __init__(self) -> None:
         self.records: list[bytes] = []
-        self.count = 0
+        self.size = 0
         self.indexes: dict[int, list[int]] = {}
         self.earliest = self.latest = 0
-
-    def reset(self) -> None:
-        """Forget all records."""
-        self.records = []
-        self.count = 0
-        self.indexes = {}
-
-    def add_schema(self, schema: Schema) -> None:
-        """Append a schema."""
-        self._append(schema)
-
-    def add_channel(self, channel: Channel) -> None:
-        """Append a channel."""
-        self._append(channel)
-
-    def _append(self, record: Schema | Channel) -> None:
-        builder: Any = RecordBuilder()
-        record.write(builder)
-        data: bytes = builder.end()
-        self.records.append(data)
-        self.count += len(data)
-
-    def cover(self, log_time: int) -> None:
-        """Let the times of the chunk include that of the messages that come next."""
-        if not self.indexes:
-            self.earliest = self.latest = log_time
-        elif log_time > self.latest:
-            self.latest = log_time
-        elif log_time < self.earliest:
-            self.earliest = log_time
 
     def content(self) -> bytes:
         """Return all records, one behind the other."""
@@ -67,108 +49,76 @@ class OpenChunk:
         self.records = [whole]
         return whole
 
-    def message_counts(self) -> dict[int, int]:
-        """Return channel → number of its messages."""
-        return {channel: len(entries) // 2 for channel, entries in self.indexes.items()}
 
-    def index_records(self) -> dict[int, bytes]:
-        """Return channel → its MessageIndex record."""
-        return {channel: _record(channel, entries) for channel, entries in self.indexes.items()}
+class MessageWriter:
+    """Writes the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps.
 
-
-def _record(channel: int, entries: list[int]) -> bytes:
-    size = len(entries) * _NUMBER_BYTES
-    head = _INDEX.pack(Opcode.MESSAGE_INDEX, size + 6, channel, size)
-    return head + Struct(f"<{len(entries)}Q").pack(*entries)
-
-
-_MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
-_STEP_END = HEAD.pack(STEP_END, 0)
-_PREFIX_BYTES = 9  # opcode and length
-_FIELDS_BYTES = _MESSAGE.size - _PREFIX_BYTES
-
-
-def _taken(builder: Any) -> bytes:
-    """Return what a builder holds, and empty it."""
-    data: bytes = builder.end()
-    return data
-
-
-class _ChunkIndexes:
-    """The index records of all chunks, packed: the memory of a run must not grow with it.
-
-    size: of all records in the file [bytes].
+    output: takes each write as a whole, or raises OSError and has nothing of it; what it refused is
+    not in the index either. keep_room: is told the size of the index [bytes] before a chunk adds to
+    it; may raise OSError.
     """
 
-    def __init__(self) -> None:
-        self.size = 0
-        self._compressor = zlib.compressobj()
-        self._packed = bytearray()
-
-    def add(self, index: ChunkIndex) -> None:
-        """Append the record of one more chunk."""
-        builder = RecordBuilder()
-        index.write(builder)
-        record = _taken(builder)
-        self.size += len(record)
-        self._packed += self._compressor.compress(record)
-
-    def write(self, stream: RecordBuilder) -> None:
-        """Append all records; to be called once."""
-        stream.write(zlib.decompress(self._packed + self._compressor.flush()))
-
-
-class _Checksummed:
-    """An output with the checksum of all that was written to it; a failed write adds nothing."""
-
-    def __init__(self, output: Any) -> None:
+    def __init__(
+        self,
+        output: Any,
+        *,
+        library: str = layout.LIBRARY,
+        profile: str = layout.PROFILE,
+        chunk_size: int = layout.CHUNK_BYTES,
+        keep_room: Callable[[int], None] = lambda _size: None,
+    ) -> None:
         self._output = output
-        self.tell = output.tell
-        self.crc = 0
-
-    def write(self, data: bytes) -> int:
-        """Append bytes; raises OSError."""
-        count: int = self._output.write(data)
-        self.crc = zlib.crc32(data, self.crc)
-        return count
-
-
-class MessageWriter(Writer):
-    """Writes what `Writer` writes; what a full disk refuses leaves no trace in the index.
-
-    compression: zstd or none. keep_room: is told the size of the index [bytes] before a chunk adds
-    to it; may raise OSError. It relies on how mcap keeps its chunk and its statistics, hence on
-    the version that constraints.txt pins. Chunking must be on.
-    """
-
-    def __init__(self, output: Any, **options: Any) -> None:
-        checked: Any = _Checksummed(output)
-        super().__init__(checked, **options)
-        self.keep_room: Callable[[int], None] = lambda _size: None
-        own = vars(self)
-        self._output = output
-        self._checked: _Checksummed = checked
-        self._compression: CompressionType = own["_Writer__compression"]
+        self._chunk_size = chunk_size
+        self._keep_room = keep_room
         self._compressor = zstandard.ZstdCompressor()
-        self._chunk = own["_Writer__chunk_builder"] = OpenChunk()
-        self._chunk_bytes: int = own["_Writer__chunk_size"]
-        self._statistics: Any = own["_Writer__statistics"]
-        self._records: RecordBuilder = own["_Writer__record_builder"]
-        self._attached = (own["_Writer__attachment_indexes"], own["_Writer__metadata_indexes"])
+        self._crc = 0
+        self._summary = {opcode: bytearray() for opcode in _GROUPS}
+        self._counts: Counter[Opcode] = Counter()
+        # The index records of all chunks are packed: the memory of a run must not grow with it.
+        self._index_packer = zlib.compressobj()
+        self._index_bytes = 0
+        self._chunk = _Chunk()
+        self._message_counts: Counter[int] = Counter()
+        self._earliest = self._latest = 0
         self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
-        self._chunk_indexes = _ChunkIndexes()
-        if own["_Writer__index_types"] & IndexType.CHUNK:
-            own["_Writer__chunk_indices"].append(self._chunk_indexes)
+        self._write(MAGIC + _bytes_of(mcap.Header(profile, library)))
 
-    def add_message(
-        self, channel_id: int, log_time: int, data: bytes, publish_time: int, sequence: int = 0
-    ) -> None:
-        """Append a message to the chunk; raises OSError when a full one cannot be written.
+    def register(self, record: mcap.Schema | mcap.Channel) -> int:
+        """Add a schema or a channel to the chunk, under the next free number; return that."""
+        opcode = Opcode.SCHEMA if isinstance(record, mcap.Schema) else Opcode.CHANNEL
+        self._counts[opcode] += 1
+        data = _bytes_of(dataclasses.replace(record, id=self._counts[opcode]))
+        self._summary[opcode] += data
+        self._chunk.records.append(data)
+        self._chunk.size += len(data)
+        if self._chunk.size > self._chunk_size:
+            self._end_chunk()
+        return self._counts[opcode]
 
-        A chunk is full when it has `chunk_size` bytes and the next message is of another step.
-        """
-        self.add_messages([(channel_id, data)], log_time, publish_time, sequence)
+    def add(self, record: mcap.Attachment | mcap.Metadata) -> None:
+        """Write an attachment or a metadata record."""
+        offset, data = self._output.tell(), _bytes_of(record)
+        self._write(data)
+        if isinstance(record, mcap.Metadata):
+            self._add_index(
+                Opcode.METADATA_INDEX, mcap.MetadataIndex(offset, len(data), record.name)
+            )
+            return
+        index = mcap.AttachmentIndex(
+            offset=offset,
+            length=len(data),
+            log_time=record.log_time,
+            create_time=record.create_time,
+            data_size=len(record.data),
+            name=record.name,
+            media_type=record.media_type,
+        )
+        self._add_index(Opcode.ATTACHMENT_INDEX, index)
+
+    def _add_index(self, opcode: Opcode, index: mcap.McapRecord) -> None:
+        self._summary[opcode] += _bytes_of(index)
+        self._counts[opcode] += 1
 
     def add_messages(
         self,
@@ -177,34 +127,33 @@ class MessageWriter(Writer):
         publish_time: int,
         sequence: int = 0,
     ) -> None:
-        """Append messages of one time, (channel, content) each; raises as `add_message` does."""
-        chunk, pack, step = self._chunk, _MESSAGE.pack, (log_time, sequence)
-        if step != self._step:
-            if chunk.count > self._chunk_bytes:
+        """Append messages of one time, (channel, content) each, to the chunk.
+
+        A chunk is full when it has `chunk_size` bytes and the next message is of another step.
+        Raises OSError when a full one cannot be written.
+        """
+        if (log_time, sequence) != self._step:
+            if self._chunk.size > self._chunk_size:
                 self._end_chunk()
-            self._step = step
-        chunk.cover(log_time)
-        records, indexes, count = chunk.records, chunk.indexes, chunk.count
+            self._step = (log_time, sequence)
+        chunk, pack = self._chunk, _MESSAGE.pack
+        if not chunk.indexes:
+            chunk.earliest = chunk.latest = log_time
+        elif log_time > chunk.latest:
+            chunk.latest = log_time
+        elif log_time < chunk.earliest:
+            chunk.earliest = log_time
+        records, indexes, size = chunk.records, chunk.indexes, chunk.size
         for channel, data in messages:
             index = indexes.get(channel)
             if index is None:
                 index = indexes[channel] = []
-            index += (log_time, count)
+            index += (log_time, size)
             length = _FIELDS_BYTES + len(data)
             head = pack(Opcode.MESSAGE, length, channel, sequence, log_time, publish_time)
             records.append(head + data)
-            count += _PREFIX_BYTES + length
-        chunk.count = count
-
-    def add_attachment(self, *args: Any, **named: Any) -> None:
-        """Write an attachment; raises OSError, and has not counted it, when it cannot be."""
-        with self._whole():
-            super().add_attachment(*args, **named)
-
-    def add_metadata(self, name: str, data: dict[str, str]) -> None:
-        """Write a metadata record; raises OSError, and has not counted it, when it cannot be."""
-        with self._whole():
-            super().add_metadata(name, data)
+            size += HEAD.size + length
+        chunk.size = size
 
     def write_unfinished(self) -> None:
         """Write what is new in the open chunk behind the file's end; the whole chunk replaces it.
@@ -218,85 +167,100 @@ class MessageWriter(Writer):
         known = self._unfinished[1] if self._unfinished[0] == offset else 0
         # Where there is no room now, the next try begins with what is missing: no hole stays.
         if self._output.write_ahead(chunk.content()[known:] + _STEP_END):
-            self._unfinished = (offset, chunk.count)
+            self._unfinished = (offset, chunk.size)
 
     def drop_chunk(self) -> None:
         """Forget the messages that are not in the file yet."""
-        self._chunk.reset()
+        self._chunk = _Chunk()
 
-    @contextlib.contextmanager
-    def _whole(self) -> Iterator[None]:
-        counts, lengths = self._statistics, [len(rows) for rows in self._attached]
-        before = (counts.attachment_count, counts.metadata_count)
-        try:
-            yield
-        except OSError:
-            counts.attachment_count, counts.metadata_count = before
-            for rows, length in zip(self._attached, lengths, strict=True):
-                del rows[length:]
-            _taken(self._records)
-            raise
+    def finish(self) -> None:
+        """Write the last chunk, and the index behind it."""
+        self._end_chunk()
+        self._output.write(_bytes_of(mcap.DataEnd(self._crc)))
+        self._summary[Opcode.STATISTICS] += _bytes_of(self._statistics())
+        chunk_indexes = self._summary[Opcode.CHUNK_INDEX] + self._index_packer.flush()
+        self._summary[Opcode.CHUNK_INDEX] = bytearray(zlib.decompress(chunk_indexes))
+        start = end = self._output.tell()
+        offsets = []
+        for opcode, records in self._summary.items():
+            offsets.append(mcap.SummaryOffset(opcode, end, len(records)))
+            end += len(records)
+        summary = b"".join((*self._summary.values(), _bytes_of(*offsets)))
+        footer = mcap.Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
+        footer.summary_crc = zlib.crc32(_bytes_of(footer)[:-CRC_BYTES], zlib.crc32(summary))
+        self._output.write(summary + _bytes_of(footer) + MAGIC)
+
+    def _statistics(self) -> mcap.Statistics:
+        return mcap.Statistics(
+            attachment_count=self._counts[Opcode.ATTACHMENT_INDEX],
+            channel_count=self._counts[Opcode.CHANNEL],
+            channel_message_counts=self._message_counts,
+            chunk_count=self._counts[Opcode.CHUNK_INDEX],
+            message_count=self._message_counts.total(),
+            message_end_time=self._latest,
+            message_start_time=self._earliest,
+            metadata_count=self._counts[Opcode.METADATA_INDEX],
+            schema_count=self._counts[Opcode.SCHEMA],
+        )
+
+    def _write(self, data: bytes) -> None:
+        self._output.write(data)
+        self._crc = zlib.crc32(data, self._crc)
 
     def _end_chunk(self) -> None:
         """Write the chunk and its message indexes at once; raises OSError, and has lost them."""
-        chunk = self._chunk
-        if not chunk.indexes:
-            self._keep_checksum()
+        if not self._chunk.indexes:
             return
-        try:
-            record = self._chunk_record()
-            offset, builder = self._output.tell(), RecordBuilder()
-            record.write(builder)
-            index = ChunkIndex(
-                message_start_time=record.message_start_time,
-                message_end_time=record.message_end_time,
-                chunk_start_offset=offset,
-                chunk_length=builder.count,
-                message_index_offsets={},
-                message_index_length=0,
-                compression=record.compression,
-                compressed_size=len(record.data),
-                uncompressed_size=record.uncompressed_size,
-            )
-            for channel, entries in chunk.index_records().items():
-                index.message_index_offsets[channel] = offset + builder.count
-                builder.write(entries)
-            index.message_index_length = builder.count - index.chunk_length
-            self.keep_room(self._chunk_indexes.size)
-            self._checked.write(_taken(builder))
-            self._count()
-            self._chunk_indexes.add(index)
-        finally:
-            chunk.reset()
-            self._keep_checksum()
-
-    def _keep_checksum(self) -> None:
-        """Let `finish`, which ends the last chunk first, write the checksum of the data section."""
-        vars(self)["_Writer__data_section_crc"] = self._checked.crc
-
-    # Whatever of `Writer` ends a chunk, ends it so.
-    _Writer__finalize_chunk = _end_chunk
-
-    def _chunk_record(self) -> Chunk:
-        chunk = self._chunk
-        data = chunk.content()
-        is_packed = self._compression == CompressionType.ZSTD
-        return Chunk(
-            compression="zstd" if is_packed else "",
-            data=self._compressor.compress(data) if is_packed else data,
-            message_start_time=chunk.earliest,
+        chunk, self._chunk = self._chunk, _Chunk()
+        content = chunk.content()
+        record = mcap.Chunk(
+            compression="zstd",
+            data=self._compressor.compress(content),
             message_end_time=chunk.latest,
-            uncompressed_crc=zlib.crc32(data),
-            uncompressed_size=len(data),
+            message_start_time=chunk.earliest,
+            uncompressed_crc=zlib.crc32(content),
+            uncompressed_size=len(content),
         )
+        start, data, offsets = self._output.tell(), bytearray(_bytes_of(record)), {}
+        length = len(data)
+        for channel, entries in chunk.indexes.items():
+            offsets[channel] = start + len(data)
+            data += _message_index(channel, entries)
+        self._keep_room(self._index_bytes)
+        self._write(bytes(data))
+        index = mcap.ChunkIndex(
+            chunk_length=length,
+            chunk_start_offset=start,
+            compression=record.compression,
+            compressed_size=len(record.data),
+            message_end_time=chunk.latest,
+            message_index_length=len(data) - length,
+            message_index_offsets=offsets,
+            message_start_time=chunk.earliest,
+            uncompressed_size=len(content),
+        )
+        self._count(chunk, _bytes_of(index))
 
-    def _count(self) -> None:
-        """Add the chunk to the statistics, once it is in the file."""
-        chunk, statistics = self._chunk, self._statistics
-        if statistics.message_count == 0 or chunk.earliest < statistics.message_start_time:
-            statistics.message_start_time = chunk.earliest
-        statistics.message_end_time = max(statistics.message_end_time, chunk.latest)
-        for channel, count in chunk.message_counts().items():
-            statistics.channel_message_counts[channel] += count
-            statistics.message_count += count
-        statistics.chunk_count += 1
+    def _count(self, chunk: _Chunk, index: bytes) -> None:
+        """Add a chunk to the summary, once it is in the file."""
+        is_first = not self._counts[Opcode.CHUNK_INDEX]
+        self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
+        self._latest = max(self._latest, chunk.latest)
+        for channel, entries in chunk.indexes.items():
+            self._message_counts[channel] += len(entries) // 2
+        self._counts[Opcode.CHUNK_INDEX] += 1
+        self._index_bytes += len(index)
+        self._summary[Opcode.CHUNK_INDEX] += self._index_packer.compress(index)
+
+
+def _bytes_of(*records: mcap.McapRecord) -> bytes:
+    builder: Any = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data
+
+
+def _message_index(channel: int, entries: list[int]) -> bytes:
+    numbers = Struct(f"<{len(entries)}Q").pack(*entries)
+    return _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers)) + numbers

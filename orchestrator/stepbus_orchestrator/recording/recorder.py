@@ -9,13 +9,9 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
-from stepbus_orchestrator.recording.step_order import (
-    HashChain,
-    Published,
-    StepOrder,
-    messages_sha256,
-)
+from stepbus_orchestrator.recording.step_order import Published, StepOrder
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_schemas import (
     SHIPPED,

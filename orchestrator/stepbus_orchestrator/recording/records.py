@@ -2,30 +2,50 @@
 
 from __future__ import annotations
 
+import os
 import struct
+import weakref
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
+from pathlib import Path
 from typing import Any
 
 import zstandard
+from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Header, McapRecord, Message, Metadata, Schema
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import layout
+from stepbus_participant import open_regular
 
 MAGIC = b"\x89MCAP0\r\n"
 HEAD = struct.Struct("<BQ")
 """Opcode and length of a record."""
 MESSAGE_HEAD = struct.Struct("<HIQQ")
 """Channel, sequence, log time and publish time of a message."""
+CRC_BYTES = 4
 
-_CRC_BYTES = 4
 STEP_END = 0x81
 """Record that stands behind messages outside of a chunk: they end with a whole step."""
+LOOSE = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
+"""What a chunk holds; in a file of ours that is not closed, it stands behind the last chunk too."""
+
 _FIRST_PRIVATE_OPCODE = 0x80
-_KNOWN = frozenset(int(opcode) for opcode in Opcode)
-_INSIDE_CHUNKS = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
+_KNOWN = frozenset(map(int, Opcode))
+_TYPES: Mapping[int, Any] = {
+    Opcode.HEADER: mcap.Header,
+    Opcode.SCHEMA: mcap.Schema,
+    Opcode.CHANNEL: mcap.Channel,
+    Opcode.CHUNK: mcap.Chunk,
+    Opcode.ATTACHMENT: mcap.Attachment,
+    Opcode.METADATA: mcap.Metadata,
+    Opcode.STATISTICS: mcap.Statistics,
+    Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex,
+    Opcode.METADATA_INDEX: mcap.MetadataIndex,
+}
 _PARSE_ERRORS = (
     McapError,
     MemoryError,
@@ -38,6 +58,51 @@ _PARSE_ERRORS = (
 
 class DamagedRecord(Exception):
     """A record is not complete, or contradicts itself; the text says how."""
+
+
+class RecordFile:
+    """An open MCAP file, read at any position; raises RecordingFailed when it cannot be."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        try:
+            self.descriptor = open_regular(path)
+        except OSError as exc:
+            raise RecordingFailed(f"{path} cannot be read: {_why(path, exc)}") from exc
+        self.close = weakref.finalize(self, os.close, self.descriptor)
+
+    @property
+    def size(self) -> int:
+        """Return its size now [bytes]."""
+        return os.fstat(self.descriptor).st_size
+
+    def read(self, offset: int, length: int) -> bytes:
+        """Return some bytes; fewer at its end."""
+        if not self.close.alive:
+            raise RecordingFailed(f"{self.path} is closed")
+        try:
+            return os.pread(self.descriptor, length, offset)
+        except OSError as exc:
+            raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
+
+    def record(self, offset: int) -> tuple[int, bytes]:
+        """Return opcode and content of a record; raises DamagedRecord when it is not complete."""
+        head = self.read(offset, HEAD.size)
+        if len(head) < HEAD.size:
+            raise DamagedRecord(f"the file ends in the head of the record at byte {offset}")
+        opcode, length = HEAD.unpack(head)
+        check_head(opcode, length, offset, self.size)
+        return opcode, self.read(offset + HEAD.size, length)
+
+
+def _why(path: Path, exc: OSError) -> str:
+    """Return why a recording cannot be opened, and what to give instead."""
+    why = str(exc.strerror or exc)
+    if not isinstance(exc, FileNotFoundError):
+        return why
+    if path.parent.is_dir() and path.name == layout.RUN_FILE:
+        return f"{why}; {path.parent} is no folder of a run"
+    return f"{why}; give the folder of a run, e.g. runs/two_link-20260101-120000, or its run.mcap"
 
 
 def type_of(opcode: int) -> str:
@@ -54,113 +119,87 @@ def check_head(opcode: int, length: int, offset: int, size: int) -> None:
         raise DamagedRecord(f"the {type_of(opcode)} at byte {offset} lacks {length - left} bytes")
 
 
-def records_of(opcode: int, content: bytes, *, checked: bool = False) -> Iterator[McapRecord]:
-    """Yield what one record holds: itself, or all that is in a chunk; nothing of an index.
+def split(data: bytes, allowed: Collection[int] | None = None) -> Iterator[tuple[int, bytes]]:
+    """Yield opcode and content of each record.
 
-    checked: whether chunks and attachments must have checksums. Raises DamagedRecord when it
-    contradicts itself.
+    allowed: opcodes; None: any. Raises DamagedRecord at a record that is none of these, or is not
+    complete.
     """
-    read = _READERS.get(opcode)
-    if read is None:
-        return
-    try:
-        if opcode == Opcode.ATTACHMENT:
-            check_attachment(content, checked=checked)
-        record = read(content)
-        inside = unpack(record, checked=checked) if isinstance(record, Chunk) else None
-    except _PARSE_ERRORS as exc:
-        raise _corrupt(opcode, exc) from exc
-    if inside is None:
-        yield record
-        return
-    try:
-        for inner, data in walk(inside):
-            yield from records_of(inner, data)
-    except DamagedRecord as exc:
-        raise DamagedRecord(f"inside a chunk: {exc}") from exc
-
-
-def chunk_content(content: bytes, *, checked: bool) -> bytes:
-    """Return the records inside a chunk; raises DamagedRecord when it is corrupt."""
-    try:
-        return unpack(Chunk.read(_stream(content)), checked=checked)
-    except _PARSE_ERRORS as exc:
-        raise _corrupt(Opcode.CHUNK, exc) from exc
-
-
-def walk(data: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield (opcode, content) of each record inside a chunk; raises DamagedRecord."""
     offset, size = 0, len(data)
     while offset < size:
         if size - offset < HEAD.size:
             raise DamagedRecord(f"it ends in the head of the record at byte {offset}")
         opcode, length = HEAD.unpack_from(data, offset)
         check_head(opcode, length, offset, size)
-        if opcode not in _INSIDE_CHUNKS:
+        if allowed is not None and opcode not in allowed:
             raise DamagedRecord(f"a {type_of(opcode)} does not belong there")
         start = offset + HEAD.size
         offset = start + length
         yield opcode, data[start:offset]
 
 
-def unpack(chunk: Chunk, *, checked: bool) -> bytes:
-    """Return the records of a chunk; raises ValueError when it, or its checksum, is wrong."""
-    data: bytes
-    if chunk.compression == "zstd":
-        data = zstandard.decompress(chunk.data, max_output_size=chunk.uncompressed_size)
-    elif not chunk.compression:
-        data = chunk.data
-    else:
-        raise ValueError(f"compression {chunk.compression!r} is not zstd or none")
-    if len(data) != chunk.uncompressed_size:
-        raise ValueError(f"it holds {len(data)} bytes, not {chunk.uncompressed_size}")
-    check_crc(data, chunk.uncompressed_crc, checked=checked)
+def records_of(opcode: int, content: bytes, *, checked: bool = False) -> Iterator[mcap.McapRecord]:
+    """Yield what one record holds: itself, or all that is in a chunk; nothing of a private type.
+
+    checked: whether chunks and attachments must have checksums. Raises DamagedRecord when it
+    contradicts itself.
+    """
+    if opcode == Opcode.CHUNK:
+        records = split(chunk_content(content, checked=checked), LOOSE)
+        try:
+            for inner, data in records:
+                yield from records_of(inner, data)
+        except DamagedRecord as exc:
+            raise DamagedRecord(f"inside a chunk: {exc}") from exc
+    elif opcode == Opcode.MESSAGE:
+        yield _message(content)
+    elif opcode in _TYPES:
+        yield _parsed(opcode, content, checked=checked)
+
+
+def chunk_content(content: bytes, *, checked: bool) -> bytes:
+    """Return the records inside a chunk; raises DamagedRecord when it, or its checksum, is wrong.
+
+    checked: whether it must have a checksum.
+    """
+    chunk = _parsed(Opcode.CHUNK, content)
+    data: bytes = chunk.data
+    try:
+        if chunk.compression == "zstd":
+            data = zstandard.decompress(data, max_output_size=chunk.uncompressed_size)
+        elif chunk.compression:
+            raise ValueError(f"compression {chunk.compression!r} is not zstd or none")
+        if len(data) != chunk.uncompressed_size:
+            raise ValueError(f"it holds {len(data)} bytes, not {chunk.uncompressed_size}")
+        _check_crc(data, chunk.uncompressed_crc, checked=checked)
+    except _PARSE_ERRORS as exc:
+        raise _corrupt(Opcode.CHUNK, exc) from exc
     return data
 
 
-def _corrupt(opcode: int, exc: BaseException) -> DamagedRecord:
-    return DamagedRecord(f"a {type_of(opcode)} is corrupt: {str(exc) or type(exc).__name__}")
+def _parsed(opcode: int, content: bytes, *, checked: bool = False) -> Any:
+    try:
+        if opcode == Opcode.ATTACHMENT:
+            expected = int.from_bytes(content[-CRC_BYTES:], "little")
+            _check_crc(content[:-CRC_BYTES], expected, checked=checked)
+        return _TYPES[opcode].read(ReadDataStream(BytesIO(content)))
+    except _PARSE_ERRORS as exc:
+        raise _corrupt(opcode, exc) from exc
 
 
-def check_crc(data: bytes, expected: int, *, checked: bool) -> None:
+def _message(content: bytes) -> mcap.Message:
+    if len(content) < MESSAGE_HEAD.size:
+        needed = f"it has {len(content)} bytes, at least {MESSAGE_HEAD.size} are needed"
+        raise _corrupt(Opcode.MESSAGE, ValueError(needed))
+    channel, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(content)
+    return mcap.Message(channel, log_time, content[MESSAGE_HEAD.size :], publish_time, sequence)
+
+
+def _check_crc(data: bytes, expected: int, *, checked: bool) -> None:
     """Raise ValueError when a checksum is wrong; unless `checked`, 0 stands for none."""
     if (expected or checked) and zlib.crc32(data) != expected:
         raise ValueError("its checksum is wrong")
 
 
-def check_attachment(content: bytes, *, checked: bool) -> None:
-    """Raise ValueError when the checksum of an attachment is wrong."""
-    expected = int.from_bytes(content[-_CRC_BYTES:], "little")
-    check_crc(content[:-_CRC_BYTES], expected, checked=checked)
-
-
-def _stream(content: bytes) -> ReadDataStream:
-    return ReadDataStream(BytesIO(content))
-
-
-def _read_message(content: bytes) -> McapRecord:
-    if len(content) < MESSAGE_HEAD.size:
-        raise ValueError(f"it has {len(content)} bytes, at least {MESSAGE_HEAD.size} are needed")
-    record: McapRecord = Message.read(_stream(content), len(content))
-    return record
-
-
-def _plain(record_type: Any) -> Callable[[bytes], McapRecord]:
-    """Return a reader of a record type that needs no check of its own."""
-
-    def read(content: bytes) -> McapRecord:
-        record: McapRecord = record_type.read(_stream(content))
-        return record
-
-    return read
-
-
-_READERS: Mapping[int, Callable[[bytes], McapRecord]] = {
-    Opcode.HEADER: _plain(Header),
-    Opcode.SCHEMA: _plain(Schema),
-    Opcode.CHANNEL: _plain(Channel),
-    Opcode.METADATA: _plain(Metadata),
-    Opcode.CHUNK: _plain(Chunk),
-    Opcode.ATTACHMENT: _plain(Attachment),
-    Opcode.MESSAGE: _read_message,
-}
+def _corrupt(opcode: int, exc: BaseException) -> DamagedRecord:
+    return DamagedRecord(f"a {type_of(opcode)} is corrupt: {str(exc) or type(exc).__name__}")

@@ -2,173 +2,133 @@
 
 from __future__ import annotations
 
-import os
 import zlib
-from collections.abc import Iterator
-from dataclasses import dataclass
-from pathlib import Path
-from typing import IO
+from collections.abc import Generator, Iterator
 
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import Channel, Header, McapRecord, Message
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.index import Block, Index
 from stepbus_orchestrator.recording.records import (
+    CRC_BYTES,
     HEAD,
     MAGIC,
     STEP_END,
     DamagedRecord,
-    check_head,
+    RecordFile,
     records_of,
 )
-from stepbus_participant import open_regular
-
-_CRC_BYTES = 4
-
-
-@dataclass(frozen=True, kw_only=True)
-class Scanned:
-    """One record of a file: its position [bytes], and what it holds.
-
-    records: itself, or all that is in a chunk up to a damage; none where it only indexes others or
-    is of a private type.
-    """
-
-    offset: int
-    length: int
-    opcode: int
-    records: list[McapRecord]
 
 
 class Scanner:
     """One pass over a file that may be cut off or corrupt anywhere.
 
-    size: of the file [bytes]. intact_bytes: up to the end of the last complete record, for a
-    chunk with all it contains. damage: what is wrong behind that, empty when nothing is. has_end:
-    whether the end of the data was reached, so that at most the index is missing. ends_a_step:
-    whether nothing of the last message's step is missing; taken for granted of other programs.
-
-    Raises RecordingFailed when the file cannot be read or is no MCAP file.
+    file: that it scans. index: what it holds, as far as it was scanned; what is wrong behind that
+    is its `damage`. That files of other programs end with a whole step is taken for granted. size:
+    of the file [bytes]. intact_bytes: up to the end of the last complete record, for a chunk with
+    all it contains. has_end: whether the end of the data was reached, so that at most the index is
+    missing.
     """
 
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.size = 0
+    def __init__(self, file: RecordFile) -> None:
+        self.index = Index()
+        self.size = file.size
         self.intact_bytes = 0
-        self.damage = ""
         self.has_end = False
-        self.ends_a_step = True
-        self._channels: dict[int, str] = {}
-        self._library = ""
+        self.file = file
         self._crc = 0
 
-    def records(self) -> Iterator[McapRecord]:
-        """Yield header, schemas, channels, messages, attachments and metadata in order."""
-        for scanned in self.scan():
-            yield from scanned.records
+    def records(self) -> Iterator[mcap.McapRecord]:
+        """Yield all records but those of the index, the messages of a chunk one by one.
 
-    def scan(self) -> Iterator[Scanned]:
-        """Yield each record of the file; the last one may be damaged inside."""
+        Raises RecordingFailed when the file cannot be read or is no MCAP file.
+        """
+        self._take_magic()
         try:
-            with os.fdopen(open_regular(self.path), "rb") as file:
-                self.size = file.seek(0, 2)
-                file.seek(0)
-                self._take_magic(file)
-                yield from self._until_damage(file)
-        except RecordingFailed:
-            raise
-        except OSError as exc:
-            raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
+            opcode = 0
+            while opcode != Opcode.FOOTER:
+                opcode = yield from self._next()
+            self._take_end()
+        except DamagedRecord as exc:
+            self.index.damage = str(exc)
 
-    def _take_magic(self, file: IO[bytes]) -> None:
-        start = file.read(len(MAGIC))
+    def _take_magic(self) -> None:
+        start = self.file.read(0, len(MAGIC))
         if MAGIC.startswith(start) and start != MAGIC:
             raise RecordingFailed(
-                f"{self.path} has {len(start)} bytes: there is nothing to recover"
+                f"{self.file.path} has {len(start)} bytes: there is nothing to recover"
             )
         if start != MAGIC:
             raise RecordingFailed(
-                f"{self.path} is not an MCAP recording: it does not start with its magic bytes"
+                f"{self.file.path} is not an MCAP recording: it does not start with its magic bytes"
             )
         self.intact_bytes = len(MAGIC)
         self._crc = zlib.crc32(MAGIC)
 
-    def _until_damage(self, file: IO[bytes]) -> Iterator[Scanned]:
+    def _next(self) -> Generator[mcap.McapRecord, None, int]:
+        """Yield what is in the record behind the last intact one; return its opcode."""
+        offset, index = self.intact_bytes, self.index
+        if offset >= self.size:
+            raise DamagedRecord("the file ends before its end record: it was cut off between two")
+        opcode, content = self.file.record(offset)
+        length = HEAD.size + len(content)
+        channels, times = set(), []
         try:
-            yield from self._complete(file)
-        except DamagedRecord as exc:
-            self.damage = str(exc)
+            for record in records_of(opcode, content, checked=index.is_ours):
+                if isinstance(record, mcap.Message):
+                    self._check_message(record)
+                    channels.add(record.channel_id)
+                    times.append(record.log_time)
+                else:
+                    index.add(record)
+                yield record
+        finally:
+            # A chunk may be damaged inside: what precedes it is complete.
+            if times:
+                index.blocks.append(Block(offset, length, frozenset(channels), min(times)))
+        if opcode == STEP_END or (opcode == Opcode.CHUNK and index.library == layout.LIBRARY):
+            index.ends_a_step = True
+        if opcode == Opcode.MESSAGE and index.loose_from is None:
+            index.loose_from = offset
+        self.has_end = self.has_end or opcode == Opcode.DATA_END
+        self.intact_bytes += length
+        self._take_checksum(opcode, content)
+        return opcode
 
-    def _complete(self, file: IO[bytes]) -> Iterator[Scanned]:
-        while (offset := file.tell()) < self.size:
-            opcode, content = self._read(file, offset)
-            scanned = Scanned(offset=offset, length=file.tell() - offset, opcode=opcode, records=[])
-            try:
-                for record in records_of(opcode, content, checked=self._is_ours()):
-                    self._check_channel(record)
-                    if isinstance(record, Header):
-                        self._library = record.library
-                    scanned.records.append(record)
-            finally:
-                # A chunk may be damaged inside: what precedes it is complete.
-                yield scanned
-            if opcode == STEP_END or (opcode == Opcode.CHUNK and self._library == layout.LIBRARY):
-                self.ends_a_step = True
-            self.has_end = self.has_end or opcode == Opcode.DATA_END
-            self.intact_bytes = file.tell()
-            self._take_checksum(opcode, content)
-            if opcode == Opcode.FOOTER:
-                self._take_end(file)
-                return
-        raise DamagedRecord("the file ends before its end record: it was cut off between two")
+    def _take_end(self) -> None:
+        if self.file.read(self.intact_bytes, len(MAGIC) + 1) != MAGIC:
+            raise DamagedRecord("the closing magic bytes are missing, or something follows them")
+        self.intact_bytes = self.size
 
-    def _read(self, file: IO[bytes], offset: int) -> tuple[int, bytes]:
-        head = file.read(HEAD.size)
-        if len(head) < HEAD.size:
-            raise DamagedRecord(f"the file ends in the head of the record at byte {offset}")
-        opcode, length = HEAD.unpack(head)
-        check_head(opcode, length, offset, self.size)
-        return opcode, file.read(length)
-
-    def _is_ours(self) -> bool:
-        return self._library in layout.LIBRARIES
+    def _check_message(self, message: mcap.Message) -> None:
+        """Raise DamagedRecord for a message of a channel that no record before it describes."""
+        channel = self.index.channels.get(message.channel_id)
+        if channel is None:
+            raise DamagedRecord(
+                f"a message is of channel {message.channel_id}, which is not described"
+            )
+        if self.index.is_ours:
+            # Written last, it shows that nothing of its step is missing.
+            self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
 
     def _take_checksum(self, opcode: int, content: bytes) -> None:
         """Add a record to the checksum of its section; raise DamagedRecord where that is wrong."""
         record = HEAD.pack(opcode, len(content)) + content
+        is_ours, library = self.index.is_ours, self.index.library
         if opcode == Opcode.DATA_END:
-            self._check_section(
-                "data section", content, must=self._is_ours() and self._library != layout.FIRST
-            )
+            self._check_section("data section", content, must=is_ours and library != layout.FIRST)
             self._crc = 0
         elif opcode == Opcode.FOOTER:
-            self._crc = zlib.crc32(record[:-_CRC_BYTES], self._crc)
-            self._check_section("summary", content, must=self._is_ours())
+            self._crc = zlib.crc32(record[:-CRC_BYTES], self._crc)
+            self._check_section("summary", content, must=is_ours)
         else:
             self._crc = zlib.crc32(record, self._crc)
 
     def _check_section(self, name: str, content: bytes, *, must: bool) -> None:
-        expected = int.from_bytes(content[-_CRC_BYTES:], "little")
+        expected = int.from_bytes(content[-CRC_BYTES:], "little")
         if (expected or must) and expected != self._crc:
             raise DamagedRecord(
                 f"the checksum of the {name} is wrong: something in it is not what was written"
             )
-
-    def _check_channel(self, record: McapRecord) -> None:
-        """Raise DamagedRecord for a message of a channel that no record before it describes."""
-        if isinstance(record, Channel):
-            self._channels.setdefault(record.id, record.topic)
-        elif isinstance(record, Message) and record.channel_id not in self._channels:
-            raise DamagedRecord(
-                f"a message is of channel {record.channel_id}, which is not described"
-            )
-        elif isinstance(record, Message) and self._is_ours():
-            # Written last, it shows that nothing of its step is missing.
-            self.ends_a_step = self._channels[record.channel_id] == layout.CHAIN_TOPIC
-
-    def _take_end(self, file: IO[bytes]) -> None:
-        rest = file.read(len(MAGIC) + 1)
-        if rest != MAGIC:
-            raise DamagedRecord("the closing magic bytes are missing, or something follows them")
-        self.intact_bytes = self.size

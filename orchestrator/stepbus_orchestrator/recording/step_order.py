@@ -1,40 +1,12 @@
-"""The hash chain of one participant (P13.2), and the hash of all messages (P13.3)."""
+"""Outputs come in any order, and are written by step, then participant, then port (P13.1)."""
 
-import hashlib
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_schemas import Outputs
-
-
-class HashChain:
-    """Sums up all outputs of a participant so far in one SHA-256.
-
-    Two recordings with equal values have equal outputs up to there. value: 32 bytes, zero at first.
-    """
-
-    def __init__(self) -> None:
-        self.value = bytes(32)
-
-    def extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
-        """Take in one step. published: (port, recorded bytes), in the order of the scenario."""
-        parts = [self.value, step.to_bytes(8, "little", signed=True)]
-        for port, data in published:
-            parts += (port.encode(), data)
-        # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
-        self.value = hashlib.sha256(b"".join(parts)).digest()
-
-
-def messages_sha256(last_chain: bytes) -> str:
-    """Return the SHA-256 of all messages of a recording in hexadecimal (P13.3).
-
-    last_chain: the last message of `stepbus/chain`. Files, versions and the processor, which are in
-    the recording too, do not change it.
-    """
-    return hashlib.sha256(last_chain).hexdigest()
 
 
 class Published(msgspec.Struct, frozen=True, kw_only=True, gc=False):
@@ -61,46 +33,25 @@ class _Buffer:
     def has_bulk(self, outputs: Outputs) -> bool:
         return all((outputs.step, port) in self.bulk for port in outputs.bulk)
 
-    def lacks_bulk(self, step: int) -> bool:
-        """Return whether bulk content of its next outputs is missing, and they are of a step."""
-        head = self.waiting[0] if self.waiting else None
-        if head is None or not head.bulk:
-            return False
-        return head.step == step and not self.has_bulk(head)
-
     def take(self) -> Published:
+        """Return the next outputs, with their bulk content."""
         outputs = self.waiting.popleft()
-        if not self.bulk:
-            ports = outputs.ports
-            content = [(port, bytes(ports[port])) for port in self.ports if port in ports]
-            return Published(participant=self.name, step=outputs.step, content=content)
-        published = Published(participant=self.name, step=outputs.step, content=[])
+        step, plain, content = outputs.step, outputs.ports, []
         for port in self.ports:
-            try:
-                data = self._content(outputs, port)
-            except ParticipantFault as exc:
-                return msgspec.structs.replace(published, fault=exc)
-            if data is not None:
-                published.content.append((port, data))
-        return published
-
-    def _content(self, outputs: Outputs, port: str) -> bytes | None:
-        raw = outputs.ports.get(port)
-        if raw is not None:
-            return bytes(raw)
-        return self._bulk_content(outputs, port)
-
-    def _bulk_content(self, outputs: Outputs, port: str) -> bytes | None:
-        content = self.bulk.pop((outputs.step, port), None)
-        announced = outputs.bulk.get(port)
-        if content is not None and len(content) != announced:
-            raise ParticipantFault(
-                f"step {outputs.step}: {self.name} announced {announced} bytes on bulk port "
-                f"{port!r} and sent {len(content)}",
-                participant=self.name,
-                step=outputs.step,
-            )
-        return content
+            if port in plain:
+                content.append((port, bytes(plain[port])))
+            elif self.bulk and (step, port) in self.bulk:
+                data, announced = self.bulk.pop((step, port)), outputs.bulk.get(port)
+                if len(data) != announced:
+                    fault = ParticipantFault(
+                        f"step {step}: {self.name} announced {announced} bytes on bulk port "
+                        f"{port!r} and sent {len(data)}",
+                        participant=self.name,
+                        step=step,
+                    )
+                    return Published(participant=self.name, step=step, content=content, fault=fault)
+                content.append((port, data))
+        return Published(participant=self.name, step=step, content=content)
 
 
 class StepOrder:
@@ -130,8 +81,8 @@ class StepOrder:
         buffers = list(self._buffers.values())
         while self._next < end:
             for buffer in buffers:
-                waiting = buffer.waiting
-                if waiting and waiting[0].bulk and buffer.lacks_bulk(self._next):
+                head = buffer.waiting[0] if buffer.waiting else None
+                if head and head.bulk and head.step == self._next and not buffer.has_bulk(head):
                     return
             yield self._next
             self._next += 1

@@ -4,7 +4,7 @@ from hashlib import sha256
 
 from mcap.reader import make_reader
 
-from stepbus_orchestrator.recording.step_order import HashChain
+from stepbus_orchestrator.recording.chains import HashChain
 from stepbus_schemas import Decoder
 from stepbus_schemas.protocol import Chain
 

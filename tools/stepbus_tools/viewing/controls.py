@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus_orchestrator.recording import TailPort
+from stepbus_orchestrator.recording import PortInfo
 from stepbus_tools.viewing.run_client import Link
 from stepbus_tools.viewing.stage import Stage
 from stepbus_tools.viewing.steer_panel import Hands
@@ -22,7 +22,7 @@ _REDONE = "Each change is recorded as a call with its step; `stepbus rerun` does
 class Controls:
     """Buttons of a page. link: to the run. ports: of its recording."""
 
-    def __init__(self, server: Any, link: Link, ports: Mapping[str, TailPort]) -> None:
+    def __init__(self, server: Any, link: Link, ports: Mapping[str, PortInfo]) -> None:
         self._gui = server.gui
         self._server = server
         self._link = link

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.recording import Port, TailPort
+from stepbus_orchestrator.recording import PortInfo
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
 from stepbus_tools.viewing.render import pixels_of
@@ -25,10 +25,6 @@ Emit = Callable[[str, Any, int], None]
 """Takes a topic, its foxglove message and the time [ns]."""
 
 
-ConvertedPort = Port | TailPort
-"""A port of a recording, or of a run that is going."""
-
-
 class Conversion:
     """Converts a scene and messages. emit: takes what they become.
 
@@ -40,14 +36,14 @@ class Conversion:
         self._emit = emit
         self._frames = [frame for frame in scene.frames if not frame.is_ghost]
         self._parents = {frame.name: frame.parent for frame in self._frames}
-        self._converters: Mapping[type, Callable[[ConvertedPort, Any, int], None]] = {
+        self._converters: Mapping[type, Callable[[PortInfo, Any, int], None]] = {
             JointState: self._joints,
             JointReference: self._joints,
             Image: self._image,
             Event: self._event,
         }
 
-    def take(self, port: ConvertedPort, message: Message, t_ns: int) -> None:
+    def take(self, port: PortInfo, message: Message, t_ns: int) -> None:
         """Convert a message; one of another type becomes nothing."""
         convert = self._converters.get(type(message))
         if convert is not None:
@@ -96,7 +92,7 @@ class Conversion:
             indices=visual.mesh.faces.ravel().tolist(),
         )
 
-    def _joints(self, port: ConvertedPort, state: Any, t_ns: int) -> None:
+    def _joints(self, port: PortInfo, state: Any, t_ns: int) -> None:
         columns = {name: getattr(state, name, None) for name in ("position", "velocity", "effort")}
         rows = [
             self._types.JointState(
@@ -108,7 +104,7 @@ class Conversion:
         message = self._types.JointStates(timestamp=self._stamp(t_ns), joints=rows)
         self._emit(topic_of(port), message, t_ns)
 
-    def _image(self, port: ConvertedPort, image: Image, t_ns: int) -> None:
+    def _image(self, port: PortInfo, image: Image, t_ns: int) -> None:
         stream = io.BytesIO()
         try:
             pixels = np.ascontiguousarray(pixels_of(image))
@@ -123,7 +119,7 @@ class Conversion:
         )
         self._emit(topic_of(port), message, t_ns)
 
-    def _event(self, port: ConvertedPort, event: Event, t_ns: int) -> None:
+    def _event(self, port: PortInfo, event: Event, t_ns: int) -> None:
         message = self._types.Log(
             timestamp=self._stamp(t_ns),
             level=getattr(self._types.LogLevel, event.level.capitalize()),
@@ -136,7 +132,7 @@ class Conversion:
         return self._types.Timestamp(sec=t_ns // _NS, nsec=t_ns % _NS)
 
 
-def topic_of(port: ConvertedPort) -> str:
+def topic_of(port: PortInfo) -> str:
     """Return the topic of a port."""
     return f"/{port.participant}/{port.name}"
 

@@ -6,15 +6,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.recording import Port, Recording, Tail, TailPort
+from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
 from stepbus_schemas import Event, StepbusError
-from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion, ConvertedPort
+from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
 from stepbus_tools.viewing.foxglove_server import Row, Server
 from stepbus_tools.viewing.playback import History
 from stepbus_tools.viewing.run_client import FRAME_S, Link, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene import Messages, Scene, build_scene
 
-Happened = tuple[int, ConvertedPort, Event]
+Happened = tuple[int, PortInfo, Event]
 """Time [ns], port and event."""
 
 
@@ -24,7 +24,7 @@ class Feed:
     topics: of the ports that it shows, but for events.
     """
 
-    def __init__(self, server: Server, scene: Scene, ports: Mapping[str, ConvertedPort]) -> None:
+    def __init__(self, server: Server, scene: Scene, ports: Mapping[str, PortInfo]) -> None:
         self._server = server
         self._scene = scene
         self._shown = {p.topic: p for p in ports.values() if p.type in SHOWN}
@@ -83,7 +83,7 @@ def follow(server: Server, folder: Path, is_over: Callable[[], bool]) -> bool:
     return follow_run(folder, is_over, begin)
 
 
-def _happened(tail: Tail, port: TailPort) -> Iterator[Happened]:
+def _happened(tail: Tail, port: PortInfo) -> Iterator[Happened]:
     for step, data in tail.take_kept(port.topic):
         message = tail.decode(port.topic, data)
         if isinstance(message, Event):

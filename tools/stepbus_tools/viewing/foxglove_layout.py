@@ -6,14 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_tools.viewing.foxglove_conversion import WORLD, ConvertedPort, topic_of
+from stepbus_orchestrator.recording import PortInfo
+from stepbus_tools.viewing.foxglove_conversion import WORLD, topic_of
 from stepbus_tools.viewing.scene import Messages, Scene
 from stepbus_tools.viewing.stage.camera import bounds
 
 
-def layout_of(
-    scene: Scene, messages: Messages, ports: Sequence[ConvertedPort]
-) -> Mapping[str, Any]:
+def layout_of(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapping[str, Any]:
     """Return the layout of what a scene and ports are converted to. messages: place the scene."""
     joints = [port for port in ports if port.type == "JointState/1"]
     images = [port for port in ports if port.type == "Image/1"]

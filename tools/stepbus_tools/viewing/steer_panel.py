@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.recording import Tail, TailPort
+from stepbus_orchestrator.recording import PortInfo, Tail
 from stepbus_schemas import JointState
 from stepbus_tools.viewing.run_client import Link
 from stepbus_tools.viewing.scene import Messages
@@ -77,7 +77,7 @@ Offered = Mapping[str, Mapping[str, Any]]
 class Hands:
     """Sliders of joints, a handle at a body, orders, and emergency stop, where calls offer them."""
 
-    def __init__(self, server: Any, link: Link, ports: Mapping[str, TailPort], stage: Stage):
+    def __init__(self, server: Any, link: Link, ports: Mapping[str, PortInfo], stage: Stage):
         self._server = server
         self._gui = server.gui
         self._link = link
@@ -209,7 +209,7 @@ def _who(offered: Offered, method: str) -> Sequence[str]:
     return [name for name, methods in offered.items() if method in methods]
 
 
-def _limits(ports: Mapping[str, TailPort]) -> Iterator[tuple[str, float, float]]:
+def _limits(ports: Mapping[str, PortInfo]) -> Iterator[tuple[str, float, float]]:
     """Yield each measured joint with its limits; a turn where it has none."""
     seen = set()
     for port in ports.values():

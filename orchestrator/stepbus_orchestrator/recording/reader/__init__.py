@@ -2,9 +2,10 @@
 
 from stepbus_orchestrator.recording.reader.columns import BATCH_BYTES, Batch, raw_map
 
+from .descriptions import PortInfo
 from .port import Port
 from .recording import Recording
 from .source import Entry
-from .tail import Tail, TailPort
+from .tail import Tail
 
-__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "Recording", "Tail", "TailPort", "raw_map"]
+__all__ = ["BATCH_BYTES", "Batch", "Entry", "Port", "PortInfo", "Recording", "Tail", "raw_map"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
@@ -19,12 +19,20 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.recording.reader.port import Port
 
 
-def array_of(values: Sequence[Any]) -> NDArray[Any] | None:
+Column = list[Any] | NDArray[Any]
+"""The values of a field in consecutive messages."""
+
+
+def array_of(*pieces: Column) -> NDArray[Any] | None:
     """Return numbers and vectors of numbers as an array, anything else as one of objects.
 
     Shape (T,) for numbers, (T, n) for vectors, and so on. None where the values are absent in all
     messages, numbers in some, or where vectors change their length.
     """
+    read = [piece for piece in pieces if isinstance(piece, np.ndarray)]
+    if read and len(read) == len(pieces) and len({piece.shape[1:] for piece in read}) == 1:
+        return np.concatenate(read)
+    values = [value for piece in pieces for value in _listed(piece)]
     if values and all(value is None for value in values):
         return None
     if not values or any(_is_numeric(value) for value in values):
@@ -34,8 +42,12 @@ def array_of(values: Sequence[Any]) -> NDArray[Any] | None:
             return None
         return array if array.dtype.kind in "bif" else None
     objects = np.empty(len(values), dtype=object)
-    objects[:] = list(values)
+    objects[:] = values
     return objects
+
+
+def _listed(piece: Column) -> list[Any]:
+    return piece.tolist() if isinstance(piece, np.ndarray) else piece
 
 
 def _is_numeric(value: Any) -> bool:
@@ -70,23 +82,32 @@ BATCH_BYTES = 1024 * 1024
 class Batch:
     """The messages of one port in some consecutive steps.
 
-    steps: shape (m,). t: simulation time, shape (m,), [s].
+    steps: shape (m,). t_ns, t: simulation time, shape (m,), [ns] and [s].
     """
 
     def __init__(self, port: Port, rows: Sequence[Row]) -> None:
-        self._class = port.message_class
+        self._port = port
         self._data = [row[3] for row in rows]
         self.steps: NDArray[np.int64] = np.array([row[1] for row in rows], dtype=np.int64)
-        t_ns = np.array([row[2] for row in rows], dtype=np.int64)
-        self.t: NDArray[np.float64] = t_ns * np.float64(1e-9)
+        self.t_ns: NDArray[np.int64] = np.array([row[2] for row in rows], dtype=np.int64)
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Return the simulation time of each message, shape (m,), [s]."""
+        seconds: NDArray[np.float64] = self.t_ns * np.float64(1e-9)
+        return seconds
 
     def messages(self) -> Iterator[Message]:
         """Yield its messages; raises MessageError for one that is not of the port's type."""
-        return map(recorded_decoder(self._class), self._data)
+        return map(recorded_decoder(self._port.message_class), self._data)
+
+    def columns(self, fields: Sequence[str]) -> dict[str, Column]:
+        """Return some fields of its messages."""
+        return columns(self._port.message_class, self._data, fields) if fields else {}
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return some fields of its messages, as `Port.arrays` does."""
-        return columns(self._class, self._data, fields)
+        return {field: array_of(column) for field, column in self.columns(fields).items()}
 
 
 def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:
@@ -109,7 +130,7 @@ def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[
 
 
 def _taken(ports: Sequence[Port], rows_of: dict[str, list[Row]]) -> dict[str, Batch]:
-    """Return what was found, and empty it."""
+    """Return what has been collected, and empty it."""
     taken = {port.topic: Batch(port, rows_of[port.topic]) for port in ports}
     for rows in rows_of.values():
         rows.clear()
@@ -126,79 +147,64 @@ _raw_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
 
 def columns(
     cls: type[Message], messages: Sequence[bytes], fields: Sequence[str]
-) -> dict[str, NDArray[Any] | None]:
-    """Return fields of messages of one type, each as `array_of` returns its values.
+) -> dict[str, Column]:
+    """Return fields of messages of one type.
 
-    Raises MessageError for a message that is not of its type.
+    Messages that differ in their floats only are read at once. Raises MessageError for a message
+    that is not of its type.
     """
     decode = recorded_decoder(cls)
     first = decode(messages[0]) if messages else None
-    shape = _Shape.of(messages[0]) if messages else None
-    table = None if shape is None else shape.table(messages)
-    if first is None or shape is None or table is None:
-        decoded = [decode(data) for data in messages]
-        return {field: array_of(list(map(attrgetter(field), decoded))) for field in fields}
-    arrays = {field: shape.floats(table, field) for field in fields}
+    cells = _cells(messages[0]) if messages else None
+    table = None if cells is None else _table(messages, cells)
+    if cells is None or table is None:
+        decoded = list(map(decode, messages))
+        return {field: list(map(attrgetter(field), decoded)) for field in fields}
     return {
-        field: array_of([getattr(first, field)] * len(messages)) if values is None else values
-        for field, values in arrays.items()
+        field: table.take(cells[field], axis=1).view(">f8")[..., 0].astype(np.float64)
+        if field in cells
+        else [getattr(first, field)] * len(messages)
+        for field in fields
     }
 
 
-class _Shape:
-    """Where the floats of a message are: field → offset of the first one, how many in a vector.
+def _cells(message: bytes) -> dict[str, NDArray[np.intp]] | None:
+    """Return where the floats of a small map are; None of any other message.
 
-    A number that is not in a vector counts as −1.
+    Field → the places of the bytes of its number, shape (8,), or of those of its vector, (n, 8).
     """
-
-    def __init__(self, length: int, floats: dict[str, tuple[int, int]]) -> None:
-        self._length = length
-        self._floats = floats
-        self._is_same = np.ones(length, dtype=bool)
-        for start, count in floats.values():
-            for offset in range(start, start + abs(count) * _FLOAT_BYTES, _FLOAT_BYTES):
-                self._is_same[offset + 1 : offset + _FLOAT_BYTES] = False
-
-    @classmethod
-    def of(cls, message: bytes) -> _Shape | None:
-        """Return the shape of a message that is a small map; None of any other."""
-        fields = _raw_fields(message)
-        if not 0 < len(fields) <= _MOST_FIXED or message[0] != _FIX_MAP + len(fields):
+    fields = _raw_fields(message)
+    if not 0 < len(fields) <= _MOST_FIXED or message[0] != _FIX_MAP + len(fields):
+        return None
+    cells, offset, number = {}, 1, np.arange(1, _FLOAT_BYTES)
+    for name, raw in fields.items():
+        key, value = name.encode(), bytes(raw)
+        if len(key) > _MOST_KEY or message[offset] != _FIX_STR + len(key):
             return None
-        floats, offset = {}, 1
-        for name, raw in fields.items():
-            key = name.encode()
-            if len(key) > _MOST_KEY or message[offset] != _FIX_STR + len(key):
-                return None
-            offset += 1 + len(key)
-            for head, count in _vectors(bytes(raw)):
-                floats[name] = (offset + head, count)
-            offset += len(bytes(raw))
-        return cls(len(message), floats) if offset == len(message) else None
-
-    def table(self, messages: Sequence[bytes]) -> NDArray[np.uint8] | None:
-        """Return messages as rows of bytes; None when not all have this shape."""
-        if any(len(data) != self._length for data in messages):
-            return None
-        table = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(-1, self._length)
-        return table if (table[:, self._is_same] == table[0, self._is_same]).all() else None
-
-    def floats(self, table: NDArray[np.uint8], field: str) -> NDArray[np.float64] | None:
-        """Return a field of all rows; None for one that is the same in all of them."""
-        if field not in self._floats:
-            return None
-        start, count = self._floats[field]
-        cells = table[:, start : start + abs(count) * _FLOAT_BYTES]
-        numbers = np.ascontiguousarray(cells.reshape(len(table), -1, _FLOAT_BYTES)[:, :, 1:])
-        values = numbers.view(">f8")[:, :, 0].astype(np.float64)
-        return values[:, 0] if count < 0 else values
+        offset += 1 + len(key)
+        count = value[0] - _FIX_ARRAY
+        if value[0] == _FLOAT:
+            cells[name] = offset + number
+        elif (
+            0 < count <= _MOST_FIXED
+            and len(value) == 1 + count * _FLOAT_BYTES
+            and set(value[1::_FLOAT_BYTES]) == {_FLOAT}
+        ):
+            starts = np.arange(offset + 1, offset + len(value), _FLOAT_BYTES)
+            cells[name] = starts[:, np.newaxis] + number
+        offset += len(value)
+    return cells if offset == len(message) else None
 
 
-def _vectors(raw: bytes) -> Iterator[tuple[int, int]]:
-    """Yield where the floats of a field start, and their number, where it consists of them."""
-    if raw[0] == _FLOAT:
-        yield 0, -1
-    count = raw[0] - _FIX_ARRAY
-    has_room = 0 < count <= _MOST_FIXED and len(raw) == 1 + count * _FLOAT_BYTES
-    if has_room and set(raw[1::_FLOAT_BYTES]) == {_FLOAT}:
-        yield 1, count
+def _table(
+    messages: Sequence[bytes], cells: Mapping[str, NDArray[np.intp]]
+) -> NDArray[np.uint8] | None:
+    """Return messages as rows of bytes; None when they differ in more than these cells."""
+    length = len(messages[0])
+    if any(len(data) != length for data in messages):
+        return None
+    table = np.frombuffer(b"".join(messages), dtype=np.uint8).reshape(-1, length)
+    is_same = np.ones(length, dtype=bool)
+    for places in cells.values():
+        is_same[places] = False
+    return table if (table[:, is_same] == table[0, is_same]).all() else None

@@ -1,26 +1,25 @@
-"""The message types that a recording brings, from its schemas."""
+"""What a recording says of its ports before their first message: types, descriptions, names."""
 
 import contextlib
 import json
 from collections.abc import Mapping, Sequence
-from functools import cached_property
-from typing import Any
 
 import msgspec
+from mcap.records import Channel
 
 from stepbus_orchestrator.recording import layout
-from stepbus_participant.parameters import parse_yaml
+from stepbus_orchestrator.recording.index import Index
 from stepbus_schemas import (
     ENVELOPE_TYPES,
     MESSAGE_TYPES,
     Description,
-    StepbusError,
     Types,
     WiringError,
     declaration_of,
 )
 
 _NO_SCHEMA = (ValueError, LookupError, TypeError, AttributeError, RecursionError)
+_LOWEST = "lower"
 
 
 def recorded_types(schemas: Mapping[str, bytes]) -> Types:
@@ -38,43 +37,43 @@ def recorded_types(schemas: Mapping[str, bytes]) -> Types:
     return types
 
 
-_LOWEST = "lower"
-
-
-def read_description(text: str) -> Description:
+def description_of(channel: Channel) -> Description:
     """Return the description in a channel's metadata; raises ValueError when it is none."""
-    return msgspec.convert(_with_infinities(json.loads(text)), Description)
-
-
-def _with_infinities(value: object) -> object:
-    """Return JSON with infinite limits, which JSON can only write as null, put back.
-
-    A limit of null in `lower` is −∞, elsewhere +∞.
-    """
-    limits = value.get("limits") if isinstance(value, dict) else None
+    content = json.loads(channel.metadata.get(layout.DESCRIPTION_KEY, "{}"))
+    limits = content.get("limits") if isinstance(content, dict) else None
     if isinstance(limits, dict):
+        # JSON can only write infinity as null: one in `lower` is −∞, elsewhere +∞.
         for key, row in limits.items():
             if isinstance(row, list):
                 absent = float("-inf") if key == _LOWEST else float("inf")
                 limits[key] = [absent if item is None else item for item in row]
-    return value
+    return msgspec.convert(content, Description)
 
 
-class Names:
-    """The names of all ports, also where a port's description is `like` an input.
+class PortInfo:
+    """What a recording says of a port before its first message.
 
-    descriptions: by topic. attachments: with the scenario, which says where inputs come from.
+    topic: `participant/port`. type: `Name/major`. description: as its participant gave it.
+    descriptions: of all ports of the recording, by topic, this one included.
     """
 
     def __init__(
-        self, descriptions: Mapping[str, Description], attachments: Mapping[str, bytes]
+        self, index: Index, channel: Channel, descriptions: Mapping[str, Description]
     ) -> None:
+        self.topic = channel.topic
+        self.participant, self.name = layout.split_topic(channel.topic)
+        self.type = layout.type_of_schema(index.schemas.get(channel.schema_id, ""))
+        self.description = descriptions[channel.topic]
+        self._index = index
         self._descriptions = descriptions
-        self._attachments = attachments
 
-    def of(self, topic: str) -> Sequence[str]:
-        """Return the names of a port; none where nobody gave any."""
-        seen = set()
+    @property
+    def names(self) -> Sequence[str]:
+        """Return the names that the vectors of the port belong to, in their order.
+
+        Those of a port that is `like` an input are those of its source; none where nobody gave any.
+        """
+        topic, seen = self.topic, set[str]()
         while topic in self._descriptions and topic not in seen:
             seen.add(topic)
             description = self._descriptions[topic]
@@ -85,18 +84,8 @@ class Names:
 
     def _source_of(self, participant: str, name: str) -> str:
         try:
-            given = self._participants[participant]["inputs"][name]
+            given = self._index.scenario["participants"][participant]["inputs"][name]
             source = given["from"] if isinstance(given, dict) else given
             return layout.topic_of(*source.split(".", 1))
         except (KeyError, TypeError, AttributeError):
             return ""
-
-    @cached_property
-    def _participants(self) -> Mapping[str, Any]:
-        text = self._attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
-        try:
-            content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
-        except StepbusError:
-            return {}
-        participants = content.get("participants") if isinstance(content, dict) else None
-        return participants if isinstance(participants, dict) else {}

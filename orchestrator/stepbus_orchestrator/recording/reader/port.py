@@ -6,17 +6,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.layout import recorded_decoder
-from stepbus_orchestrator.recording.reader.columns import array_of, raw_map
-from stepbus_orchestrator.recording.reader.descriptions import Names
+from stepbus_orchestrator.recording.reader.columns import (
+    BATCH_BYTES,
+    Column,
+    array_of,
+    batches,
+    raw_map,
+)
+from stepbus_orchestrator.recording.reader.descriptions import PortInfo
 from stepbus_participant import suggest
-from stepbus_schemas import SHIPPED, Description, Message, Types, WiringError
+from stepbus_schemas import Description, Message, Types, WiringError
 
-from .source import LATEST_NS, Entry, Source
+from .source import Entry, Source
 
 
-class Port:
+class Port(PortInfo):
     """One recorded port: `port.position` is a field of all its messages as one array.
 
     topic: `participant/port`. type: `Name/major`. description: as its participant gave it.
@@ -27,29 +32,16 @@ class Port:
     def __init__(
         self,
         source: Source,
-        channels: frozenset[int],
-        *,
-        topic: str,
-        type_name: str,
-        description: Description,
-        names: Names,
-        types: Types = SHIPPED,
+        channels: Sequence[int],
+        descriptions: Mapping[str, Description],
+        types: Types,
     ) -> None:
-        self.topic = topic
-        self.participant, self.name = layout.split_topic(topic)
-        self.type = type_name
-        self.description = description
-        self._names = names
+        super().__init__(source.index, source.index.channels[channels[0]], descriptions)
         self._types = types
         self._source = source
-        self.channels = channels
+        self.channels = frozenset(channels)
         self._arrays: dict[str, NDArray[Any] | None] = {}
         self._clock: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Return the names that the vectors of the port belong to, in their order."""
-        return self._names.of(self.topic)
 
     @property
     def message_class(self) -> type[Message]:
@@ -64,12 +56,12 @@ class Port:
     @property
     def steps(self) -> NDArray[np.int64]:
         """Return the step of each message, shape (T,)."""
-        return self._times()[0]
+        return (self._clock or self._read(()))[0]
 
     @property
     def t_ns(self) -> NDArray[np.int64]:
         """Return the simulation time of each message, shape (T,), [ns]."""
-        return self._times()[1]
+        return (self._clock or self._read(()))[1]
 
     @property
     def t(self) -> NDArray[np.float64]:
@@ -80,7 +72,8 @@ class Port:
     @property
     def last_step(self) -> int:
         """Return the step of the last message; −1 without any. It reads one chunk."""
-        return self._source.last_step(self.channels)
+        last = self.last
+        return -1 if last is None else last.step
 
     def __len__(self) -> int:
         """Return the number of messages."""
@@ -97,7 +90,7 @@ class Port:
     @property
     def last(self) -> Entry | None:
         """Return its last message, undecoded; None without any. It reads one chunk."""
-        return self._source.latest(self.channels, LATEST_NS)
+        return self._source.latest(self.channels)
 
     def latest(self, t_ns: int) -> tuple[int, Message] | None:
         """Return (step, message) of the newest message at a time [ns] or before.
@@ -105,11 +98,9 @@ class Port:
         None without any. It reads one chunk. Raises as `messages`.
         """
         entry = self._source.latest(self.channels, t_ns)
-        return (
-            None
-            if entry is None
-            else (entry.step, recorded_decoder(self.message_class)(entry.data))
-        )
+        if entry is None:
+            return None
+        return entry.step, recorded_decoder(self.message_class)(entry.data)
 
     def messages(self) -> Iterator[tuple[int, Message]]:
         """Yield (step, message).
@@ -154,44 +145,30 @@ class Port:
 
     def __dir__(self) -> list[str]:
         """Return the attributes and the fields."""
-        return [*super().__dir__(), *self._fields()]
+        return [*super().__dir__(), *self.message_class.__struct_fields__]
 
     def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
         """Return several fields in one pass; None for one that has no array."""
         missing = [field for field in fields if field not in self._arrays]
+        known = self.message_class.__struct_fields__ if missing else ()
         for field in missing:
-            if field not in self._fields():
+            if field not in known:
                 raise WiringError(
-                    f"{self.topic} ({self.type}) has no field {field!r}"
-                    f"{suggest(field, self._fields())}"
+                    f"{self.topic} ({self.type}) has no field {field!r}{suggest(field, known)}"
                 )
         if missing:
             self._read(missing)
         return {field: self._arrays[field] for field in fields}
 
-    def _fields(self) -> tuple[str, ...]:
-        return self.message_class.__struct_fields__
-
-    def _read(self, fields: Sequence[str]) -> None:
-        columns: dict[str, list[Any]] = {field: [] for field in fields}
-        decode = recorded_decoder(self.message_class)
-        clock = []
-        for entry in self.entries():
-            message = decode(entry.data)
-            clock.append((entry.step, entry.t_ns))
-            for field, column in columns.items():
-                column.append(getattr(message, field))
-        self._keep_times(clock)
-        self._arrays |= {field: array_of(column) for field, column in columns.items()}
-
-    def _times(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        if self._clock is None:
-            return self._keep_times([(entry.step, entry.t_ns) for entry in self.entries()])
-        return self._clock
-
-    def _keep_times(
-        self, rows: Sequence[tuple[int, int]]
-    ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        clock = np.array(rows, dtype=np.int64).reshape(-1, 2)
-        self._clock = clock[:, 0], clock[:, 1]
+    def _read(self, fields: Sequence[str]) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Read fields of all messages, in pieces; return steps and times."""
+        pieces: dict[str, list[Column]] = {field: [] for field in fields}
+        steps, t_ns = ([np.empty(0, dtype=np.int64)] for _ in range(2))
+        for batch in (batch[self.topic] for batch in batches(self._source, [self], BATCH_BYTES)):
+            steps.append(batch.steps)
+            t_ns.append(batch.t_ns)
+            for field, column in batch.columns(fields).items():
+                pieces[field].append(column)
+        self._arrays |= {field: array_of(*columns) for field, columns in pieces.items()}
+        self._clock = np.concatenate(steps), np.concatenate(t_ns)
         return self._clock

@@ -9,14 +9,9 @@ from typing import Any, Self
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.holes import Holes
+from stepbus_orchestrator.recording.chains import Holes, messages_sha256
 from stepbus_orchestrator.recording.reader.columns import BATCH_BYTES, Batch, batches
-from stepbus_orchestrator.recording.reader.descriptions import (
-    Names,
-    read_description,
-    recorded_types,
-)
-from stepbus_orchestrator.recording.step_order import messages_sha256
+from stepbus_orchestrator.recording.reader.descriptions import description_of, recorded_types
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
@@ -119,10 +114,10 @@ class Recording:
         The hash chains prove that nothing else is, up to the last of them (P13.3).
         """
         if self._holes is None:
-            holes = Holes(self.attachments.get(layout.SCENARIO_ATTACHMENT))
-            channels = self._source.index.channels
+            index = self._source.index
+            holes = Holes(index.scenario)
             for channel, step, _, data in self._source.rows():
-                holes.take(channels[channel].topic, step, data)
+                holes.add(index.channels[channel].topic, step, data)
             self._holes = holes.end()
         return self._holes
 
@@ -176,35 +171,18 @@ class Recording:
         self.close()
 
     def _read_ports(self) -> dict[str, Port]:
-        index = self._source.index
-        by_topic: dict[str, list[int]] = {}
-        for number, channel in index.channels.items():
-            by_topic.setdefault(channel.topic, []).append(number)
-        descriptions = {topic: self._describe(topic, rows[0]) for topic, rows in by_topic.items()}
-        names = Names(descriptions, self.attachments)
+        numbers: dict[str, list[int]] = {}
+        descriptions: dict[str, Description] = {}
+        for number, channel in self._source.index.channels.items():
+            topic = channel.topic
+            numbers.setdefault(topic, []).append(number)
+            try:
+                descriptions.setdefault(topic, description_of(channel))
+            except ValueError as exc:
+                raise RecordingFailed(
+                    f"{self.path}: the description of {topic} cannot be read: {exc}"
+                ) from exc
         return {
-            topic: Port(
-                self._source,
-                frozenset(rows),
-                topic=topic,
-                type_name=self._type_of(rows[0]),
-                description=descriptions[topic],
-                names=names,
-                types=self.types,
-            )
-            for topic, rows in by_topic.items()
+            topic: Port(self._source, channels, descriptions, self.types)
+            for topic, channels in numbers.items()
         }
-
-    def _type_of(self, channel: int) -> str:
-        index = self._source.index
-        schema = index.schemas.get(index.channels[channel].schema_id, "")
-        return layout.type_of_schema(schema)
-
-    def _describe(self, topic: str, channel: int) -> Description:
-        metadata = self._source.index.channels[channel].metadata
-        try:
-            return read_description(metadata.get(layout.DESCRIPTION_KEY, "{}"))
-        except ValueError as exc:
-            raise RecordingFailed(
-                f"{self.path}: the description of {topic} cannot be read: {exc}"
-            ) from exc

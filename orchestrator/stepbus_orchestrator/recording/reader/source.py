@@ -2,30 +2,27 @@
 
 from __future__ import annotations
 
-import os
 import struct
-import weakref
 from bisect import bisect_right
-from collections import OrderedDict
 from collections.abc import Iterator
+from operator import attrgetter
 from pathlib import Path
 
 import msgspec
 from mcap.opcode import Opcode
 
-from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.index import Block, Index, read_summary
 from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
     DamagedRecord,
+    RecordFile,
     check_head,
     chunk_content,
 )
 from stepbus_orchestrator.recording.reserved_file import is_locked
-from stepbus_participant import open_regular
-
-from .index import Block, Index, read_index
+from stepbus_orchestrator.recording.scanner import Scanner
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1
@@ -45,16 +42,6 @@ class Entry(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     data: bytes
 
 
-def unreadable(path: Path, exc: OSError) -> str:
-    """Return why a recording cannot be opened, and what to give instead."""
-    text = f"{path} cannot be read: {exc.strerror or exc}"
-    if not isinstance(exc, FileNotFoundError):
-        return text
-    if path.parent.is_dir() and path.name == layout.RUN_FILE:
-        return f"{text}; {path.parent} is no folder of a run"
-    return f"{text}; give the folder of a run, e.g. runs/two_link-20260101-120000, or its run.mcap"
-
-
 class Source:
     """An open recording. damage: what is wrong with the file, as far as it was read.
 
@@ -64,32 +51,34 @@ class Source:
     """
 
     def __init__(self, path: Path) -> None:
-        self.path = path
-        try:
-            self._file = open_regular(path)
-        except OSError as exc:
-            raise RecordingFailed(unreadable(path, exc)) from exc
-        self.close = weakref.finalize(self, os.close, self._file)
-        self.is_live = is_locked(self._file)
+        self._file = RecordFile(path)
+        self.is_live = is_locked(self._file.descriptor)
+        self._loose = b""
         self.index = self._read_index()
         self.damage = self.index.damage
         self._blocks = self.index.blocks
         self._blocks_of: dict[frozenset[int], list[Block]] = {}
-        self._cache = _Cache()
+        # The blocks that were read last, by their offset: the ports of a recording share them.
+        self._cache: dict[int, bytes] = {}
+        self._cached_bytes = 0
         self._end_step = _ENDLESS
         self._cut_incomplete_step()
 
+    def close(self) -> None:
+        """Close the file; nothing more can be read."""
+        self._file.close()
+        self._cache.clear()
+
     def _read_index(self) -> Index:
         """Read the index, and with it what a run that goes on may replace any moment."""
-        self._loose = b""
         while True:
-            index = read_index(self.path, self._file)
+            index = read_summary(self._file) or _scanned(self._file)
             start = index.loose_from if self.is_live else None
             if start is None:
                 return index
-            self._loose = os.pread(self._file, os.fstat(self._file).st_size - start, start)
+            self._loose = self._file.read(start, self._file.size - start)
             # A chunk that has come in the meantime begins with another byte.
-            if os.pread(self._file, 1, start) == bytes((Opcode.MESSAGE,)):
+            if self._file.read(start, 1) == bytes((Opcode.MESSAGE,)):
                 return index
 
     def rows(self, channels: frozenset[int] | None = None) -> Iterator[Row]:
@@ -111,7 +100,7 @@ class Source:
         for _, step, t_ns, data in self.rows(channels):
             yield Entry(step=step, t_ns=t_ns, data=data)
 
-    def latest(self, channels: frozenset[int], t_ns: int) -> Entry | None:
+    def latest(self, channels: frozenset[int], t_ns: int = LATEST_NS) -> Entry | None:
         """Return the newest message of some channels at a time or before; None without any.
 
         It reads the one chunk that has it.
@@ -120,7 +109,7 @@ class Source:
         if blocks is None:
             blocks = [block for block in self._blocks if block.channels & channels]
             self._blocks_of[channels] = blocks
-        for number in range(bisect_right(blocks, t_ns, key=_start), 0, -1):
+        for number in range(bisect_right(blocks, t_ns, key=attrgetter("start_ns")), 0, -1):
             block = blocks[number - 1]
             try:
                 earlier = [row for row in self._in_block(block, channels) if row[2] <= t_ns]
@@ -130,19 +119,6 @@ class Source:
             if earlier:
                 return Entry(step=earlier[-1][1], t_ns=earlier[-1][2], data=earlier[-1][3])
         return None
-
-    def last_step(self, channels: frozenset[int]) -> int:
-        """Return the newest step of some channels; −1 without a message."""
-        for block in reversed(self._blocks):
-            if block.channels & channels:
-                try:
-                    steps = [step for _, step, _, _ in self._in_block(block, channels)]
-                except DamagedRecord as exc:
-                    self._end_before(block, exc)
-                    continue
-                if steps:
-                    return max(steps)
-        return -1
 
     def _cut_incomplete_step(self) -> None:
         """Leave out the last step where something of it may be missing, and say so.
@@ -169,43 +145,39 @@ class Source:
         self._blocks_of.clear()
 
     def _in_block(self, block: Block, channels: frozenset[int]) -> Iterator[Row]:
-        if not self.close.alive:
-            raise RecordingFailed(f"{self.path} is closed")
-        data = self._cache.get(block)
+        data = self._cache.pop(block.offset, None)
         if data is None:
             data = self._read(block)
-            self._cache.add(block, data)
+            self._cached_bytes += len(data)
+        self._cache[block.offset] = data
+        while self._cached_bytes > _CACHE_BYTES:
+            self._cached_bytes -= len(self._cache.pop(next(iter(self._cache))))
         rows = _messages(data, channels)
         return rows if self._end_step == _ENDLESS else self._below_the_end(rows)
 
     def _below_the_end(self, rows: Iterator[Row]) -> Iterator[Row]:
         return (row for row in rows if row[1] < self._end_step)
 
-    def _bytes_of(self, block: Block) -> bytes:
+    def _read(self, block: Block) -> bytes:
+        """Return the records of a block; raises DamagedRecord."""
         start = block.offset - (self.index.loose_from or 0)
         if self._loose and start >= 0:
             return self._loose[start : start + block.length]
-        return os.pread(self._file, block.length, block.offset)
-
-    def _read(self, block: Block) -> bytes:
-        """Return the records of a block; raises DamagedRecord."""
-        try:
-            data = self._bytes_of(block)
-        except OSError as exc:
-            raise RecordingFailed(f"{self.path} cannot be read: {exc.strerror or exc}") from exc
-        if len(data) != block.length:
-            raise DamagedRecord(f"the file ends inside the record at byte {block.offset}")
-        opcode, length = HEAD.unpack_from(data)
-        if length != block.length - HEAD.size:
+        opcode, content = self._file.record(block.offset)
+        if len(content) != block.length - HEAD.size:
             raise DamagedRecord(
                 f"the record at byte {block.offset} has another length than indexed"
             )
-        checked = self.index.is_ours
-        return chunk_content(data[HEAD.size :], checked=checked) if opcode == Opcode.CHUNK else data
+        if opcode == Opcode.CHUNK:
+            return chunk_content(content, checked=self.index.is_ours)
+        return HEAD.pack(opcode, len(content)) + content
 
 
-def _start(block: Block) -> int:
-    return block.start_ns
+def _scanned(file: RecordFile) -> Index:
+    scanner = Scanner(file)
+    for _ in scanner.records():
+        pass
+    return scanner.index
 
 
 def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
@@ -219,7 +191,8 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
         _, length, channel, step, t_ns, _ = unpack(data, offset)
         end = offset + HEAD.size + length
         if length < MESSAGE_HEAD.size or end > size or t_ns > LATEST_NS:
-            raise _corrupt(data, offset)
+            check_head(message, length, offset, size)
+            raise DamagedRecord(f"inside a chunk: a message of {length} bytes at {t_ns} ns")
         if channel in channels:
             yield channel, step, t_ns, data[offset + fixed : end]
         offset = end
@@ -227,45 +200,10 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
 
 def _skip(data: bytes, offset: int) -> int:
     """Return where a record ends that is no message; raises DamagedRecord."""
-    size = len(data)
-    if size - offset < HEAD.size:
+    if len(data) - offset < HEAD.size:
         raise DamagedRecord(f"inside a chunk: it ends in the head of the record at {offset}")
     opcode, length = HEAD.unpack_from(data, offset)
-    check_head(opcode, length, offset, size)
+    check_head(opcode, length, offset, len(data))
     if opcode == Opcode.MESSAGE:
-        raise _corrupt(data, offset)
+        raise DamagedRecord(f"inside a chunk: a message of {length} bytes")
     return offset + HEAD.size + int(length)
-
-
-def _corrupt(data: bytes, offset: int) -> DamagedRecord:
-    """Return what is wrong with a message."""
-    opcode, length = HEAD.unpack_from(data, offset)
-    try:
-        check_head(opcode, length, offset, len(data))
-    except DamagedRecord as exc:
-        return exc
-    if length < MESSAGE_HEAD.size:
-        return DamagedRecord(f"inside a chunk: a message of {length} bytes")
-    *_, t_ns, _ = _RECORD.unpack_from(data, offset)
-    return DamagedRecord(f"inside a chunk: a message has the time {t_ns} ns")
-
-
-class _Cache:
-    """The blocks that were read last: the ports of a recording share their chunks."""
-
-    def __init__(self) -> None:
-        self._blocks: OrderedDict[int, bytes] = OrderedDict()
-        self._size = 0
-
-    def get(self, block: Block) -> bytes | None:
-        data = self._blocks.get(block.offset)
-        if data is not None:
-            self._blocks.move_to_end(block.offset)
-        return data
-
-    def add(self, block: Block, data: bytes) -> None:
-        self._blocks[block.offset] = data
-        self._size += len(data)
-        while self._size > _CACHE_BYTES:
-            _, oldest = self._blocks.popitem(last=False)
-            self._size -= len(oldest)

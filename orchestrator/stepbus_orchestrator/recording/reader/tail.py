@@ -2,53 +2,33 @@
 
 from __future__ import annotations
 
-import os
-from collections.abc import Iterable, Iterator, Sequence
+import contextlib
+from collections.abc import Iterable
 from pathlib import Path
 
+from mcap import records as mcap
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Message, Schema
 
-from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.index import Index
 from stepbus_orchestrator.recording.reader.descriptions import (
-    Names,
-    read_description,
+    PortInfo,
+    description_of,
     recorded_types,
 )
 from stepbus_orchestrator.recording.records import (
     HEAD,
+    LOOSE,
     MAGIC,
-    STEP_END,
     DamagedRecord,
+    RecordFile,
     records_of,
+    split,
 )
-from stepbus_participant import open_regular
-from stepbus_schemas import Decoder, Description, MessageError, StepbusError, Types
-from stepbus_schemas import Message as PortMessage
-
-from .source import unreadable
+from stepbus_schemas import Decoder, Description, Message, MessageError, StepbusError, Types
 
 _SKIP_BYTES = 32 * 1024 * 1024
 """Of what is already there, so much of the end is read, and the beginning."""
 _FIRST_BYTES = 4 * 1024 * 1024
-_UNFINISHED = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, Opcode.MESSAGE))
-
-
-class TailPort:
-    """A port of a recording that is being written; as far as a `Port` describes it."""
-
-    def __init__(self, topic: str, type_name: str, description: Description, tail: Tail) -> None:
-        self.topic = topic
-        self.participant, self.name = layout.split_topic(topic)
-        self.type = type_name
-        self.description = description
-        self._tail = tail
-
-    @property
-    def names(self) -> Sequence[str]:
-        """Return the names that the vectors of the port belong to, in their order."""
-        return self._tail.names_of(self.topic)
 
 
 class Tail:
@@ -64,24 +44,22 @@ class Tail:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.ports: dict[str, TailPort] = {}
-        self.attachments: dict[str, bytes] = {}
+        self.ports: dict[str, PortInfo] = {}
         self.types: Types = recorded_types({})
         self.is_complete = False
-        self._schemas: dict[int, str] = {}
-        self._texts: dict[str, bytes] = {}
-        self._topics: dict[int, str] = {}
+        self.t_ns = 0
+        self._file = RecordFile(path)
+        self.close = self._file.close
+        self._index = Index()
+        self.attachments = self._index.attachments
+        self._descriptions: dict[str, Description] = {}
         self._newest: dict[str, tuple[int, bytes]] = {}
-        self._decoded: dict[str, tuple[int, PortMessage]] = {}
+        self._decoded: dict[str, tuple[int, Message]] = {}
         self._kept: dict[str, list[tuple[int, bytes]]] = {}
         self._position = len(MAGIC)
         self._taken = 0
-        self.t_ns = 0
+        """How many messages of the chunk at the position have been taken already."""
         self._skips = True
-        try:
-            self._file = open_regular(path)
-        except OSError as exc:
-            raise RecordingFailed(unreadable(path, exc)) from exc
 
     def keep(self, topics: Iterable[str]) -> None:
         """Keep every message of some topics from now on, until `take_kept`."""
@@ -97,96 +75,73 @@ class Tail:
 
     def poll(self) -> bool:
         """Take what is new; returns whether there was anything."""
-        size = os.fstat(self._file).st_size
         before = (self._position, self._taken)
-        while self._position < size and not self.is_complete and self._take_next(size):
+        size = self._file.size
+        while not self.is_complete and self._take_next(size):
             pass
         self._skips = False
         return before != (self._position, self._taken)
 
     def _take_next(self, size: int) -> bool:
-        """Take the record behind the last whole one; returns whether it is whole too."""
-        head = os.pread(self._file, HEAD.size, self._position)
+        """Take the record behind the last whole one; return whether it is whole too."""
+        start = self._position
+        head = self._file.read(start, HEAD.size)
         if len(head) < HEAD.size:
             return False
         opcode, length = HEAD.unpack(head)
-        if opcode in _UNFINISHED:
-            self._take_unfinished(size)
+        end = start + HEAD.size + length
+        if opcode in LOOSE:
+            records = _whole(self._file.read(start, size - start))
+            # The chunk may have come in their place in the meantime.
+            if self._file.read(start, HEAD.size) == head:
+                self._taken = max(self._taken, self._add(records))
             return False
-        end = self._position + HEAD.size + length
         if end > size:
             return False
-        if opcode == Opcode.DATA_END:
-            self.is_complete = True
-        elif not self._is_skipped(opcode, end, size) and not self._take_record(opcode, length):
-            return False
+        is_old = opcode == Opcode.CHUNK and _FIRST_BYTES < end < size - _SKIP_BYTES
+        if not (is_old and self._skips):
+            content = self._file.read(start + HEAD.size, length)
+            try:
+                self._add(list(records_of(opcode, content, checked=True)))
+            except DamagedRecord:
+                # It is just being written.
+                return False
+        self.is_complete = opcode == Opcode.DATA_END
         self._position = end
-        return True
-
-    def _is_skipped(self, opcode: int, end: int, size: int) -> bool:
-        """Return whether a chunk is old, of a recording that was long when it was first seen."""
-        is_old = _FIRST_BYTES < end < size - _SKIP_BYTES
-        return opcode == Opcode.CHUNK and self._skips and is_old
-
-    def _take_record(self, opcode: int, length: int) -> bool:
-        content = os.pread(self._file, length, self._position + HEAD.size)
-        try:
-            records = list(records_of(opcode, content, checked=True))
-        except DamagedRecord:
-            # It is just being written.
-            return False
-        messages = [record for record in records if isinstance(record, Message)]
-        self._add_all(records, messages[self._taken :])
         if opcode == Opcode.CHUNK:
             self._taken = 0
         return True
 
-    def _take_unfinished(self, size: int) -> None:
-        """Take the messages of the open chunk that stand behind the file's end."""
-        start = self._position
-        data = os.pread(self._file, size - start, start)
-        records = list(_whole_records(data))
-        # The chunk may have come in their place in the meantime.
-        if os.pread(self._file, HEAD.size, start) != data[: HEAD.size]:
-            return
-        messages = [record for record in records if isinstance(record, Message)]
-        self._add_all(records, messages[self._taken :])
-        self._taken = max(self._taken, len(messages))
-
-    def _add_all(self, records: Iterable[object], messages: Iterable[Message]) -> None:
+    def _add(self, records: Iterable[mcap.McapRecord]) -> int:
+        """Take records, and the messages among them that are new; return how many these all are."""
+        count = 0
         for record in records:
-            match record:
-                case Schema():
-                    self._schemas[record.id] = record.name
-                    if record.name not in self._texts:
-                        self._texts[record.name] = record.data
-                        self.types = recorded_types(self._texts)
-                case Channel() if record.id not in self._topics:
-                    self._add_channel(record)
-                case Attachment():
-                    self.attachments[record.name] = record.data
-        for message in messages:
-            topic = self._topics.get(message.channel_id)
-            if topic is not None:
-                self._newest[topic] = (message.sequence, message.data)
-                self.t_ns = max(self.t_ns, message.log_time)
-                if topic in self._kept:
-                    self._kept[topic].append((message.sequence, message.data))
+            if isinstance(record, mcap.Message):
+                count += 1
+                if count > self._taken and record.channel_id in self._index.channels:
+                    self._add_message(record)
+            elif not isinstance(record, mcap.Channel):
+                self._index.add(record)
+                if isinstance(record, mcap.Schema):
+                    self.types = recorded_types(self._index.schema_texts)
+            elif record.id not in self._index.channels:
+                self._index.add(record)
+                self._add_port(record)
+        return count
 
-    def _add_channel(self, record: Channel) -> None:
-        self._topics[record.id] = record.topic
-        type_name = layout.type_of_schema(self._schemas.get(record.schema_id, ""))
+    def _add_message(self, message: mcap.Message) -> None:
+        topic = self._index.channels[message.channel_id].topic
+        self._newest[topic] = (message.sequence, message.data)
+        self.t_ns = max(self.t_ns, message.log_time)
+        if topic in self._kept:
+            self._kept[topic].append((message.sequence, message.data))
+
+    def _add_port(self, channel: mcap.Channel) -> None:
         try:
-            text = record.metadata.get(layout.DESCRIPTION_KEY, "{}")
-            description = read_description(text)
+            self._descriptions[channel.topic] = description_of(channel)
         except ValueError:
-            description = Description()
-        self.ports[record.topic] = TailPort(record.topic, type_name, description, self)
-
-    def names_of(self, topic: str) -> Sequence[str]:
-        """Return the names that the vectors of a port belong to."""
-        descriptions = {name: port.description for name, port in self.ports.items()}
-        return Names(descriptions, self.attachments).of(topic)
+            self._descriptions[channel.topic] = Description()
+        self.ports[channel.topic] = PortInfo(self._index, channel, self._descriptions)
 
     @property
     def last_step(self) -> int:
@@ -202,7 +157,7 @@ class Tail:
         """Return the length of a step [ns], as the recording has it; 0 before step 1."""
         return self.t_ns // self.last_step if self.last_step > 0 else 0
 
-    def latest(self, topic: str) -> tuple[int, PortMessage] | None:
+    def latest(self, topic: str) -> tuple[int, Message] | None:
         """Return (step, message) of the newest message of a port; None without one to read."""
         if topic not in self._newest:
             return None
@@ -215,32 +170,18 @@ class Tail:
             known = self._decoded[topic] = (step, message)
         return known
 
-    def decode(self, topic: str, data: bytes) -> PortMessage | None:
+    def decode(self, topic: str, data: bytes) -> Message | None:
         """Return a message of a port; None for one that cannot be read."""
         try:
             return Decoder(self.types[self.ports[topic].type])(data)
         except (MessageError, StepbusError, KeyError):
             return None
 
-    def close(self) -> None:
-        """Close the file."""
-        if self._file >= 0:
-            os.close(self._file)
-            self._file = -1
 
-
-def _whole_records(data: bytes) -> Iterator[object]:
-    """Yield the records of a file's end, up to the first that is not whole."""
-    offset = 0
-    while len(data) - offset >= HEAD.size:
-        opcode, length = HEAD.unpack_from(data, offset)
-        start = offset + HEAD.size
-        offset = start + length
-        if opcode == STEP_END:
-            continue
-        if offset > len(data) or opcode not in _UNFINISHED:
-            return
-        try:
-            yield from records_of(opcode, data[start:offset])
-        except DamagedRecord:
-            return
+def _whole(data: bytes) -> list[mcap.McapRecord]:
+    """Return the records at a file's end, up to the first that is not whole."""
+    records: list[mcap.McapRecord] = []
+    with contextlib.suppress(DamagedRecord):
+        for opcode, content in split(data):
+            records += records_of(opcode, content)
+    return records

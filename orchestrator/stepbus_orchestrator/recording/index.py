@@ -1,0 +1,176 @@
+"""What a recording holds and where, without its messages.
+
+A complete recording says so in its summary section: that is read at once, however large the file
+is. Any other file is scanned from its beginning (`scanner.py`).
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+from mcap import records as mcap
+from mcap.opcode import Opcode
+
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.records import (
+    HEAD,
+    MAGIC,
+    DamagedRecord,
+    RecordFile,
+    records_of,
+    split,
+)
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import StepbusError
+
+_FOOTER = struct.Struct("<QQI")  # start of the summary, of its offsets, CRC
+_CHUNK_INDEX = struct.Struct("<QQQQI")  # two times, offset and length of the chunk, map bytes
+_MESSAGE_INDEX = struct.Struct("<HQ")
+_TAIL_BYTES = HEAD.size + _FOOTER.size + len(MAGIC)
+
+
+@dataclass(frozen=True, slots=True)
+class Block:
+    """A chunk, or a message outside of one: offset and length [bytes], channels in it.
+
+    start_ns: time of its first message [ns].
+    """
+
+    offset: int
+    length: int
+    channels: frozenset[int]
+    start_ns: int
+
+
+@dataclass(kw_only=True)
+class Index:
+    """What a recording holds.
+
+    damage: what is wrong with the file, empty when nothing is. ends_a_step: whether nothing of its
+    last step is missing, as far as that is known without reading its messages. loose_from: where
+    messages begin that are in no chunk yet, as the file was not closed.
+    """
+
+    schemas: dict[int, str] = field(default_factory=dict)
+    schema_texts: dict[str, bytes] = field(default_factory=dict)
+    channels: dict[int, mcap.Channel] = field(default_factory=dict)
+    blocks: list[Block] = field(default_factory=list)
+    attachments: dict[str, bytes] = field(default_factory=dict)
+    metadata: dict[str, Mapping[str, str]] = field(default_factory=dict)
+    library: str = ""
+    damage: str = ""
+    ends_a_step: bool = True
+    loose_from: int | None = None
+
+    @property
+    def is_ours(self) -> bool:
+        """Return whether we wrote it: everything in it has a checksum."""
+        return self.library in layout.LIBRARIES
+
+    @cached_property
+    def scenario(self) -> Mapping[str, Any]:
+        """Return the content of the recorded scenario; an empty one where it cannot be read."""
+        text = self.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
+        try:
+            content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
+        except StepbusError:
+            return {}
+        return content if isinstance(content, dict) else {}
+
+    def add(self, record: object) -> None:
+        """Add what a record says, unless it is a message."""
+        match record:
+            case mcap.Schema():
+                self.schemas[record.id] = record.name
+                self.schema_texts[record.name] = record.data
+            case mcap.Channel():
+                self.channels.setdefault(record.id, record)
+            case mcap.Attachment():
+                self.attachments[record.name] = record.data
+            case mcap.Metadata():
+                self.metadata[record.name] = record.metadata
+            case mcap.Header():
+                self.library = record.library
+
+
+def read_summary(file: RecordFile) -> Index | None:
+    """Return the index of a recording of ours; None where no summary says all of it."""
+    try:
+        return _read_summary(file)
+    except (DamagedRecord, ValueError, struct.error):
+        return None
+
+
+def _read_summary(file: RecordFile) -> Index | None:
+    section, index = _section(file), Index()
+    if section is None:
+        return None
+    _add_at(file, len(MAGIC), index)
+    if not index.is_ours:
+        return None
+    statistics: mcap.Statistics | None = None
+    attached: list[int] = []
+    for opcode, content in split(section):
+        if opcode == Opcode.CHUNK_INDEX:
+            index.blocks.append(_block(content, index.blocks))
+        for record in records_of(opcode, content):
+            match record:
+                case mcap.Statistics():
+                    statistics = record
+                case mcap.AttachmentIndex() | mcap.MetadataIndex():
+                    attached.append(record.offset)
+                case _:
+                    index.add(record)
+    if statistics is None or not _lists_all(index, len(attached), statistics):
+        return None
+    for offset in attached:
+        _add_at(file, offset, index)
+    index.ends_a_step = index.library == layout.LIBRARY
+    return index
+
+
+def _section(file: RecordFile) -> bytes | None:
+    """Return the summary section; None without one that has a checksum, and the right one."""
+    footer = file.size - _TAIL_BYTES
+    tail = file.read(max(0, footer), _TAIL_BYTES)
+    if len(tail) < _TAIL_BYTES or not tail.endswith(MAGIC):
+        return None
+    opcode, length = HEAD.unpack_from(tail)
+    start, _, crc = _FOOTER.unpack_from(tail, HEAD.size)
+    if opcode != Opcode.FOOTER or length != _FOOTER.size or not 0 < start <= footer or not crc:
+        return None
+    section = file.read(start, footer - start)
+    return section if zlib.crc32(tail[: HEAD.size + 16], zlib.crc32(section)) == crc else None
+
+
+def _add_at(file: RecordFile, offset: int, index: Index) -> None:
+    for record in records_of(*file.record(offset), checked=index.is_ours):
+        index.add(record)
+
+
+def _block(content: bytes, before: Sequence[Block]) -> Block:
+    start_ns, _, offset, length, size = _CHUNK_INDEX.unpack_from(content)
+    entries = content[_CHUNK_INDEX.size : _CHUNK_INDEX.size + size]
+    channels = frozenset(channel for channel, _ in _MESSAGE_INDEX.iter_unpack(entries))
+    # A long recording has many chunks and few sets of channels.
+    if before and channels == before[-1].channels:
+        channels = before[-1].channels
+    return Block(offset, length, channels, start_ns)
+
+
+def _lists_all(index: Index, attached: int, counted: mcap.Statistics) -> bool:
+    """Return whether a summary lists all that its statistics count."""
+    listed = (len(index.blocks), len(index.channels), attached)
+    expected = (
+        counted.chunk_count,
+        counted.channel_count,
+        counted.attachment_count + counted.metadata_count,
+    )
+    in_chunks = frozenset().union(*{block.channels for block in index.blocks})
+    with_messages = {channel for channel, n in counted.channel_message_counts.items() if n}
+    return listed == expected and in_chunks == with_messages
