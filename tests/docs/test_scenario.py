@@ -6,7 +6,7 @@ import pytest
 from support.paths import DOCS
 from support.runs.scenario import shipped, write
 
-from stepbus_orchestrator.scenario import builtin_names, files, load, resolved
+from stepbus_orchestrator.scenario import builtin_names, load, resolved
 from stepbus_orchestrator.scenario.declaration import ParticipantRow, ScenarioFile
 
 PAGE = (DOCS / "reference/scenario.md").read_text(encoding="utf-8")
@@ -28,7 +28,7 @@ def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_ships_with_stepbus_can_be_run_again_from_its_recording(name, tmp_path):
     scenario = shipped(name)
-    for path, file in files(scenario).items():
+    for path, file in scenario.files.items():
         write(tmp_path, file.read_text(encoding="utf-8"), path)
     again = load(write(tmp_path, resolved(scenario)))
-    assert (again, list(files(again))) == (scenario, list(files(scenario)))
+    assert (again, list(again.files)) == (scenario, list(scenario.files))

@@ -239,7 +239,7 @@ COMMAND = Command(
     "them, and has to publish what is recorded; the first that does not is named (exit code 10). "
     "Without a change, the new recording is the old one, byte for byte. A changed participant "
     "gets its recorded inputs too; its own outputs count from the step on. A recording contains "
-    "programs: those that you have not run here are shown first, and need a yes, or --trust.",
+    "programs: those that are not in your work tree are shown first; they need a yes, or --trust.",
     examples=(
         "stepbus branch run.mcap --at 1200",
         "stepbus branch run.mcap --at 6s --set controller.params.kp=90",

@@ -145,7 +145,7 @@ COMMAND = Command(
     description="Extracts the scenario and its files from a recording into <out>/source, runs "
     "them, and compares the new recording with the old one, byte for byte. Lists what differs on "
     "this machine. Exit code 0: every message is equal, 10: one differs. A recording contains "
-    "programs: those that you have not run here are shown first, and need a yes, or --trust.",
+    "programs: those that are not in your work tree are shown first; they need a yes, or --trust.",
     examples=(
         "stepbus rerun runs/two_link-20250101-120000/run.mcap",
         "stepbus rerun run.mcap --set window=1 --out /tmp/again",

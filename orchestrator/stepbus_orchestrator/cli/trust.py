@@ -33,7 +33,7 @@ def trusted_programs(
     """
     recording = Recording(args.recording)
     programs = programs_of(recording, participant, own_program=own_program, tree=tree)
-    if not (programs.is_harmless or args.trust):
+    if not (programs.is_yours or args.trust):
         _ask(args, programs, tree)
     return programs.fingerprint
 

@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay.recorded import replayable_steps
 from stepbus_orchestrator.replay.trust import recorded_programs
 from stepbus_orchestrator.replay.work_tree import WorkTree
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, files, load, low_latency
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, find_files, load, low_latency
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
@@ -87,7 +87,7 @@ def _from_tree(
     origin: Origin, scenario: Scenario, participant: str, tree: WorkTree, overrides: Sequence[str]
 ) -> Prepared:
     """Return a recorded scenario with one participant as it is in the work tree."""
-    names = [name for name in tree.participants() if name != participant]
+    names = [name for name in tree.programs if name != participant]
     unused = [f"{name}.exec={_NO_PROGRAM}" for name in names]
     today = load(tree.file, [*tree.overrides, *overrides, *unused])
     new, old = today.participant(participant), scenario.participant(participant)
@@ -100,7 +100,7 @@ def _from_tree(
         deadlines=new.deadlines,
     )
     specs = [spec if other is old else other for other in scenario.participants]
-    today_files = files(_with_programs(today, tree, names))
+    today_files = find_files(_with_programs(today, tree, names)).paths
     values = list(_changed_values(old, new))
     return Prepared(
         scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=tree.folder),
@@ -118,7 +118,7 @@ def _from_tree(
 def _with_programs(today: Scenario, tree: WorkTree, names: Sequence[str]) -> Scenario:
     """Return a scenario in which some participants have the programs that the file says."""
     specs = (
-        _with_program(spec, tree.program(spec.name)) if spec.name in names else spec
+        _with_program(spec, tree.programs[spec.name]) if spec.name in names else spec
         for spec in today.participants
     )
     return dataclasses.replace(today, participants=tuple(specs))

@@ -1,23 +1,22 @@
 """What a recording would start here, and whether you are asked: not for your work tree."""
 
 import shlex
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import PurePosixPath
+from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.replay.rerun import attached, fingerprint
-from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree
-from stepbus_orchestrator.scenario import ParticipantSpec, upgraded, written_program
+from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
+from stepbus_orchestrator.scenario import ParticipantSpec, builtin_folders, programs_in
+from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
-_DATA = frozenset(
-    (
-        *(".csv", ".dae", ".jpg", ".json", ".md", ".mtl", ".obj", ".png", ".srdf", ".stl", ".txt"),
-        *(".urdf", ".xml", ".yaml", ".yml"),
-    )
+_DATA = (
+    *(".csv", ".dae", ".jpg", ".json", ".md", ".mtl", ".obj", ".png", ".srdf", ".stl", ".txt"),
+    *(".urdf", ".xml", ".yaml", ".yml"),
 )
 """Files that no program of ours executes; a `.xacro` has expressions."""
 
@@ -28,18 +27,14 @@ class Programs:
 
     fingerprint: of all that it can start. commands: participant → its command line, or its class
     where that is in a file of the recording: installed ones are yours. files: from the recording,
-    which a program may execute. is_yours: whether all of it stands in your work tree like this.
+    which a program may execute. is_yours: whether all of it stands in your work tree like this, or
+    is installed.
     """
 
     fingerprint: str
-    commands: dict[str, tuple[str, ...]]
+    commands: Mapping[str, Sequence[str]]
     files: Sequence[str]
     is_yours: bool
-
-    @property
-    def is_harmless(self) -> bool:
-        """Return whether it may start unasked."""
-        return self.is_yours or not (self.commands or self.files)
 
     def lines(self) -> list[str]:
         """Return what would be started, one line each; no character of it controls a terminal."""
@@ -67,66 +62,68 @@ def programs_of(
     scenario, files = attached(recording)
     specs = recorded_programs(recording)
     code = {name: files[name] for name in files if PurePosixPath(name).suffix.lower() not in _DATA}
-    started = [name for name in specs if participant in {None, name} and not own_program]
     if tree is not None and participant is not None:
-        program = tree.program(participant)
-        return Programs(
-            fingerprint=fingerprint(scenario, files),
-            commands={participant: program.exec or (program.participant,)},
-            files=(f"those in {tree.folder}",),
-            is_yours=tree.is_yours,
+        commands = {participant: _command(tree.programs[participant])}
+        shown, is_own = [f"those in {tree.folder}"], tree.is_yours
+    else:
+        modules = {PurePosixPath(name).parts[0].removesuffix(".py") for name in code}
+        started = [] if own_program else [n for n in specs if participant in {None, n}]
+        commands = {n: _command(specs[n]) for n in started if _is_recorded(specs[n], modules)}
+        # An installed participant may execute a file too: the law of a controller is a class.
+        others = {name: content for name, content in code.items() if not _is_shipped(name, content)}
+        shown = list(code)
+        is_own = not (commands or others) or _stands_in_a_work_tree(
+            recording, specs if commands else {}, others
         )
-    commands = {
-        name: specs[name].exec or (specs[name].participant,)
-        for name in started
-        if specs[name].exec or _is_attached(specs[name].participant, code)
-    }
-    is_executed = bool(commands) or own_program
     return Programs(
-        fingerprint=fingerprint(scenario, files),
-        commands=commands,
-        files=list(code) if is_executed else [],
-        is_yours=is_executed and _stands_in_a_work_tree(recording, specs, code),
+        fingerprint=fingerprint(scenario, files), commands=commands, files=shown, is_yours=is_own
     )
 
 
-def _is_attached(named: str, code: Mapping[str, bytes]) -> bool:
-    """Return whether a class is in a file of the recording, and no installed one."""
-    source = named.rpartition(":")[0]
-    top = source.partition(".")[0]
-    return source.endswith(".py") or any(
-        name == f"{top}.py" or name.startswith(f"{top}/") for name in code
-    )
+def _command(spec: ParticipantSpec) -> Sequence[str]:
+    return spec.exec or (spec.participant,)
+
+
+def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
+    """Return whether a program is one of the recording, and no installed class."""
+    source = spec.participant.rpartition(":")[0]
+    return bool(spec.exec) or source.endswith(".py") or source.partition(".")[0] in modules
+
+
+def _is_shipped(name: str, content: bytes) -> bool:
+    """Return whether a file is that of an installed scenario."""
+    scenarios = (scenario for folder in builtin_folders() for scenario in folder.iterdir())
+    return any(_has(scenario / name, content) for scenario in scenarios)
 
 
 def _stands_in_a_work_tree(
     recording: Recording, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
 ) -> bool:
+    """Return whether a work tree of yours has the same programs, and the same files of code."""
     try:
-        tree = find_work_tree(recording, next(iter(specs), ""))
+        tree = find_work_tree(recording, next(iter(recorded_programs(recording)), ""))
     except WiringError:
         return False
-    return tree is not None and _is_in(tree, specs, code)
-
-
-def _is_in(tree: WorkTree, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]) -> bool:
-    """Return whether a work tree of yours has the same programs, and the same files of code."""
-    rows = tree.participants()
     return (
-        tree.is_yours
-        and rows.keys() == specs.keys()
-        and all(tree.program(name) == spec for name, spec in specs.items())
-        and all(tree.has(name, content) for name, content in code.items())
+        tree is not None
+        and tree.is_yours
+        and tree.programs == {**tree.programs, **specs}
+        and all(is_yours(tree.folder / n) and _has(tree.folder / n, c) for n, c in code.items())
     )
+
+
+def _has(path: Path, content: bytes) -> bool:
+    try:
+        return read_file(path) == content
+    except OSError:
+        return False
 
 
 def recorded_programs(recording: Recording) -> dict[str, ParticipantSpec]:
     """Return the class or program of each participant, as it is recorded; raises WiringError."""
     text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
-    content = parse_yaml(SCENARIO_ATTACHMENT, text)
     try:
-        rows = upgraded(content)["participants"].items()
-        return {name: written_program(name, row) for name, row in rows}
+        return programs_in(parse_yaml(SCENARIO_ATTACHMENT, text))
     except (KeyError, TypeError, AttributeError) as exc:
         raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is no scenario") from exc
 

@@ -13,7 +13,7 @@ from pathlib import Path
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.scenario import Scenario, files, format_fault, resolved
+from stepbus_orchestrator.scenario import Scenario, format_fault, resolved
 from stepbus_participant import make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"
@@ -69,7 +69,7 @@ def attach(file: McapFile, scenario: Scenario) -> None:
     Raises RecordingFailed when one of them cannot be
     read.
     """
-    text, contents = resolved(scenario).encode(), read_files(files(scenario))
+    text, contents = resolved(scenario).encode(), read_files(scenario.files)
     file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
     for name, content in contents.items():
         file.attach(layout.file_attachment(name), "application/octet-stream", content)

@@ -9,7 +9,7 @@ from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import attach
 from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.reports import Events
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule, left_out
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_participant import is_shared
 from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
 
@@ -145,7 +145,7 @@ class RunFiles:
     def warn_of_rerun(self) -> None:
         """Warn where a rerun would not find what the run started from."""
         if self._file is not None:
-            for what in left_out(self._scenario):
+            for what in self._scenario.left_out:
                 self._events.add_warning("recording", f"a rerun does not find {what}")
 
     def close(

@@ -3,6 +3,7 @@
 from stepbus_orchestrator.scenario.check import check_classes
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.files import find_files
 from stepbus_orchestrator.scenario.locate import builtin_folders, builtin_names
 from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missing
 from stepbus_participant.parameters import Problem
@@ -22,9 +23,10 @@ from .model import (
     Scenario,
     low_latency,
 )
-from .program import command, python_target, replaced_program, start_command, written_program
+from .override import override
+from .program import command, programs_in, replaced_program, start_command
 from .python_values import Overrides, override_texts, plain_value, yaml_text
-from .resolve import files, left_out, resolved
+from .resolve import resolved
 from .schedule import Schedule
 
 __all__ = [
@@ -52,20 +54,19 @@ __all__ = [
     "check_installed",
     "command",
     "faults_of",
-    "files",
+    "find_files",
     "format_fault",
-    "left_out",
     "load",
     "low_latency",
     "missing",
+    "override",
     "override_texts",
     "plain_value",
-    "python_target",
+    "programs_in",
     "read_data",
     "replaced_program",
     "resolved",
     "start_command",
     "upgraded",
-    "written_program",
     "yaml_text",
 ]

@@ -11,7 +11,6 @@ from functools import partial
 from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import PYTHON, check_class, check_command
 from stepbus_orchestrator.scenario.schedule import find_loops
-from stepbus_orchestrator.scenario.search import search_files
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
 from stepbus_schemas import Types, raw_problem
@@ -99,8 +98,6 @@ def check(scenario: Scenario, problems: Problems) -> None:
         if mistake:
             problems.add(("participants", spec.name, "bridge"), mistake)
     check_params(scenario, problems)
-    for keys, message in search_files(scenario).mistakes:
-        problems.add(keys, message)
 
 
 def _connection_mistake(

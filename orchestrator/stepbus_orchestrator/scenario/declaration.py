@@ -96,8 +96,8 @@ class ParticipantRow(Settings):
     ([bridge.md](../guide/writing/bridge.md))."""
 
     files: tuple[str, ...] = ()
-    """What it loads from the scenario's folder and nothing names: patterns and folders, such as
-    `[build/, "*.m"]`, recorded so that a run can be repeated from its recording."""
+    """What it loads beside [what is recorded anyway](#files): patterns and folders, such as
+    `[build/, "../data/*.csv"]`, so that a run can be repeated from its recording."""
 
     @classmethod
     def elsewhere(cls, key: str) -> str:

@@ -10,6 +10,7 @@ from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_extended
+from stepbus_orchestrator.scenario.files import find_files
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.override import add_faults, override
 from stepbus_orchestrator.scenario.template import instantiate
@@ -73,8 +74,13 @@ def _checked(
     problems = file.problems()
     scenario = build(upgraded(file.data), path, problems)
     check(scenario, problems)
+    found = find_files(scenario)
+    for keys, message in found.problems:
+        problems.add(keys, message)
     problems.refuse()
     if last_check is not None:
         last_check(scenario, problems)
         problems.refuse()
-    return dataclasses.replace(scenario, overrides=tuple(overrides))
+    return dataclasses.replace(
+        scenario, overrides=tuple(overrides), files=found.paths, left_out=found.left_out
+    )

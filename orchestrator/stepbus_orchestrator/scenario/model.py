@@ -3,7 +3,7 @@
 What stands in a file as it is here is declared as `Settings`; `declaration.py` has the rest.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any, Literal
@@ -156,7 +156,8 @@ class Scenario:
     state, 0: never. faults: what is done to it on purpose. types: message
     types, with its own that ports have. type_files: files of the scenario → the types that each
     declares. folder: what relative file names are relative to. file: where it was read from.
-    overrides: with which. Two scenarios are equal when all but `folder`, `file` and `overrides` is.
+    overrides: with which. files: what a recording of it holds, name → file; left_out: what it does
+    not, a sentence each. Two scenarios are equal when all before `folder` is.
     """
 
     name: str
@@ -174,6 +175,8 @@ class Scenario:
     folder: Path = field(compare=False)
     file: Path = field(compare=False)
     overrides: tuple[str, ...] = field(default=(), compare=False)
+    files: Mapping[str, Path] = field(default_factory=dict, compare=False)
+    left_out: Sequence[str] = field(default=(), compare=False)
 
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""

@@ -6,13 +6,14 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import Any
 
+from stepbus_orchestrator.scenario.earlier import upgraded
+from stepbus_orchestrator.scenario.files import is_file, is_folder
 from stepbus_orchestrator.scenario.packages import participant_classes
-from stepbus_orchestrator.scenario.paths import is_file, is_folder
 from stepbus_participant import extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
@@ -67,15 +68,18 @@ def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
     return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
 
 
-def written_program(name: str, row: Any) -> ParticipantSpec:
-    """Return a participant with the class or program only that its row in a file has."""
-    row = row if isinstance(row, dict) else {}
-    words = row.get("exec")
-    return ParticipantSpec(
-        name=name,
-        participant=str(row.get("participant") or ""),
-        exec=tuple(map(str, words)) if isinstance(words, list) else (),
-    )
+def programs_in(data: Mapping[str, Any]) -> dict[str, ParticipantSpec]:
+    """Return each participant of a file with the class or program only that its row has."""
+    programs = {}
+    for name, value in upgraded(data)["participants"].items():
+        row = value if isinstance(value, dict) else {}
+        words = row.get("exec")
+        programs[name] = ParticipantSpec(
+            name=name,
+            participant=str(row.get("participant") or ""),
+            exec=tuple(map(str, words)) if isinstance(words, list) else (),
+        )
+    return programs
 
 
 def replaced_program(

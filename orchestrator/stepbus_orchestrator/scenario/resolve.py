@@ -1,17 +1,14 @@
-"""What determines a run's result, as text and files, so that it can be run again from them."""
+"""What determines a run's result, as text, so that it can be run again from that."""
 
 import io
 import re
 import sys
-from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
 
-from stepbus_orchestrator.scenario.search import search_files
 from stepbus_participant import format_duration
 
 from .faults import format_fault
@@ -53,22 +50,6 @@ def resolved(scenario: Scenario) -> str:
     text = io.StringIO()
     yaml.dump(_scenario(scenario), text)
     return text.getvalue()
-
-
-def files(scenario: Scenario) -> Mapping[str, Path]:
-    """Return every file the scenario names, by its path relative to the scenario's folder, sorted.
-
-    These are: files that a participant declares in `files`, or its language loads from the folder
-    of its script; files named in `exec` and in `params`; files named in these, where they are YAML
-    or URDF and other XML; Python modules of the folder that are run, named as `module:Class`, or
-    imported by one of these.
-    """
-    return dict(sorted(search_files(scenario).files.items()))
-
-
-def left_out(scenario: Scenario) -> list[str]:
-    """Return a sentence for each file of the folder that a recording cannot hold."""
-    return search_files(scenario).left_out
 
 
 def _scenario(scenario: Scenario) -> dict[str, Any]:

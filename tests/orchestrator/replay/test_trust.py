@@ -93,20 +93,45 @@ def test_what_differs_from_the_work_tree_is_asked_for(recorded, tmp_path, change
         pytest.skip("only root can give a file to somebody else")
     else:
         os.chown(program, 12345, 12345)
-    assert not programs_of(Recording(recorded)).is_harmless
+    assert not programs_of(Recording(recorded)).is_yours
     assert cli.main(["replay", str(recorded), *REPLAY]) == ExitCode.UNTRUSTED
 
 
 def test_installed_classes_need_no_trust(two_link_recording, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert programs_of(Recording(two_link_recording)).is_harmless
+    assert programs_of(Recording(two_link_recording)).is_yours
     assert cli.main(["rerun", str(two_link_recording), "--out", "again"]) == 0
+
+
+LAW = """
+class Still:
+    def __init__(self, robot, params): pass
+    def torque(self, q, v, reference, dt): return 0 * q
+"""
+
+
+def test_a_law_in_a_file_is_code_of_the_recording_though_its_participant_is_installed(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    params = "{law: 'law:Still', kp: null, kd: null}"
+    (tmp_path / "arm").mkdir()
+    (tmp_path / "arm/law.py").write_text(LAW)
+    (tmp_path / "arm/scenario.yaml").write_text(
+        f"extends: two_link/pd\nname: arm\nduration: 50ms\nparticipants: {{controller: {{params: {params}}}}}\n"
+    )
+    assert cli.main(["run", "arm", "--no-report", "--in-process", "--out", "run"]) == 0
+    assert cli.main(["rerun", "run", "--out", "again"]) == 0
+    (tmp_path / "arm/law.py").write_text(LAW + "# changed")
+    capsys.readouterr()
+    assert cli.main(["rerun", "run", "--out", "third"]) == ExitCode.UNTRUSTED
+    assert "its files: law.py" in capsys.readouterr().err
 
 
 def test_a_program_of_ones_own_needs_trust_only_where_it_could_run_a_file(stranger):
     with_code = programs_of(Recording(stranger), "controller", own_program=True)
     assert (with_code.commands, list(with_code.files)) == ({}, ["joints.py"])
-    assert not with_code.is_harmless
+    assert not with_code.is_yours
 
 
 def test_a_program_of_ones_own_needs_no_trust_for_data(two_link_recording):

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from stepbus_kinematics import RobotModel
-from stepbus_orchestrator.scenario.names import names_in
 from stepbus_participant import read_urdf_text
 from stepbus_participant.urdf_check import Mimic, mimics, parse_urdf
 from stepbus_plant.params import Params
@@ -96,9 +95,3 @@ def test_a_joint_follows_another_one_as_in_a_urdf(tmp_path):
     path.write_text(text.replace('joint="shoulder"', 'joint="elbow"'))
     with pytest.raises(WiringError, match="follows joint 'elbow', which is none that moves"):
         read_urdf_text(path)
-
-
-def test_the_meshes_of_an_sdf_are_files_of_the_scenario(tmp_path):
-    path = tmp_path / "arm.sdf"
-    path.write_text("<sdf><uri>meshes/a.stl</uri><uri> model://arm/b.stl </uri></sdf>")
-    assert names_in(path) == ["meshes/a.stl", "package://arm/b.stl"]

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.replay.rerun import unpack_files
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario import Scenario, files, resolved
+from stepbus_orchestrator.scenario import Scenario, resolved
 from stepbus_participant import read_file, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.whole_file import replaced
@@ -64,7 +64,7 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
     a metric without a file, RecordingFailed for a file that cannot be read.
     """
     base = variants[0]
-    named = {name: path for variant in variants for name, path in files(variant).items()}
+    named = {name: path for variant in variants for name, path in variant.files.items()}
     modules: dict[str, bytes] = {}
     places: dict[str, str] = {}
     for number, text in enumerate(metrics):

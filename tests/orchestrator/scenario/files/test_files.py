@@ -1,9 +1,7 @@
 from __future__ import annotations
 
 import pytest
-from support.runs.scenario import changed, load_text, problem_of, problems_of, write
-
-from stepbus_orchestrator.scenario import files
+from support.runs.scenario import changed, load_text, problem_of, write
 
 
 def with_params(params):
@@ -11,7 +9,7 @@ def with_params(params):
 
 
 def names(folder, text):
-    return list(files(load_text(folder, text)))
+    return list(load_text(folder, text).files)
 
 
 def test_a_scenario_that_names_no_file_has_none(tmp_path):
@@ -22,38 +20,38 @@ def test_a_scenario_that_names_no_file_has_none(tmp_path):
 def test_files_are_keyed_by_their_path_in_the_folder_and_sorted(tmp_path):
     write(tmp_path, "", "b.csv")
     path = write(tmp_path, "", "a/c.csv")
-    found = files(load_text(tmp_path, with_params("path: b.csv, more: [{x: ./a/../a/c.csv}]")))
+    found = load_text(tmp_path, with_params("path: b.csv, more: [{x: ./a/../a/c.csv}]")).files
     assert list(found) == ["a/c.csv", "b.csv"]
     assert found["a/c.csv"].read_bytes() == path.read_bytes()
 
 
-def test_yaml_and_urdf_are_read_for_further_files(tmp_path):
-    write(tmp_path, "bodies: {arm: {urdf: arm.urdf}, x: {urdf: gone.urdf}}", "models/world.yaml")
-    mesh = """<robot><mesh filename="m/link.stl"/><mesh filename='package://x/y.stl'/></robot>"""
-    write(tmp_path, mesh, "models/arm.urdf")
-    write(tmp_path, "", "models/m/link.stl")
-    assert names(tmp_path, with_params("world: models/world.yaml")) == [
-        "models/arm.urdf",
-        "models/m/link.stl",
-        "models/world.yaml",
-    ]
+def test_one_file_of_the_folder_brings_all_that_lie_in_it(tmp_path):
+    for name in ("models/arm.urdf", "models/m/link.stl", "gains.csv", "own/laws.py"):
+        write(tmp_path, "", name)
+    everything = ["gains.csv", "models/arm.urdf", "models/m/link.stl", "own/laws.py"]
+    assert names(tmp_path, with_params("model: models/arm.urdf")) == everything
 
 
-def test_files_that_name_each_other_are_read_once(tmp_path):
-    write(tmp_path, "other: b.yaml", "a.yaml")
-    write(tmp_path, "other: a.yaml", "b.yaml")
-    assert names(tmp_path, with_params("a: a.yaml")) == ["a.yaml", "b.yaml"]
-
-
-def test_a_class_of_the_folder_brings_its_module_and_what_that_imports(tmp_path):
-    write(tmp_path, "import numpy, gains\nfrom own.laws import PD\n", "law.py")
-    write(tmp_path, "", "gains.py")
-    write(tmp_path, "", "own/__init__.py")
-    write(tmp_path, "", "own/laws.py")
-    write(tmp_path, "", "unused.py")
-    assert names(tmp_path, with_params("law: 'law:MyLaw'")) == [
+@pytest.mark.parametrize("law", ["law:MyLaw", "own.laws:PD"])
+def test_so_does_a_module_of_the_folder(tmp_path, law):
+    for name in ("gains.py", "law.py", "own/__init__.py", "own/laws.py"):
+        write(tmp_path, "", name)
+    assert names(tmp_path, with_params(f"law: '{law}'")) == [
         "gains.py", "law.py", "own/__init__.py", "own/laws.py",
     ]  # fmt: skip
+
+
+def test_what_runs_have_left_and_other_scenarios_do_not_belong_to_it(tmp_path):
+    own = ("law.py", "data.yaml", "sub/x.csv")
+    others = (
+        "old.mcap", "out/timing.mcap", "out/result.json", "runs/a/b.csv", "s/sweep.json", "s/x.csv",
+        "run.log", "README.md", ".hidden/x.py", ".env", "__pycache__/law.pyc", "build/x.o",
+        "venv/pyvenv.cfg", "venv/lib/x.py",
+    )  # fmt: skip
+    for name in (*own, *others):
+        write(tmp_path, "", name)
+    write(tmp_path, "participants: {}\n", "other.yaml")
+    assert names(tmp_path, with_params("law: 'law:MyLaw'")) == sorted(own)
 
 
 @pytest.mark.parametrize(
@@ -70,20 +68,45 @@ def test_programs_may_lie_elsewhere(tmp_path):
 
 
 def test_a_file_in_a_folder_beside_is_shared_by_scenarios(tmp_path):
-    write(tmp_path, "<robot/>", "models/arm.urdf")
-    write(tmp_path, "urdf: arm.urdf", "models/world.yaml")
-    text = with_params("world: ../models/world.yaml")
-    assert names(tmp_path / "inner", text) == ["../models/arm.urdf", "../models/world.yaml"]
+    for name in ("models/urdf/arm.urdf", "models/meshes/link.stl", "unused.csv"):
+        write(tmp_path, "", name)
+    text = with_params("world: ../models/urdf/arm.urdf")
+    shared = ["../models/meshes/link.stl", "../models/urdf/arm.urdf"]
+    assert names(tmp_path / "inner", text) == shared
+
+
+def test_a_file_in_the_folder_above_brings_that(tmp_path):
+    for name in ("world.yaml", "arm.urdf", "inner/own.py"):
+        write(tmp_path, "", name)
+    text = with_params("world: ../world.yaml")
+    assert names(tmp_path / "inner", text) == ["../arm.urdf", "../world.yaml", "own.py"]
 
 
 def test_a_package_that_is_a_folder_above_is_found_by_name(tmp_path):
-    mesh = '<robot><mesh filename="package://my_robot/m.stl"/></robot>'
-    write(tmp_path, mesh, "my_robot/urdf/arm.urdf")
+    write(tmp_path, "", "my_robot/urdf/arm.urdf")
     write(tmp_path, "", "my_robot/m.stl")
     text = with_params("model: package://my_robot/urdf/arm.urdf")
     assert names(tmp_path / "scenarios/inner", text) == [
         "../../my_robot/m.stl",
         "../../my_robot/urdf/arm.urdf",
+    ]
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        '<robot><mesh filename="package://my_gripper/m.stl"/></robot>',
+        "<sdf><uri> model://my_gripper/m.stl </uri></sdf>",
+    ],
+)
+def test_packages_that_files_name_are_found_too(tmp_path, mesh):
+    write(tmp_path, "urdf: package://my_robot/arm.urdf", "inner/world.yaml")
+    write(tmp_path, mesh, "my_robot/arm.urdf")
+    write(tmp_path, "", "my_gripper/m.stl")
+    assert names(tmp_path / "inner", with_params("world: world.yaml")) == [
+        "../my_gripper/m.stl",
+        "../my_robot/arm.urdf",
+        "world.yaml",
     ]
 
 
@@ -107,36 +130,6 @@ def test_an_absolute_path_into_the_folder_is_to_be_written_relative(tmp_path):
     assert f"write '{path}' as 'own.csv'" in problem_of(tmp_path, with_params(f"path: {path}"))
 
 
-def test_a_named_file_that_cannot_be_read_is_a_problem(tmp_path):
-    write(tmp_path, "a: 1\nb: [1\n", "world.yaml")
-    assert problem_of(tmp_path, with_params("world: world.yaml")).endswith(
-        "params.world: world.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'; a bracket is not closed"
-    )
-
-
 def test_what_cannot_be_a_file_name_is_none(tmp_path):
     long = "x" * 5000
     assert names(tmp_path, with_params(f'a: {long}, b: "\\0", c: ".", d: "", e: "x:y:z"')) == []
-
-
-@pytest.mark.parametrize(
-    ("name", "text", "message"),
-    [
-        ("world.yaml", "a: [1", ":1: not YAML"),
-        ("arm.urdf", "<robot>\n<mesh>", ":2: not XML: no element found"),
-        ("law.py", "x = 1\ndef f(:", ":2: not Python: invalid syntax"),
-    ],
-)
-def test_a_file_that_cannot_be_read_is_named_with_its_line(tmp_path, name, text, message):
-    write(tmp_path, text, name)
-    (found,) = problems_of(tmp_path, with_params(f"world: {name}"))
-    assert f"params.world: {name}{message}" in found
-
-
-def test_imports_are_found_wherever_they_stand(tmp_path):
-    write(
-        tmp_path, "def f():\n    from .b import x\n    import c.d as e\nfrom . import a\n", "law.py"
-    )
-    for name in ("a.py", "b.py", "c.py", "d.py"):
-        write(tmp_path, "", name)
-    assert names(tmp_path, with_params("law: 'law:Law'")) == ["a.py", "b.py", "c.py", "law.py"]

@@ -1,4 +1,4 @@
-"""What a program loads and nothing names is recorded: what lies beside it, or is declared."""
+"""What a program loads and nothing names is recorded: what lies in the folder, or is declared."""
 
 import os
 
@@ -6,7 +6,7 @@ import pytest
 from support.runs.scenario import changed, load_text, problems_of, write
 from support.tools import fake
 
-from stepbus_orchestrator.scenario import files, left_out, resolved
+from stepbus_orchestrator.scenario import resolved
 
 
 def started(exec_, more=""):
@@ -16,7 +16,7 @@ def started(exec_, more=""):
 
 
 def names(folder, exec_, more=""):
-    return list(files(load_text(folder, started(exec_, more))))
+    return list(load_text(folder, started(exec_, more)).files)
 
 
 def program(folder, name, text="", mode=0o644):
@@ -25,63 +25,59 @@ def program(folder, name, text="", mode=0o644):
     return path
 
 
-@pytest.mark.parametrize("exec_", ["[perl, own/c.pl]", "[perl, -w, own/c.pl]", "[./own/c.pl]"])
-def test_what_lies_below_the_folder_of_a_script_is_recorded(tmp_path, monkeypatch, exec_):
-    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
-    for name in (
-        "own/lib/PD.pm",
-        "own/gains.csv",
-        "own/.hidden/x.pm",
-        "own/runs/y.pm",
-        "beside.pm",
-    ):
-        program(tmp_path, name)
-    program(tmp_path, "own/c.pl", "#!/usr/bin/env perl\n", 0o755)
-    assert names(tmp_path, exec_) == ["own/c.pl", "own/gains.csv", "own/lib/PD.pm"]
-
-
-def test_folders_that_a_command_line_names_are_recorded(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
-    for name in ("lib/Gain/PD.pm", "own/c.pl", "other/x.pm"):
-        program(tmp_path, name)
-    assert names(tmp_path, "[perl, -Ilib, own/c.pl]") == ["lib/Gain/PD.pm", "own/c.pl"]
-
-
-def test_what_runs_have_left_and_other_scenarios_are_not_recorded(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "octave-cli")), prepend=os.pathsep)
-    for name in ("c.m", "+own/law.m", "data.csv", "old.mcap", "out/timing.mcap", "out/result.json"):
-        program(tmp_path, name)
-    program(tmp_path, "other.yaml", "participants: {}\n")
-    assert names(tmp_path, "[octave-cli, --quiet, c.m]") == ["+own/law.m", "c.m", "data.csv"]
-
-
-def test_a_compiled_program_takes_nothing_beside_it(tmp_path):
-    path = tmp_path / "control"
-    path.write_bytes(b"\x7fELF\0\0")
-    path.chmod(0o755)
-    program(tmp_path, "control.c")
-    assert names(tmp_path, "[./control]") == ["control"]
-
-
-def test_what_is_to_be_ignored_is_not_recorded(tmp_path, monkeypatch):
-    monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
-    for name in ("c.pl", "PD.pm", "video/a.mp4", "b.mp4"):
-        program(tmp_path, name)
-    program(tmp_path, ".stepbusignore", "# large\n*.mp4\n")
-    assert names(tmp_path, "[perl, c.pl]") == ["PD.pm", "c.pl"]
-
-
-def test_a_folder_with_too_much_in_it_is_told_and_not_recorded(tmp_path, monkeypatch):
+@pytest.fixture
+def perl(tmp_path, monkeypatch):
+    """Return a folder with a script in Perl; its interpreter is elsewhere."""
     monkeypatch.setenv("PATH", str(fake(tmp_path / ".bin", "perl")), prepend=os.pathsep)
     program(tmp_path, "c.pl")
-    with (tmp_path / "large.bin").open("wb") as file:
+    return tmp_path
+
+
+@pytest.mark.parametrize("exec_", ["[perl, own/c.pl]", "[perl, -Ilib, own/c.pl]", "[./own/c.pl]"])
+def test_what_lies_in_the_folder_of_a_script_is_recorded(perl, exec_):
+    for name in ("lib/Gain/PD.pm", "own/gains.csv", "own/runs/y.pm"):
+        program(perl, name)
+    program(perl, "own/c.pl", "#!/usr/bin/env perl\n", 0o755)
+    assert names(perl, exec_) == ["c.pl", "lib/Gain/PD.pm", "own/c.pl", "own/gains.csv"]
+
+
+def test_what_is_to_be_ignored_is_not_recorded(perl):
+    for name in ("PD.pm", "video/a.pm", "b.mp4", "old/sub/x.pm"):
+        program(perl, name)
+    program(perl, ".stepbusignore", "# large\n*.mp4\nvideo/\nold/sub\n")
+    assert names(perl, "[perl, c.pl]") == ["PD.pm", "c.pl"]
+
+
+def test_what_is_named_is_recorded_though_it_is_to_be_ignored(perl):
+    program(perl, "build/gains.csv")
+    program(perl, ".stepbusignore", "*\n")
+    assert names(perl, "[perl, c.pl, build/gains.csv]") == ["build/gains.csv", "c.pl"]
+
+
+def make_large(folder):
+    with (folder / "large.bin").open("wb") as file:
         file.truncate((16 << 20) + 1)
-    scenario = load_text(tmp_path, started("[perl, c.pl]"))
-    assert list(files(scenario)) == ["c.pl"]
-    (sentence,) = left_out(scenario)
-    assert sentence.startswith(
-        "what lies beside c.pl: more than 500 files, or 16 MiB; declare those"
-    )
+
+
+def test_a_folder_with_too_much_in_it_is_told_and_only_what_is_named_is_recorded(perl):
+    make_large(perl)
+    scenario = load_text(perl, started("[perl, c.pl]"))
+    assert list(scenario.files) == ["c.pl"]
+    (sentence,) = scenario.left_out
+    assert sentence.startswith(f"what lies in {perl}: more than 500 files, or 16 MiB; name what")
+
+
+def test_who_declares_files_is_not_told(perl):
+    make_large(perl)
+    program(perl, "lib/PD.pm")
+    scenario = load_text(perl, started("[perl, c.pl]", "files: [lib/]"))
+    assert (list(scenario.files), list(scenario.left_out)) == (["c.pl", "lib/PD.pm"], [])
+
+
+def test_many_files_are_too_many(perl):
+    for number in range(501):
+        (perl / f"{number}.txt").touch()
+    assert names(perl, "[perl, c.pl]") == ["c.pl"]
 
 
 def test_a_class_path_of_java_is_recorded(tmp_path):
@@ -90,12 +86,12 @@ def test_a_class_path_of_java_is_recorded(tmp_path):
     program(tmp_path, "java", "", 0o755)
     (tmp_path / "java").write_bytes(b"\x7fELF\0")
     assert names(tmp_path, "[./java, -cp, 'build:lib/*:x.jar', own.Controller]") == [
-        "build/own/Controller.class", "java", "lib/a.jar", "lib/notes.txt", "x.jar",
+        "build/own/Controller.class", "java", "lib/a.jar", "lib/notes.txt", "other.jar", "x.jar",
     ]  # fmt: skip
 
 
 def test_declared_files_and_folders_are_recorded(tmp_path):
-    for name in ("build/a.so", "build/deep/b.so", "one.dat", "two.dat", "readme"):
+    for name in ("build/a.so", "build/deep/b.so", "one.dat", "two.dat", "notes.txt"):
         program(tmp_path, name)
     assert names(tmp_path, "[sh, -c, pass]", "files: [build/, '*.dat']") == [
         "build/a.so", "build/deep/b.so", "one.dat", "two.dat",
@@ -120,8 +116,8 @@ def test_a_virtual_environment_is_named_and_not_recorded(tmp_path):
     program(tmp_path, "c.py")
     text = started("[.venv/bin/python, c.py]")
     scenario = load_text(tmp_path, text)
-    assert list(files(scenario)) == ["c.py"]
-    (sentence,) = left_out(scenario)
+    assert list(scenario.files) == ["c.py"]
+    (sentence,) = scenario.left_out
     assert sentence.startswith(".venv/bin/python: a virtual environment is not recorded; write its")
     absolute = load_text(tmp_path, started(f"[{tmp_path}/.venv/bin/python, c.py]"))
-    assert (list(files(absolute)), left_out(absolute)) == (["c.py"], [])
+    assert (list(absolute.files), list(absolute.left_out)) == (["c.py"], [])

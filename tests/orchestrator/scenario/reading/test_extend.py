@@ -4,7 +4,7 @@ import pytest
 from support.runs.scenario import changed, problem_of, problems_of, write
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import files, load
+from stepbus_orchestrator.scenario import load
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_base_in_another_folder_brings_its_files(tmp_path):
     scenario = load(tmp_path / "mine")
     assert scenario.participant("controller").params["own"] == [{"table": "../common/gains.csv"}]
     assert scenario.participant("plant").exec == ("python", "../common/main.py")
-    assert list(files(scenario)) == ["../common/gains.csv", "../common/main.py"]
+    assert list(scenario.files) == ["../common/gains.csv", "../common/main.py"]
 
 
 def test_the_values_of_a_template_in_another_folder_bring_their_files(tmp_path):
@@ -88,7 +88,7 @@ def test_a_scenario_that_ships_is_a_base_by_its_name(tmp_path):
     shipped = "package://stepbus_scenarios/two_link"
     assert scenario.participant("plant").params == {"world": f"{shipped}/world.yaml"}
     assert scenario.participant("controller").params["model"] == f"{shipped}/two_link.urdf"
-    assert list(files(scenario)) == []
+    assert list(scenario.files) == []
 
 
 def test_a_problem_in_another_folder_names_the_base_as_it_is_named(tmp_path):
