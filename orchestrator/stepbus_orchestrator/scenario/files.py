@@ -28,7 +28,7 @@ BUILT = ("__pycache__", "build", "node_modules", "runs", "site-packages", "sweep
 _IGNORED = (*BUILT, ".*", "*.ipynb", "*.log", "*.mcap", "*.md")
 _MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
 """A folder that has one of these is a virtual environment, a sweep or a run."""
-_SCENARIO = re.compile(rb"^(participants|extends)[ \t]*:", re.MULTILINE)
+_SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 _URL = re.compile(r"(?:package|model)://([\w.-]+/[^\s\"'<>,\]})]+)")
 _NAMING = (".sdf", ".srdf", ".urdf", ".xacro", ".xml", ".yaml", ".yml")
 """Files in which `package://` names others, or `model://`, as it is called in SDF."""
@@ -146,11 +146,18 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
 
 def _package_files(paths: Iterable[Path]) -> Iterator[Path]:
     """Yield the files of the user's packages that others name by `package://`."""
-    for path in paths:
-        if path.suffix.lower() in _NAMING and is_file(path):
-            urls = _URL.findall(read_file(path).decode(errors="replace"))
-            files = (_package_file(f"package://{u}", path.parent) for u in dict.fromkeys(urls))
-            yield from (file for file in files if file is not None)
+    for path in (path for path in paths if path.suffix.lower() in _NAMING):
+        urls = dict.fromkeys(_URL.findall(_text(path)))
+        files = (_package_file(f"package://{url}", path.parent) for url in urls)
+        yield from (file for file in files if file is not None)
+
+
+def _text(path: Path) -> str:
+    """Return the text of a file; nothing of one that cannot be read, or is too large for one."""
+    try:
+        return read_file(path, _MOST_BYTES).decode(errors="replace")
+    except OSError:
+        return ""
 
 
 def _package_file(url: str, folder: Path) -> Path | None:
@@ -196,8 +203,8 @@ def _is_ignored(path: Path, root: Path, patterns: Sequence[str]) -> bool:
 
 
 def _patterns(path: Path) -> list[str]:
-    lines = read_file(path).decode(errors="replace").splitlines() if is_file(path) else []
-    return [line.strip().removesuffix("/") for line in lines if line.strip() and line[0] != "#"]
+    lines = (line.strip() for line in _text(path).splitlines())
+    return [line.removesuffix("/") for line in lines if line and line[0] != "#"]
 
 
 def _take_declared(files: Files, spec: ParticipantSpec) -> None:
@@ -241,8 +248,5 @@ def is_folder(path: Path) -> bool:
 
 def is_scenario(path: Path) -> bool:
     """Return whether a YAML file has the keys of a scenario, or of a part of one."""
-    try:
-        is_yaml = path.suffix in {".yaml", ".yml"} and path.is_file()
-        return is_yaml and _SCENARIO.search(read_file(path)) is not None
-    except OSError:
-        return False
+    is_yaml = path.suffix in {".yaml", ".yml"} and is_file(path)
+    return is_yaml and _SCENARIO.search(_text(path)) is not None
