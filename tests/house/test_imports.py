@@ -27,7 +27,7 @@ EXPORTING = {
             "recording.timing", "replay", "replay.branch", "replay.recorded", "replay.rerun",
             "run.bus", "run.describe", "run.episode", "run.extension", "run.extensions.external",
             "run.extensions.pace", "run.extensions.real_time", "run.folder", "run.hosts",
-            "run.inprocess", "run.kernel.admission", "run.kernel.descriptions", "run.live_file",
+            "run.inprocess.local_run", "run.kernel.admission", "run.kernel.descriptions", "run.live_file",
             "run.reports", "run.result", "run.run_scenario", "scenario",
         )
     ),

@@ -11,7 +11,7 @@ import numpy as np
 
 from stepbus_orchestrator.processes.delays import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
-from stepbus_orchestrator.run.inprocess import check_scenario
+from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario

@@ -13,10 +13,10 @@ import threading
 import time
 from collections.abc import Mapping
 
-from stepbus_orchestrator.processes import turns
 from stepbus_orchestrator.processes.activity import children
-from stepbus_orchestrator.processes.turn_watchdog import TICK_S, TurnWatchdog, report
-from stepbus_orchestrator.processes.turns import Stage, Turns, Word
+from stepbus_orchestrator.run.inprocess import turns
+from stepbus_orchestrator.run.inprocess.turn_watchdog import TICK_S, TurnWatchdog
+from stepbus_orchestrator.run.inprocess.turns import CODE, INTERRUPTED, PULSE, TURN, Stage, Turns
 
 from .signals import SIGNALS
 
@@ -24,6 +24,7 @@ _INTERNAL = 1
 _VARIABLE = "STEPBUS_TURNS"
 """Set by the parent for its child alone, which takes it away at once."""
 _PR_SET_PDEATHSIG = 1
+_PR_SET_DUMPABLE = 4
 _PR_SET_CHILD_SUBREAPER = 36
 _ORPHANS_S = 2.0
 """How long killed processes may take to go; one in the middle of a disk access takes long [s]."""
@@ -49,7 +50,7 @@ def adopt() -> bool:
 def _beat(memory: Turns) -> None:
     """Show that Python's lock is to be had, for as long as this process lives."""
     while True:
-        memory.words[Word.PULSE] += 1
+        memory.words[PULSE] += 1
         time.sleep(TICK_S)
 
 
@@ -66,96 +67,87 @@ def supervise(environment: Mapping[str, str]) -> int:
     signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
     try:
-        file = turns.make_file()
-        pid = _start_again(file, environment, signals)
+        memory = Turns(turns.make_file())
+        os.set_inheritable(memory.file, True)
+        pid = os.posix_spawn(
+            sys.executable,
+            [sys.executable, *sys.orig_argv[1:]],
+            {**os.environ, **environment, _VARIABLE: f"{memory.file} {os.getpid()}"},
+            # It has no handlers yet: signals wait until it has.
+            setsigmask=signals,
+        )
     except OSError as exc:
         sys.stderr.write(
             f"stepbus: this command needs a process more: {exc.strerror} (ulimit -u, ulimit -f)\n"
         )
         return _INTERNAL
-    return _Supervisor(Turns(file), pid).work(signals)
+    watchdog = TurnWatchdog(memory, pid, is_owner=True)
+    code, is_killed = None, False
+    while code is None:
+        _pass_on(signal.sigtimedwait({*signals, signal.SIGCHLD}, TICK_S), memory, pid)
+        code = _reap(pid)
+        if code is None and not is_killed and watchdog.is_late():
+            is_killed = True
+            os.kill(pid, signal.SIGKILL)
+    _end_orphans()
+    # From here on, Ctrl-C ends it at once.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
+    return _concluded(memory, pid, code, watchdog if is_killed else None)
 
 
-def _start_again(file: int, environment: Mapping[str, str], signals: set[signal.Signals]) -> int:
-    os.set_inheritable(file, True)
-    return os.posix_spawn(
-        sys.executable,
-        [sys.executable, *sys.orig_argv[1:]],
-        {**os.environ, **environment, _VARIABLE: f"{file} {os.getpid()}"},
-        # It has no handlers yet: signals wait until it has.
-        setsigmask=signals,
-    )
+def _pass_on(info: signal.struct_siginfo | None, memory: Turns, pid: int) -> None:
+    if info is None or info.si_signo == signal.SIGCHLD:
+        return
+    memory.words[INTERRUPTED] = 1
+    if info.si_code != _FROM_KERNEL:
+        os.kill(pid, info.si_signo)
 
 
-class _Supervisor:
-    def __init__(self, memory: Turns, pid: int) -> None:
-        self._turns = memory
-        self._pid = pid
-        self._watchdog = TurnWatchdog(memory, pid, is_owner=True)
-        self._status: int | None = None
-        self._late = ""
+def _reap(child: int = 0) -> int | None:
+    """Take the exit codes of all that has ended, what others have left to us too; return one."""
+    code = None
+    with contextlib.suppress(ChildProcessError):
+        while (ended := os.waitpid(-1, os.WNOHANG))[0]:
+            if ended[0] == child:
+                code = os.waitstatus_to_exitcode(ended[1])
+    return code
 
-    def work(self, signals: set[signal.Signals]) -> int:
-        while self._status is None:
-            self._pass_on(signal.sigtimedwait({*signals, signal.SIGCHLD}, TICK_S))
-            self._reap()
-            is_running = self._status is None and not self._late
-            if is_running and self._watchdog.is_late() and self._watchdog.trace():
-                kind = "interrupted" if self._watchdog.is_interrupted else "late"
-                self._late = f"{kind} {self._watchdog.held_s:.1f}"
-                os.kill(self._pid, signal.SIGKILL)
-        self._end_orphans()
-        # From here on, Ctrl-C ends it at once.
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
-        return self._code(os.waitstatus_to_exitcode(self._status))
 
-    def _pass_on(self, info: signal.struct_siginfo | None) -> None:
-        if info is None or info.si_signo == signal.SIGCHLD:
+def _end_orphans() -> None:
+    """Kill what is left in our session; a process that has made its own means to stay."""
+    give_up = time.monotonic() + _ORPHANS_S
+    while time.monotonic() < give_up:
+        _reap()
+        pids = [pid for pid in children(os.getpid()) if os.getsid(pid) == os.getsid(0)]
+        if not pids:
             return
-        self._watchdog.is_interrupted = True
-        if info.si_code != _FROM_KERNEL:
-            os.kill(self._pid, info.si_signo)
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        time.sleep(_PAUSE_S)
 
-    def _reap(self) -> None:
-        """Take the exit codes of our child, and of what it has left to us."""
-        with contextlib.suppress(ChildProcessError):
-            while True:
-                pid, status = os.waitpid(-1, os.WNOHANG)
-                if pid == self._pid:
-                    self._status = status
-                if not pid:
-                    return
 
-    def _end_orphans(self) -> None:
-        """Kill what is left in our session; a process that has made its own means to stay."""
-        give_up = time.monotonic() + _ORPHANS_S
-        while time.monotonic() < give_up:
-            self._reap()
-            pids = [pid for pid in children(os.getpid()) if os.getsid(pid) == os.getsid(0)]
-            if not pids:
-                return
-            for pid in pids:
-                os.kill(pid, signal.SIGKILL)
-            time.sleep(_PAUSE_S)
+def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) -> int:
+    """Return the exit code of the command. killer: who has killed our child, where it was late."""
+    stage, turn = memory.stage, int(memory.words[TURN])
+    if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
+        return int(memory.words[CODE])
+    if killer is not None or (stage.is_run and turn):
+        from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
 
-    def _code(self, code: int) -> int:
-        words = self._turns.words
-        stage, turn = words[Word.STAGE], int(words[Word.TURN])
-        if self._late and stage == Stage.LEAVING and words[Word.CODE]:
-            return int(words[Word.CODE])
-        if self._late:
-            return report(self._turns, self._pid, self._watchdog.culprit, self._late)
-        if stage == Stage.RUNNING and turn:
-            how = f"signal {-code}" if code < 0 else f"exit {code}"
-            return report(self._turns, self._pid, turn, how)
-        if code < 0:
-            _die_of(-code)
+        from .output import visible  # noqa: PLC0415
+
+        culprit, held_s = (turn, None) if killer is None else (killer.culprit, killer.held_s)
+        code, text = conclude(memory, pid, culprit, held_s=held_s, code=code)
+        sys.stderr.write(visible(text))
         return code
+    if code < 0:
+        _die_of(-code)
+    return code
 
 
 def _die_of(number: int) -> None:
     """End as our child has ended, without a second core dump."""
-    ctypes.CDLL(None).prctl(4, 0)
+    ctypes.CDLL(None).prctl(_PR_SET_DUMPABLE, 0)
     if number != signal.SIGKILL:
         signal.signal(number, signal.SIG_DFL)
     signal.pthread_sigmask(signal.SIG_UNBLOCK, {number})

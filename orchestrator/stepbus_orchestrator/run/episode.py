@@ -9,13 +9,14 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 from types import FrameType
-from typing import Any, ClassVar
+from typing import Any
 
 from greenlet import getcurrent, greenlet
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.inprocess.local_run import HostedCaller
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import Scenario
@@ -23,13 +24,12 @@ from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 
 from .extensions.debug import Debug
-from .extensions.hosted_caller import HostedCaller, Room
 
 Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
 
 
-class Episode:
+class Episode(HostedCaller):
     """A run in one process, which waits at each step of one participant for its caller.
 
     The run is a greenlet of its own: `start` and `advance` let it work, in the thread of the
@@ -42,12 +42,8 @@ class Episode:
     caller and returns its answer. out: a new folder. is_recorded: whether the run is recorded
     there; its logs are there in any case.
 
-    step: the one that the participant waits at, or None. result: once the run is over.
+    step: the one that the participant waits at, or None.
     """
-
-    _open: ClassVar[set["Episode"]] = set()
-    _inside: ClassVar["Episode | None"] = None
-    _handler: ClassVar[Any] = None
 
     def __init__(
         self,
@@ -60,37 +56,28 @@ class Episode:
     ) -> None:
         self.name = name
         self.step: Step | None = None
-        self.result: Result | None = None
         self._make = make
         self._options = Options(
             out=out,
             host=InProcess(),
             is_recorded=is_recorded,
-            extensions=[HostedCaller(self), Debug(no_deadline=[name])],
+            extensions=[self, Debug(no_deadline=[name])],
         )
         # Nobody branches from an episode.
         self._scenario = dataclasses.replace(scenario, checkpoint_steps=0)
         self._interrupt = threading.Event()
-        self._run = greenlet(self._work)
+        self._greenlet = greenlet(self._work)
         self._caller = getcurrent()
-        self._thread = threading.get_ident()
-        self._is_main = threading.current_thread() is threading.main_thread()
-        self._pid = os.getpid()
-        self._room: Room | None = None
+        self._place = os.getpid(), threading.get_ident()
         self._queue: Queue | None = None
         self._answer: Any = None
         self._is_waiting = False
-        self._error: BaseException | None = None
+        self._outcome: Result | BaseException | None = None
 
     @property
     def recording(self) -> Path:
         """Return the path of run.mcap."""
         return self._options.out / layout.RUN_FILE
-
-    @classmethod
-    def left_open(cls) -> set["Episode"]:
-        """Return the episodes of the main thread that have not ended."""
-        return cls._open
 
     # --- the caller's side ----------------------------------------------------------------
 
@@ -99,7 +86,7 @@ class Episode:
 
         Raises RunFailure where it ends before.
         """
-        self._remember()
+        _ctrl_c.open(self)
         self._switch()
         return self._step()
 
@@ -118,132 +105,133 @@ class Episode:
 
         Raises RunFailure where a participant does not end as it should.
         """
-        if self.result is None:
+        if self._outcome is None:
             self._check()
-            if self._room is not None and self.step is not None:
-                self._room.ask_end(self.step.index, reason)
+            if self.local.state is not None and self.step is not None:
+                self.local.state.ask_end(self.step.index, reason)
             self._answer = _END
             self._switch()
         return self._ended()
 
     def abandon(self) -> None:
         """End the run if it goes on and can be ended from here; raises nothing of the run."""
-        is_ours = (os.getpid(), threading.get_ident()) == (self._pid, self._thread)
-        if self.result is None and self._error is None and self._is_waiting and is_ours:
+        is_ours = (os.getpid(), threading.get_ident()) == self._place
+        if self._outcome is None and self._is_waiting and is_ours:
             try:
                 self.end("abandoned")
             except (RunFailure, OSError):
                 return
 
     def _check(self) -> None:
-        if threading.get_ident() != self._thread:
+        if threading.get_ident() != self._place[1]:
             raise WiringError("an episode belongs to the thread that started it")
         if not self._is_waiting:
             raise WiringError("no episode is under way: reset the environment first")
 
     def _switch(self) -> None:
         """Let the run work until it needs us."""
-        self._caller = self._run.parent = getcurrent()
-        outer, Episode._inside = Episode._inside, self
+        self._caller = self._greenlet.parent = getcurrent()
+        outer, _ctrl_c.inside = _ctrl_c.inside, self._interrupt
         try:
-            self._run.switch()
+            self._greenlet.switch()
         finally:
-            Episode._inside = outer
-        if self._run.dead:
+            _ctrl_c.inside = outer
+        if self._greenlet.dead:
             self.step = None
-            self._forget()
+            _ctrl_c.close(self)
         if self._interrupt.is_set():
             self._interrupt.clear()
             raise KeyboardInterrupt
 
-    def _remember(self) -> None:
-        """Take Ctrl-C, as long as any episode is open: to set a handler takes as long as a step."""
-        if self._is_main:
-            if not Episode._open:
-                Episode._handler = signal.signal(signal.SIGINT, _take_interrupt)
-            Episode._open.add(self)
-
-    def _forget(self) -> None:
-        if self in Episode._open:
-            Episode._open.remove(self)
-            if not Episode._open and signal.getsignal(signal.SIGINT) is _take_interrupt:
-                signal.signal(signal.SIGINT, Episode._handler)
-
-    @classmethod
-    def take_interrupt(cls, number: int, frame: FrameType | None) -> None:
-        """Let Ctrl-C reach the caller, behind the step that is being made."""
-        if cls._handler is signal.SIG_IGN:
-            return
-        if cls._inside is not None:
-            cls._inside._interrupt.set()
-        elif callable(cls._handler):
-            cls._handler(number, frame)
-        else:
-            raise KeyboardInterrupt
-
     def _step(self) -> Step:
-        if self.step is None or self._run.dead:
+        if self.step is None or self._greenlet.dead:
             result = self._ended()
             raise RunFailure(f"the run ended at step {result.steps}: {result.reason}")
         return self.step
 
     def _ended(self) -> Result:
         self.step = None
-        if self._error is not None:
-            raise self._error
-        if self.result is None:
+        if isinstance(self._outcome, BaseException):
+            raise self._outcome
+        if self._outcome is None:
             raise WiringError("the run goes on")
-        return self.result.check()
+        return self._outcome.check()
 
     # --- the run's side -------------------------------------------------------------------
 
     def _work(self) -> None:
         try:
-            self.result = run(self._scenario, self._options, interrupt=self._interrupt)
+            self._outcome = run(self._scenario, self._options, interrupt=self._interrupt)
         except (StepbusError, OSError) as exc:
-            self._error = exc
-
-    def sit(self, room: Room) -> None:
-        """Take what the run gives."""
-        self._room = room
-        self._queue = room.queue()
+            self._outcome = exc
 
     def make(self, config: Config) -> Participant:
         """Return what takes part."""
-        return self._make(config, self._await_answer)
+        queue = self._queue = self.local.hub.queue()
 
-    def _await_answer(self, step: Step) -> Any:
-        """Wait, in the participant's turn, for what the caller answers a step with."""
-        if self._queue is None:
-            raise WiringError("no run has begun")
-        self.step = step
-        self._is_waiting = True
-        answer = self._queue.get()  # no time-out: the caller steps when it likes
-        if answer is _END:
-            raise StepsOver
-        return answer
+        def await_answer(step: Step) -> Any:
+            """Wait, in the participant's turn, for what the caller answers a step with."""
+            self.step = step
+            self._is_waiting = True
+            answer = queue.get()  # no time-out: the caller steps when it likes
+            if answer is _END:
+                raise StepsOver
+            return answer
+
+        return self._make(config, await_answer)
 
     def away(self) -> bool:
         """Let the caller work, where the participant waits for it."""
-        if not self._is_waiting or self._room is None or self._queue is None:
+        if not self._is_waiting or self._queue is None:
             return False
         left = time.monotonic()
-        self._room.leave()
+        self.local.leave()
         self._caller.switch()
-        self._room.enter(time.monotonic() - left)
+        self.local.enter(time.monotonic() - left)
         self._is_waiting = False
         self._queue.put(self._answer)
         return True
 
 
-def _take_interrupt(number: int, frame: FrameType | None) -> None:
-    Episode.take_interrupt(number, frame)
+class _CtrlC:
+    """Handles Ctrl-C as long as any episode of the main thread is open: it comes behind the step.
+
+    To set a handler at each step would take as long as a step. inside: is set by Ctrl-C in a step.
+    """
+
+    def __init__(self) -> None:
+        self.inside: threading.Event | None = None
+        self.episodes: set[Episode] = set()
+        self._before: Any = None
+
+    def open(self, episode: Episode) -> None:
+        if threading.current_thread() is threading.main_thread():
+            if not self.episodes:
+                self._before = signal.signal(signal.SIGINT, self._handle)
+            self.episodes.add(episode)
+
+    def close(self, episode: Episode) -> None:
+        if episode in self.episodes:
+            self.episodes.remove(episode)
+            if not self.episodes and signal.getsignal(signal.SIGINT) == self._handle:
+                signal.signal(signal.SIGINT, self._before)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        if self._before is signal.SIG_IGN:
+            return
+        if self.inside is not None:
+            self.inside.set()
+        elif callable(self._before):
+            self._before(number, frame)
+        else:
+            raise KeyboardInterrupt
 
 
+_ctrl_c = _CtrlC()
+
+
+@atexit.register
 def _end_all() -> None:
     """End what was left open, so that no folder of it stays."""
-    for episode in list(Episode.left_open()):
+    for episode in list(_ctrl_c.episodes):
         episode.abandon()
-
-
-atexit.register(_end_all)

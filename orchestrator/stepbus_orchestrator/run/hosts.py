@@ -8,7 +8,6 @@ from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
-from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
@@ -113,33 +112,15 @@ class InProcess:
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
-        from stepbus_orchestrator.run.inprocess import check_scenario  # noqa: PLC0415
+        from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
         check_scenario(scenario)
 
     @contextlib.contextmanager
     def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
         """Put the process in order for participants, and back at the end."""
-        from stepbus_orchestrator.run.inprocess import (  # noqa: PLC0415
-            NATIVE_LOG,
-            LocalRun,
-            ScenarioModules,
-            Surroundings,
-        )
+        from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        folder = opening.scenario.folder
-        sources = (spec.participant.rpartition(":")[0] for spec in opening.scenario.participants)
-        modules = ScenarioModules(folder, [name for name in sources if name.endswith(".py")])
-        local = LocalRun(opening, modules, self.start_order)
-        native_log = opening.logs / NATIVE_LOG if self.owns_descriptors else None
-        with contextlib.ExitStack() as stack:
-            try:
-                around = Surroundings(folder, modules, local.guard, native_log)
-                stack.enter_context(around)
-            except OSError as exc:
-                raise StartFailed(
-                    f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
-                    "works in the scenario's folder, and logs to the run's"
-                ) from exc
-            stack.enter_context(local.watched(around))
+        local = LocalRun(opening, self.start_order, self.clock)
+        with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

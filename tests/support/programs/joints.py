@@ -43,8 +43,8 @@ def go_wrong(fault: str) -> None:
         raise Mute
     if fault == "surrogate":
         raise ValueError("the knee \ud800")
-    if fault == "exit":
-        os._exit(3)
+    if fault in {"exit", "leave"}:
+        (os._exit if fault == "exit" else sys.exit)(3)
     if fault == "kill":
         os.kill(os.getpid(), signal.SIGKILL)
     if fault == "stop":

@@ -89,7 +89,7 @@ def leave_pool() -> None:
 
 
 def leave_exit() -> None:
-    atexit.register(time.sleep, LONG_S)
+    atexit.register(sleep)
 
 
 def leave_exit_with_lock() -> None:

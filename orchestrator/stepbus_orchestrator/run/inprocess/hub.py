@@ -7,7 +7,7 @@ where waking another thread or process costs ten and more.
 
 from __future__ import annotations
 
-import time
+import threading
 from collections import deque
 from collections.abc import Callable
 from queue import Empty
@@ -15,24 +15,36 @@ from typing import Any
 
 from greenlet import getcurrent, greenlet
 
+from stepbus_participant import Clock
+
 _IDLE_S = 0.01
 """How often a hub with nothing to do checks whether a signal has come [s]."""
 
 
 class Turn:
-    """One participant's share of the thread.
+    """One participant's share of the thread. It starts at the root's next wait.
 
-    work: what it does until its end. enter, leave: are called around each turn.
+    A subclass says what it does until its end, and what is done around each turn.
     """
 
-    def __init__(self, hub: Hub, work: Callable[[], None]) -> None:
-        self.enter: Callable[[], None] = _nothing
-        self.leave: Callable[[], None] = _nothing
+    def __init__(self, hub: Hub) -> None:
         self.deadline_s: float | None = None
         self.has_expired = False
         self.is_ready = False
-        self._hub = hub
-        self._greenlet = greenlet(work)
+        self.hub = hub
+        self._greenlet = greenlet(self.work)
+        hub.turns.append(self)
+        hub.let_go_on(self)
+
+    def work(self) -> None:
+        """Take part, until the end."""
+        raise NotImplementedError
+
+    def enter(self) -> None:
+        """Begin a turn."""
+
+    def leave(self) -> None:
+        """End a turn."""
 
     @property
     def is_running(self) -> bool:
@@ -46,7 +58,7 @@ class Turn:
 
     def take(self, *raised: BaseException) -> None:
         """Work until the next wait, or the end; raised: by its wait, to end it."""
-        hub = self._hub
+        hub = self.hub
         hub.current = self
         self.is_ready, self.deadline_s = False, None
         self.enter()
@@ -64,30 +76,26 @@ class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
     current: whose turn it is. before: is called before participants get their turns. away: is
-    called where nobody can go on; returns whether it has let somebody. Its creator is the root: it
-    gets the thread back where nobody can go on, and when its own queue has something.
+    called where nobody can go on; returns whether it has let somebody. threads: those that live.
+    Its creator is the root: it gets the thread back where nobody can go on, and when its own queue
+    has something.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, clock: Clock) -> None:
+        self.clock = clock
         self.current: Turn | None = None
-        self.before: Callable[[], None] = _nothing
-        self.away: Callable[[], bool] = _false
-        self.ready: deque[Turn] = deque()
+        self.before: Callable[[], None] = lambda: None
+        self.away: Callable[[], bool] = lambda: False
+        self.turns: list[Turn] = []
+        self.threads: set[threading.Thread] = set()
+        self._ready: deque[Turn] = deque()
         self._root = getcurrent()
-        self._turns: list[Turn] = []
-
-    def add(self, work: Callable[[], None]) -> Turn:
-        """Let a participant start at the root's next wait."""
-        turn = Turn(self, work)
-        self._turns.append(turn)
-        self.let_go_on(turn)
-        return turn
 
     def let_go_on(self, turn: Turn) -> None:
         """Give a participant its turn behind all who have one already."""
         if not turn.is_ready:
             turn.is_ready = True
-            self.ready.append(turn)
+            self._ready.append(turn)
 
     def queue(self) -> HubQueue:
         """Return a queue whose readers take turns."""
@@ -95,40 +103,34 @@ class Hub:
 
     def end(self, turn: Turn, raised: BaseException) -> None:
         """End a participant that waits, by what its wait raises."""
-        if turn in self.ready:
-            self.ready.remove(turn)
+        if turn in self._ready:
+            self._ready.remove(turn)
         if not turn.is_over:
             self.before()
             turn.take(raised)
 
-    def work(self) -> None:
-        """Let everybody work who can; returns when nobody can."""
-        self.before()
-        ready = self.ready
-        while ready:
-            ready.popleft().take()
-
-    def wait(self, timeout_s: float | None) -> None:
+    def wait(self, turn: Turn, timeout_s: float | None) -> None:
         """Wait in the turn of a participant; its queue, or the time-out, ends that."""
-        turn = self.current
-        if turn is None:
-            raise RuntimeError("only a participant waits in a turn")
         if timeout_s is not None:
-            turn.deadline_s = time.monotonic() + timeout_s
+            turn.deadline_s = self.clock.monotonic() + timeout_s
         self._root.switch()
 
-    def rest(self, until_s: float, has_come: Callable[[], bool]) -> None:
-        """Let everybody work, and the root rest, until something has come or the time has."""
+    def rest(self, timeout_s: float | None, has_come: Callable[[], bool]) -> None:
+        """Let everybody work, and the root rest, until something has come or the time is over."""
+        monotonic, ready = self.clock.monotonic, self._ready
+        until_s = float("inf") if timeout_s is None else monotonic() + timeout_s
         while True:
-            self.work()
+            self.before()
+            while ready:
+                ready.popleft().take()
             if has_come():
                 return
             if self.away() or self._expire():
                 continue
-            now = time.monotonic()
+            now = monotonic()
             if now >= until_s:
                 return
-            time.sleep(min(_IDLE_S, until_s - now))
+            self.clock.sleep(min(_IDLE_S, until_s - now))
 
     def _expire(self) -> bool:
         """Let those go on whose time-out is over; return whether there are any.
@@ -136,16 +138,15 @@ class Hub:
         Where nobody can go on, nothing more comes in time: the first time-out after a message is
         over at once. Later ones take their time, lest two who wait for each other spin.
         """
-        now = 0.0
-        for turn in self._turns:
+        now = self.clock.monotonic()
+        for turn in self.turns:
             if turn.deadline_s is None:
                 continue
-            now = now or time.monotonic()
             if not turn.has_expired or now >= turn.deadline_s:
                 turn.has_expired = True
                 self.let_go_on(turn)
-        self._turns = [turn for turn in self._turns if not turn.is_over]
-        return bool(self.ready)
+        self.turns = [turn for turn in self.turns if not turn.is_over]
+        return bool(self._ready)
 
 
 class HubQueue:
@@ -167,27 +168,22 @@ class HubQueue:
 
     def get(self, block: bool = True, timeout: float | None = None) -> Any:
         """Return the oldest item; raises Empty after the time-out [s]."""
-        items = self._items
-        if not items and block:
-            self._wait(timeout)
-        if not items:
-            raise Empty
-        return items.popleft()
+        if not self._items:
+            if block:
+                self._wait(timeout)
+            if not self._items:
+                raise Empty
+        return self._items.popleft()
 
     def _wait(self, timeout_s: float | None) -> None:
-        hub = self._hub
-        if hub.current is None:
-            until_s = float("inf") if timeout_s is None else time.monotonic() + timeout_s
-            hub.rest(until_s, self._has_items)
+        reader = self._reader = self._hub.current
+        if reader is None:
+            self._hub.rest(timeout_s, lambda: bool(self._items))
             return
-        self._reader = hub.current
         try:
-            hub.wait(timeout_s)
+            self._hub.wait(reader, timeout_s)
         finally:
             self._reader = None
-
-    def _has_items(self) -> bool:
-        return bool(self._items)
 
     def empty(self) -> bool:
         """Return whether there is no item."""
@@ -196,12 +192,3 @@ class HubQueue:
     def qsize(self) -> int:
         """Return how many items there are."""
         return len(self._items)
-
-
-def _nothing() -> None:
-    """Do nothing."""
-
-
-def _false() -> bool:
-    """Return that nobody can go on."""
-    return False

@@ -1,194 +1,248 @@
 """The strategy of a run in one process: every participant is hosted here."""
 
 import contextlib
-import math
+import dataclasses
+import importlib
 import os
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
-from stepbus_orchestrator.processes.turns import MOST, Row, Turns, Word
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.run.extensions.hosted_caller import HostedCaller, Room, Seat
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.host import NoPeers, Opening, ready_descriptions
+from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
-from stepbus_orchestrator.run.inprocess.program import ScenarioModules, check_programs, program_of
-from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
-from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.inprocess.surroundings import (
+    NATIVE_LOG,
+    ScenarioModules,
+    Surroundings,
+)
+from stepbus_orchestrator.run.inprocess.turns import MOST, STAGE, Stage
+from stepbus_orchestrator.run.inprocess.watch import Watch
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import (
     PROCESS_FAULTS,
+    Deadlines,
     ParticipantSpec,
     Scenario,
     faults_of,
     format_fault,
+    start_command,
 )
-from stepbus_participant import Endpoint, LoopbackBus, Ticket
+from stepbus_participant import (
+    Clock,
+    Config,
+    Endpoint,
+    LoopbackBus,
+    Participant,
+    Ticket,
+    import_participant,
+    main,
+)
 from stepbus_schemas import WiringError
 
-from .guard import Belongings, Guard
-from .hub import Hub
-from .surroundings import NATIVE_LOG, Surroundings
-from .watch import Watch, traced, watched_from_outside
+_BRIDGE = ("stepbus", "bridge")
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def check_scenario(scenario: Scenario) -> None:
     """Raise WiringError for a scenario that cannot run in one process, with every reason."""
+    leave_out = f"leave out {argument('--in-process')}"
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
             f"{', '.join(external)}: a participant that somebody else starts has a process of its "
-            f"own; leave out {argument('--in-process')}"
+            f"own; {leave_out}"
         )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:
         texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
-        raise WiringError(
-            f"{texts}: a fault of a process needs one; leave out {argument('--in-process')}"
-        )
-    check_programs(scenario)
+        raise WiringError(f"{texts}: a fault of a process needs one; {leave_out}")
+    problems = [
+        f"participants.{spec.name}: `{' '.join(spec.exec)}` is a program of its own; "
+        f"{_remedy(spec)}{leave_out}"
+        for spec in scenario.participants
+        if not spec.participant and spec.bridge is None and spec.exec[:2] != _BRIDGE
+    ]
+    if problems:
+        raise WiringError("\n".join(problems))
+
+
+def _remedy(spec: ParticipantSpec) -> str:
+    """Return what to write instead of a program in Python."""
+    if spec.exec[:1] != ("python",):
+        return ""
+    files = [word for word in spec.exec if word.endswith(".py")]
+    name = f"{files[0]}:CLASS" if files else "MODULE:CLASS"
+    return f"write `participant: {name}` instead of `exec`, with the name of its class, or "
+
+
+class HostedCaller(RunExtension):
+    """The caller of a run, who takes part in the place of a program, and ends it.
+
+    name: of the participant. local: the run in one process.
+    """
+
+    name: str
+    local: "LocalRun"
+
+    def make(self, config: Config) -> Participant:
+        """Return what takes part."""
+        raise NotImplementedError
+
+    def away(self) -> bool:
+        """Work where nobody else can; return whether somebody can now."""
+        raise NotImplementedError
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return the scenario without an end: the caller sees the outcome of the last step."""
+        return dataclasses.replace(scenario, steps=None)
 
 
 class LocalRun:
     """Hosts all participants in this process; none is played.
 
-    modules: of the scenario's folder. start_order: names, in the order in which they begin.
-
-    bus: the orchestrator's, whose network the participants join. guard: keeps what one does to
-    this process from the others.
+    start_order: names, in the order in which they begin. bus: the orchestrator's, whose network
+    the participants join.
     """
 
     mesh = None
     """They need no endpoints."""
 
-    def __init__(
-        self, opening: Opening, modules: ScenarioModules, start_order: Sequence[str] | None
-    ) -> None:
+    def __init__(self, opening: Opening, start_order: Sequence[str] | None, clock: Clock) -> None:
         self.peers = NoPeers()
-        self.hub = Hub()
+        self.hub = Hub(clock)
         self.hub.before = self._before
-        self.bus = LoopbackBus(make_queue=self.hub.queue)
-        self.hosted: dict[str, HostedParticipant] = {}
+        self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
+        self.state: RunState | None = None
         self._opening = opening
-        self._logs = opening.logs
         self._start_order = start_order
         callers = (item for item in opening.extensions if isinstance(item, HostedCaller))
-        self._seat = next((item.seat for item in callers), None)
-        self._modules = modules
-        self.guard = Guard(self._running, self._belongings)
-        self._pid = os.getpid()
-        self._state: RunState | None = None
-        self._turns: Turns
+        self._caller = next(callers, None)
+        folder, specs = opening.scenario.folder, opening.scenario.participants
+        files = [spec.participant.rpartition(":")[0] for spec in specs]
+        self._modules = ScenarioModules(folder, [file for file in files if file.endswith(".py")])
+        self._surroundings = Surroundings(folder, self._modules, self._owner)
+        self._hosted: list[HostedParticipant] = []
+        self._watch: Watch
         self._reaper: Reaper | None = None
+        self._pid, self._thread_id = os.getpid(), threading.get_ident()
+        self._is_main = threading.current_thread() is threading.main_thread()
+        self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
-    def watched(self, around: Surroundings) -> Iterator[None]:
-        """Watch the participants' deadlines; end all that are left.
-
-        around: what they find around them, which is put back while whoever has a seat works.
-        """
+    def opened(self, *, owns_descriptors: bool) -> Iterator["LocalRun"]:
+        """Put the process in order for participants; at the end, end them, and put it back."""
+        native_log = self._opening.logs / NATIVE_LOG
         with contextlib.ExitStack() as stack:
-            self._turns = stack.enter_context(watched_from_outside())
-            logs = [BoundedLog(self._logs / NATIVE_LOG)]
-            watch = Watch(
-                self._current, self._limit_s, self._opening.interrupt.is_set, self._turns, logs
+            try:
+                stack.enter_context(
+                    self._surroundings.around(native_log if owns_descriptors else None)
+                )
+            except OSError as exc:
+                raise StartFailed(
+                    f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
+                    "works in the scenario's folder, and logs to the run's"
+                ) from exc
+            self._watch = Watch(
+                self._current, self._opening.interrupt.is_set, [BoundedLog(native_log)]
             )
-            stack.callback(watch.close)
-            stack.enter_context(traced(self._turns))
+            stack.callback(self._watch.close)
             stack.callback(self._end_all)
-            if self._seat is not None:
-                self._offer(self._seat, around)
-            yield
+            if self._is_main:
+                handlers = {number: signal.getsignal(number) for number in _SIGNALS}
+                # Those that are None are not Python's.
+                self._handlers = {
+                    number: item for number, item in handlers.items() if item is not None
+                }
+            if self._caller is not None:
+                self._caller.local, self.hub.away = self, self._caller.away
+            yield self
 
     def _end_all(self) -> None:
-        for hosted in self.hosted.values():
+        for hosted in self._hosted:
             hosted.end()
         if self._reaper is not None:
             self._reaper.end()
-        for hosted in self.hosted.values():
-            if hosted.belongings.has_threads():
-                self._turns.words[Word.LEFT] = hosted.number
 
-    def _running(self) -> Belongings | None:
-        """Return what the participant has whose code runs now."""
-        running = (hosted for hosted in self.hosted.values() if hosted.is_running())
-        return next((hosted.belongings for hosted in running), None)
+    def leave(self) -> None:
+        """Let our caller find the process as it was."""
+        self._surroundings.leave()
 
-    def _belongings(self) -> list[Belongings]:
-        return [hosted.belongings for hosted in self.hosted.values()]
+    def enter(self, away_s: float) -> None:
+        """Put in place again what participants find; away_s: how long our caller worked [s]."""
+        self._surroundings.enter()
+        if self.state is not None:
+            self.state.away_s += away_s
 
-    def _offer(self, seat: Seat, around: Surroundings) -> None:
-        """Let a participant of our caller take part."""
+    # --- who has the thread -----------------------------------------------------------------
 
-        def enter(away_s: float) -> None:
-            around.enter()
-            if self._state is not None:
-                self._state.away_s += away_s
+    def _current(self) -> HostedParticipant | None:
+        """Return who has the thread of the run, also to other threads."""
+        turn = self.hub.current
+        return turn if isinstance(turn, HostedParticipant) else None
 
-        def ask_end(step: int, reason: str) -> None:
-            if self._state is not None:
-                self._state.ask_end(step, reason)
-
-        seat.sit(Room(queue=self.hub.queue, ask_end=ask_end, leave=around.leave, enter=enter))
-        self.hub.away = seat.away
-
-    def _take_program(self, group: int) -> None:
-        """Let a program that a participant has started not outlive us."""
-        if self._reaper is None:
-            self._reaper = Reaper(private_folder())
-        self._reaper.watch(group)
-
-    def _current(self) -> tuple[HostedParticipant, int] | None:
-        for hosted in self.hosted.values():
-            if hosted.has_thread():
-                return hosted, int(self._turns.words[Row.PUBLISHED + hosted.number])
-        return None
-
-    def _limit_s(self, name: str) -> float:
-        return self._limit(name)[0]
-
-    def _limit(self, name: str) -> tuple[float, int]:
-        """Return how long a participant may keep the thread [s], and by which of `DEADLINES`."""
-        if self._state is None:
-            return math.inf, 0
-        participant = self._state.participants[name]
-        deadlines = participant.spec.deadlines
-        if self._state.phase.is_stopping:
-            return deadlines.stop_s, 2
-        if participant.phase < Phase.READY:
-            return deadlines.spawn_s + deadlines.join_s + deadlines.ready_s, 0
-        return deadlines.step_s, 1
+    def _owner(self) -> HostedParticipant | None:
+        """Return whose code runs on this thread; None: that of nobody who takes part."""
+        if os.getpid() != self._pid:
+            return None
+        thread_id = threading.get_ident()
+        if thread_id == self._thread_id:
+            current = self._current()
+            return current if current is not None and current.is_running else None
+        owners = (h for h in self._hosted if any(t.ident == thread_id for t in h.threads))
+        return next(owners, None)
 
     def _before(self) -> None:
-        """Note what the participants may take, since the orchestrator has had the thread."""
+        """Note how far the run is, since the orchestrator has had the thread."""
         if os.getpid() != self._pid:
             # A library in C has forked: this is a second orchestrator, with the same open files.
             os.kill(os.getpid(), signal.SIGKILL)
-        for hosted in self.hosted.values():
-            self._turns.limit(hosted.number, *self._limit(hosted.name))
+        if self.state is None:
+            return
+        phase = self.state.phase
+        stage = Stage.STEP if phase.is_stepping else Stage.STOP
+        if phase is RunPhase.START_UP:
+            stage = Stage.READY
+            # What libraries do that are loaded; who ends the run hears it all the same.
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
+        memory = self._watch.memory
+        if memory.words[STAGE] != stage:
+            memory.enter(stage)
+
+    # --- its participants -------------------------------------------------------------------
 
     def launch(self, run: Run) -> None:
         """Let the participants begin, in the order of the options."""
-        scenario = run.state.scenario
-        self._state = run.state
-        self._turns.write(
+        scenario, specs = run.state.scenario, run.state.scenario.participants
+        self._watch.memory.begin(
             {
                 "result": self._opening.result().decode(),
-                "names": [spec.name for spec in scenario.participants],
-                "every": [spec.every for spec in scenario.participants],
-                "logs": str(self._logs),
+                "names": [spec.name for spec in specs],
+                "every": [spec.every for spec in specs],
+                "limits": [_limits(spec.deadlines) for spec in specs],
+                "files": [str(scenario.folder / s.participant.rpartition(":")[0]) for s in specs],
+                "logs": str(self._opening.logs),
                 "path": sys.path,
             }
         )
-        for name in self._start_order or [s.name for s in scenario.participants]:
+        self.state = run.state
+        self.hub.threads = set(threading.enumerate())
+        for name in self._start_order or [spec.name for spec in specs]:
             spec = scenario.participant(name)
             hosted = self._host(spec, scenario, run.extensions.start_options(spec))
-            self.hosted[name] = hosted
+            self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", name, f"in process {hosted.pid}")
 
@@ -197,7 +251,7 @@ class LocalRun:
     ) -> HostedParticipant:
         has_terminal = options.pop("has_terminal", False)
         names = [item.name for item in scenario.participants]
-        number = min(1 + names.index(spec.name), MOST - 1)
+        number, turns = min(1 + names.index(spec.name), MOST - 1), self._watch.memory
         ticket = Ticket(
             run=self._opening.run,
             name=spec.name,
@@ -206,29 +260,57 @@ class LocalRun:
             join_timeout_s=spec.deadlines.join_s,
             **options,
         )
+        is_leaf = self._opening.is_star
+        bus = HostedBus(self.bus, spec.name, words=turns.words, number=number, is_leaf=is_leaf)
         try:
             return HostedParticipant(
                 ticket,
-                HostedBus(
-                    self.bus,
-                    spec.name,
-                    counter=(self._turns.words, Row.PUBLISHED + number),
-                    is_leaf=self._opening.is_star,
-                ),
-                program_of(spec, scenario.folder, self._seat),
+                bus,
+                self._program_of(spec, scenario.folder),
                 modules=self._modules,
                 hub=self.hub,
-                log=self._logs / f"{spec.name}.log",
-                take_program=self._take_program,
+                log=self._opening.logs / f"{spec.name}.log",
+                started=self._reap,
                 shown=has_terminal,
                 number=number,
-                turns=self._turns,
+                turns=turns,
             )
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
             ) from exc
 
+    def _program_of(self, spec: ParticipantSpec, folder: Path) -> Callable[[], int]:
+        """Return what takes part and returns the exit code; it imports the class when called."""
+        if self._caller is not None and self._caller.name == spec.name:
+            make = self._caller.make
+            return lambda: main(make)
+        return lambda: _take_part(spec, folder)
+
+    def _reap(self, group: int) -> None:
+        """Let a program that a participant has started not outlive us."""
+        if self._reaper is None:
+            self._reaper = Reaper(private_folder())
+        self._reaper.watch(group)
+
     def descriptions(self, participants: Participants) -> Descriptions:
         """Return how the participants describe their outputs."""
         return ready_descriptions(participants)
+
+
+def _limits(deadlines: Deadlines) -> list[float]:
+    """Return how long a participant may keep the thread in each stage [s]."""
+    ready_s = deadlines.spawn_s + deadlines.join_s + deadlines.ready_s
+    return [ready_s, deadlines.step_s, deadlines.stop_s]
+
+
+def _take_part(spec: ParticipantSpec, folder: Path) -> int:
+    if not spec.participant:
+        command = start_command(spec, folder)
+        arguments = command[command.index("stepbus_bridge") + 1 :]
+        return main(importlib.import_module("stepbus_bridge").bridge_to(arguments))
+    try:
+        factory = import_participant(spec.participant, folder)
+    except WiringError as exc:
+        raise SystemExit(str(exc)) from None
+    return main(factory)

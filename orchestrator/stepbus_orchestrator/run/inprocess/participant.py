@@ -4,34 +4,33 @@ import contextlib
 import os
 import signal
 import sys
-import time
+import threading
 import traceback
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TextIO
 
-from stepbus_orchestrator.processes.activity import Activity, activity
+import msgspec
+
+from stepbus_orchestrator.processes.activity import Activity, activity, children, descendants
 from stepbus_orchestrator.processes.child import BoundedLog
-from stepbus_orchestrator.processes.turns import Row, Turns
-from stepbus_orchestrator.run.inprocess.guard import Belongings, Ended
-from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.program import ScenarioModules
+from stepbus_orchestrator.run.inprocess.guard import Ended
+from stepbus_orchestrator.run.inprocess.hub import Hub, Turn
+from stepbus_orchestrator.run.inprocess.surroundings import ScenarioModules
+from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, THREADS, TURN, TURNS, Turns
+from stepbus_orchestrator.run.inprocess.watch import Late
 from stepbus_orchestrator.run.kernel.participants import KeptThread
-from stepbus_participant import (
-    HOST,
-    Host,
-    LoopbackBus,
-    Ticket,
-    append_to,
-    last_error,
-)
+from stepbus_participant import HOST, Host, LoopbackBus, Ticket, append_to, last_error
+from stepbus_schemas import Batch, encoding_of
+
+_decode_batch = msgspec.msgpack.Decoder(Batch).decode
 
 
 class HostedBus(LoopbackBus):
-    """A participant's bus in memory, which counts what it publishes.
+    """A participant's bus in memory, which counts the steps that it publishes.
 
-    peer: the orchestrator's. name: of the participant. is_leaf: it has no link to others. counter:
-    where to count its outputs, and the index there.
+    peer: the orchestrator's. name: of the participant. is_leaf: it has no link to others. words,
+    number: where to count, and which participant it is.
     """
 
     def __init__(
@@ -39,11 +38,12 @@ class HostedBus(LoopbackBus):
         peer: LoopbackBus,
         name: str,
         *,
-        counter: "tuple[memoryview[float], int]",
+        words: "memoryview[float]",
+        number: int,
         is_leaf: bool = False,
     ) -> None:
         super().__init__(peer, peer.queue, is_leaf=is_leaf)
-        self._counter = counter
+        self._words, self._counter = words, PUBLISHED + number
         self._key = f"out/{name}"
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
@@ -51,25 +51,22 @@ class HostedBus(LoopbackBus):
         put = super().publisher(key, encoding, remote=remote)
         if key != self._key:
             return put
-        counts, index = self._counter
+        words, counter, is_batch = self._words, self._counter, encoding == encoding_of("Batch/1")
 
         def counted_put(data: bytes, **options: Any) -> None:
-            counts[index] += 1
+            words[counter] += len(_decode_batch(data).outputs) if is_batch else 1
             put(data, **options)
 
         return counted_put
 
 
-class Late(BaseException):
-    """Interrupts a participant that keeps the thread past its deadline."""
-
-
-class HostedParticipant:
+class HostedParticipant(Turn):
     """A participant that shares this process; it stands where its `Child` would.
 
     name: the participant. log: where it prints. pid: of this process. late: how it missed a
-    deadline, once it has. belongings: what it has in this process. number: which it is, to
-    who watches from outside.
+    deadline, once it has. threads: that it has started. program: what it does, and returns an exit
+    code. started: takes a program that it has started, and the group of that. shown: it prints
+    where we do. number: which it is, to who watches from outside.
     """
 
     def __init__(
@@ -81,107 +78,127 @@ class HostedParticipant:
         modules: ScenarioModules,
         hub: Hub,
         log: Path,
-        take_program: Callable[[int], None],
+        started: Callable[[int], None],
         shown: bool,
         number: int,
         turns: Turns,
     ) -> None:
+        super().__init__(hub)
         self.name = ticket.name
         self.log = log
-        self.bus = bus
         self.pid = os.getpid()
         self.late: KeptThread | None = None
-        self.output: TextIO = (
+        self.threads: set[threading.Thread] = set()
+        self._number = number
+        self._words = turns.words
+        self._modules = modules
+        self._program = program
+        self._host = Host(ticket, bus, log, self._keep)
+        self._started = started
+        self._groups: list[int] = []
+        self._children: set[int] = set()
+        self._others: set[int] | None = None
+        self._code: int | None = None
+        self._bounded_log = BoundedLog(log)
+        self._output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
         )
-        self.belongings = Belongings(
-            self.name, modules.has_written, (turns.words, Row.THREADS + number)
-        )
-        self._hub = hub
-        self.number = number
-        self._words = turns.words
-        self._program = program
-        self._modules = modules
-        self._place = Host(ticket, bus, log, self._keep)
-        self._take_program = take_program
-        self._programs: list[int] = []
-        self._code: int | None = None
-        self._turn = hub.add(self._work)
-        self._turn.enter, self._turn.leave = self._enter, self._leave
-        self._bounded_log = BoundedLog(log)
         self._streams = sys.stdout, sys.stderr
 
-    def _enter(self) -> None:
+    # --- its turns ------------------------------------------------------------------------
+
+    def enter(self) -> None:
+        """Begin a turn: what is printed goes to its log."""
         self._streams = sys.stdout, sys.stderr
-        sys.stdout = sys.stderr = self.output
+        sys.stdout = sys.stderr = self._output
         words = self._words
-        words[1] = self.number
-        words[0] += 1
+        words[TURN] = self._number
+        words[TURNS] += 1
 
-    def _leave(self) -> None:
-        self._words[1] = 0
+    def leave(self) -> None:
+        """End a turn."""
+        self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
         self._modules.keep()
-        if self.belongings.has_started:
-            self.belongings.find_programs()
+        if threading.active_count() != len(self.hub.threads):
+            self._find_threads()
+        if self._others is not None:
+            self._find_programs()
 
-    def _work(self) -> None:
+    def work(self) -> None:
         """Run the program to its end, and keep its exit code as its process would."""
-        HOST.set(self._place)
+        HOST.set(self._host)
+        code = -int(signal.SIGKILL)
         try:
-            code = self._run()
-            self.belongings.leave()
+            code = self._program()
         except SystemExit as exc:
-            code = self._code_of(exc.code)
+            code = exc.code if isinstance(exc.code, int) else int(exc.code is not None)
+            if code and code is not exc.code:
+                self._print(f"{exc.code}\n")
         except Ended as exc:
             code = -exc.number
         except Late:
             self._print(traceback.format_exc())
-            code = -signal.SIGKILL
         except BaseException:  # noqa: BLE001  (whatever ends a program ends its process only)
             self._print(traceback.format_exc())
             code = 1
         finally:
-            self._place.bus.close()
-        self._code = code
-
-    def _run(self) -> int:
-        try:
-            return self._program()
-        except SystemExit as exc:
-            return self._code_of(exc.code)
-        except Exception:  # noqa: BLE001  (it ends its process only)
-            self._print(traceback.format_exc())
-            return 1
-
-    def _code_of(self, value: Any) -> int:
-        if value is None or isinstance(value, int):
-            return value or 0
-        self._print(f"{value}\n")
-        return 1
+            self._give_up(code)
 
     def _print(self, text: str) -> None:
         # On a full disk its log lacks its last words, as `log_problem` says.
         with contextlib.suppress(OSError):
-            self.output.write(text)
+            self._output.write(text)
 
-    def has_thread(self) -> bool:
-        """Return whether it has the thread, as another thread sees it."""
-        return self._hub.current is self._turn
+    def _give_up(self, code: int) -> None:
+        self._host.bus.close()
+        self._code = code
 
-    def is_running(self) -> bool:
-        """Return whether its own code called this, on the thread that it shares."""
-        return self._turn.is_running
+    # --- what it has started ----------------------------------------------------------------
 
-    def _keep(self, program: int) -> None:
-        self._programs.append(program)
-        self._take_program(program)
+    def _find_threads(self) -> None:
+        living = set(threading.enumerate())
+        new, self.hub.threads = living - self.hub.threads, living
+        self.threads |= new
+        self._words[THREADS + self._number] += len(new)
+
+    def before_program(self) -> None:
+        """Take note that it is about to start a program."""
+        if self._others is None:
+            self._others = children(self.pid)
+
+    def _find_programs(self) -> None:
+        if self._others is not None:
+            self._children |= children(self.pid) - self._others
+            self._others = None
+
+    def _keep(self, group: int) -> None:
+        self._groups.append(group)
+        self._started(group)
+
+    @property
+    def has_programs(self) -> bool:
+        """Return whether it waits for programs, as a bridge does."""
+        return bool(self._groups)
 
     def kill_programs(self) -> None:
-        """Kill the programs that it has started, with all that they have started."""
-        for program in self._programs:
+        """Kill the programs that it waits for, with all that they have started."""
+        for group in self._groups:
             with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(program, signal.SIGKILL)
+                os.killpg(group, signal.SIGKILL)
+
+    def _kill_children(self) -> None:
+        """Kill the programs that it has started, with all that they have started."""
+        self._find_programs()
+        if not self._children:
+            return
+        # One that it has waited for is no child of ours any more; its number may be another's.
+        for program in self._children & children(self.pid):
+            for pid in (program, *descendants(program)):
+                with contextlib.suppress(ProcessLookupError, PermissionError):
+                    os.kill(pid, signal.SIGKILL)
+
+    # --- its process ------------------------------------------------------------------------
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it takes part."""
@@ -205,14 +222,9 @@ class HostedParticipant:
         """Return why its log may lack its last words, such as a full disk; empty: it has them."""
         return self._bounded_log.problem()
 
-    @property
-    def has_programs(self) -> bool:
-        """Return whether it has started programs, as a bridge does."""
-        return bool(self._programs)
-
     def activity(self) -> Activity:
         """Return what its programs are doing; it is this process."""
-        activities = [activity(program) for program in self._programs]
+        activities = [activity(group) for group in self._groups]
         return Activity(
             is_stopped=any(item.is_stopped for item in activities),
             waits_for_disk=any(item.waits_for_disk for item in activities),
@@ -224,18 +236,14 @@ class HostedParticipant:
         """End it by a signal that would end its process; others do nothing."""
         if number in {signal.SIGKILL, signal.SIGTERM, signal.SIGSEGV} and self._code is None:
             try:
-                self._hub.end(self._turn, Ended(number))
+                self.hub.end(self, Ended(number))
             except Ended:
                 # It had not started.
-                self._give_up(number)
-
-    def _give_up(self, number: int) -> None:
-        self._code = -number
-        self._place.bus.close()
+                self._give_up(-number)
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""
-        self._hub.rest(time.monotonic() + timeout_s, lambda: self._code is not None)
+        self.hub.rest(timeout_s, lambda: self._code is not None)
         return self._code is not None
 
     def terminate(self) -> None:
@@ -248,8 +256,8 @@ class HostedParticipant:
         self.signal(signal.SIGTERM)
         if self._code is None:
             # It has caught what should have ended it, and waits again. Nobody will wake it.
-            self._give_up(signal.SIGKILL)
-        self.belongings.kill_programs()
-        if self.output is not sys.stdout:
+            self._give_up(-signal.SIGKILL)
+        self._kill_children()
+        if self._output is not sys.stdout:
             with contextlib.suppress(OSError):
-                self.output.close()
+                self._output.close()

@@ -3,85 +3,61 @@
 import contextlib
 import ctypes
 import os
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from types import TracebackType
-from typing import Self
+from types import ModuleType
 
-from stepbus_orchestrator.run.inprocess.program import ScenarioModules
-
-from .guard import Guard
+from stepbus_orchestrator.run.inprocess.guard import Owner, guard, unguard
+from stepbus_participant import is_installed
 
 NATIVE_LOG = "native.log"
 """Where libraries in C print, beside the logs of the participants."""
 
 
 class Surroundings:
-    """Let participants work as in processes of their own; a context, left as it was entered.
+    """Lets participants work as in processes of their own, while it is entered.
 
-    folder: of the scenario; becomes the working directory. modules: those of the folder. guard:
-    keeps what a participant does to the process from the others. native_log: where libraries in C
-    print; None: they print on descriptors 1 and 2, which are somebody else's. Raises OSError where
-    the folder or the log cannot be opened.
+    folder: of the scenario; becomes the working directory. modules: those of the folder. owner:
+    returns whose code runs, for the guard.
     """
 
-    def __init__(
-        self, folder: Path, modules: ScenarioModules, guard: Guard, native_log: Path | None
-    ) -> None:
+    def __init__(self, folder: Path, modules: "ScenarioModules", owner: Owner) -> None:
         self._folder = folder
         self._modules = modules
-        self._guard = guard
-        self._native_log = native_log
-        self._folder_outside = self._folder_inside = -1
-        self._stack = contextlib.ExitStack()
+        self._owner = owner
+        self._outside = self._inside = -1
 
-    def __enter__(self) -> Self:
+    @contextlib.contextmanager
+    def around(self, native_log: Path | None) -> Iterator[None]:
+        """Enter it for a block, and leave the process as it was.
+
+        native_log: where libraries in C print; None: on descriptors 1 and 2, which are somebody
+        else's. Raises OSError where the folder or the log cannot be opened.
+        """
         with contextlib.ExitStack() as stack:
-            outside = _here()
-            stack.callback(os.close, outside)
-            stack.callback(os.fchdir, outside)
-            os.chdir(self._folder)
-            inside = _here()
-            stack.callback(os.close, inside)
-            stack.enter_context(_native_prints(self._native_log))
-            os.fchdir(outside)
-            self._folder_inside = inside
-            self._stack = stack.pop_all()
-        self.enter()
-        return self
-
-    def __exit__(
-        self,
-        _type: type[BaseException] | None,
-        _error: BaseException | None,
-        _traceback: TracebackType | None,
-    ) -> None:
-        self.leave()
-        here = _here()
-        try:
-            self._stack.close()
-        finally:
-            os.fchdir(here)
-            os.close(here)
+            self._inside = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            stack.callback(os.close, self._inside)
+            stack.enter_context(_native_prints(native_log))
+            self.enter()
+            stack.callback(self.leave)
+            yield
 
     def enter(self) -> None:
         """Put what participants find in place."""
-        self._folder_outside = _here()
-        os.fchdir(self._folder_inside)
-        self._guard.enter()
+        # The working directory may have no name any more.
+        self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        os.fchdir(self._inside)
+        guard(self._owner)
         self._modules.enter()
 
     def leave(self) -> None:
         """Put back what was there before."""
         self._modules.leave()
-        self._guard.leave()
-        os.fchdir(self._folder_outside)
-        os.close(self._folder_outside)
-
-
-def _here() -> int:
-    """Return a descriptor of the working directory, which may have no name any more."""
-    return os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
+        unguard(self._owner)
+        os.fchdir(self._outside)
+        os.close(self._outside)
 
 
 @contextlib.contextmanager
@@ -105,3 +81,62 @@ def _native_prints(log: Path | None) -> Iterator[None]:
         if not os.fstat(file).st_size:
             log.unlink(missing_ok=True)
         os.close(file)
+
+
+class ScenarioModules:
+    """What a run has loaded from its scenario's folder: known to the run, and forgotten with it.
+
+    So each run loads the files as they are then, and none gets what another folder calls alike.
+    While it is entered, the folder is searched first, but not in the place of modules of ours.
+    files: that are imported by their path.
+    """
+
+    def __init__(self, folder: Path, files: Iterable[str]) -> None:
+        self._folder = str(folder)
+        names = {Path(file).stem for file in files} - sys.stdlib_module_names
+        self._own: dict[str, ModuleType | None] = dict.fromkeys(names)
+        self._others: dict[str, ModuleType] = {}
+        self._all: dict[str, ModuleType] = {}
+        self._path_outside = list(sys.path)
+        self._path_inside = [self._folder, *sys.path]
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find a module as `PathFinder` does, and note it if it is of the folder."""
+        spec = PathFinder.find_spec(name, path, target)
+        origin = "" if spec is None else spec.origin or ""
+        if not origin.startswith(self._folder + os.sep) or "site-packages" in origin:
+            return spec
+        if path is None and is_installed(name):
+            return PathFinder.find_spec(name, [at for at in sys.path if at != self._folder], target)
+        self._own.setdefault(name, None)
+        return spec
+
+    def enter(self) -> None:
+        """Put the folder and its modules in place."""
+        self._path_outside, sys.path[:] = list(sys.path), self._path_inside
+        for name, own in self._own.items():
+            other = sys.modules.pop(name, None)
+            if other is not None:
+                self._others[name] = other
+            if own is not None:
+                sys.modules[name] = own
+        sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
+        self.keep()
+
+    def keep(self) -> None:
+        """Note what is loaded, and put back what a participant has removed: others need it."""
+        if len(sys.modules) < len(self._all):
+            sys.modules.update(self._all)
+        elif len(sys.modules) > len(self._all):
+            self._all = dict(sys.modules)
+
+    def leave(self) -> None:
+        """Take the folder and its modules away."""
+        self.keep()
+        sys.meta_path.remove(self)
+        self._path_inside, sys.path[:] = list(sys.path), self._path_outside
+        self._own = {name: sys.modules.pop(name, None) for name in self._own}
+        sys.modules.update(self._others)
+        self._others, self._all = {}, {}

@@ -10,20 +10,22 @@ import threading
 import time
 from pathlib import Path
 
+import msgspec
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
 
 import stepbus
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.processes.turns import Turns, make_file
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
-from stepbus_orchestrator.run.inprocess.program import ScenarioModules
+from stepbus_orchestrator.run.inprocess.surroundings import ScenarioModules
+from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, Turns, make_file
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario import load
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
+from stepbus_schemas import Batch, Outputs, encode, encoding_of
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
@@ -63,7 +65,7 @@ def test_the_start_order_changes_nothing(tmp_path, separate):
     ("kind", "code", "sentence"),
     [
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
-        ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
+        ("leave", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s, at joints\.py:\d+ in go_wrong; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
         ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
@@ -83,7 +85,7 @@ def test_a_fault_in_a_step_is_blamed_with_its_step(tmp_path, kind, code, sentenc
     ("kind", "sentence"),
     [
         ("raise", r"before the first step: controller \(pid \d+\): ValueError: the knee"),
-        ("exit", r"before the first step: controller \(pid \d+\) exited with code 3"),
+        ("leave", r"before the first step: controller \(pid \d+\) exited with code 3"),
         ("hang", r"controller \(pid \d+\) has been computing for .* at joints\.py:\d+ in go_wrong.*ready_timeout"),
     ],
 )  # fmt: skip
@@ -253,18 +255,28 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
     def leave() -> int:
         raise SystemExit("no room for this")
 
-    hub, turns = Hub(), Turns(make_file())
+    hub, turns = Hub(time), Turns(make_file())
     bus = LoopbackBus(make_queue=hub.queue)
     ticket = Ticket(
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
     hosted = HostedParticipant(
-        ticket, HostedBus(bus, "worker", counter=(turns.words, 0)), leave,
-        modules=ScenarioModules(tmp_path, []), hub=hub, log=Path("/dev/full"), take_program=lambda _group: None, shown=False,
+        ticket, HostedBus(bus, "worker", words=turns.words, number=1), leave,
+        modules=ScenarioModules(tmp_path, []), hub=hub, log=Path("/dev/full"), started=lambda _group: None, shown=False,
         number=1, turns=turns,
     )  # fmt: skip
     assert hosted.wait(5)
     hosted.end()
     turns.close()
     assert hosted.exit_code() == 1
+
+
+def test_each_step_of_a_batch_counts_to_who_watches_from_outside():
+    turns = Turns(make_file())
+    bus = HostedBus(LoopbackBus(), "mission", words=turns.words, number=1)
+    outputs = [msgspec.Raw(encode(Outputs(token="t", step=k, t_ns=k))) for k in range(3)]
+    bus.publisher("out/mission", encoding_of("Outputs/1"))(outputs[0])
+    bus.publisher("out/mission", encoding_of("Batch/1"))(encode(Batch(token="t", outputs=outputs)))
+    assert turns.words[PUBLISHED + 1] == 4
+    turns.close()
