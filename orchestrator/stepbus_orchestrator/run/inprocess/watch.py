@@ -147,7 +147,7 @@ def _watched_memory() -> Iterator[Turns]:
         if os.getpid() == owner:
             with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(child, signal.SIGKILL)
-                os.waitpid(child, 0)
+                os.waitpid(child, 0)  # no time-out: it has been killed
         memory.close()
 
 
