@@ -12,7 +12,7 @@ from support.paths import CHECKOUT
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_participant import install_command
-from stepbus_tools.commands import doctor as doctor_command
+from stepbus_tools.commands import checks
 from stepbus_tools.doctor import Finding, bus, machine, packages
 from stepbus_tools.doctor.packages import EXTRAS, Requirement, parse
 
@@ -21,7 +21,7 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 
 @pytest.fixture(scope="module")
 def findings():
-    return {finding.what: finding for finding in doctor_command.examine()}
+    return {finding.what: finding for finding in checks.examine()}
 
 
 def test_every_dependency_is_looked_at(findings):
@@ -114,7 +114,7 @@ def test_an_old_python_fails(monkeypatch):
 )
 def test_only_a_failure_changes_the_exit_code(monkeypatch, capsys, verdict, code):
     found = Finding(what="thing", verdict=verdict, text="words")
-    monkeypatch.setattr(doctor_command, "examine", lambda: [found])
+    monkeypatch.setattr(checks, "examine", lambda: [found])
     assert main(["doctor", "--json"]) == code
     assert json.loads(capsys.readouterr().out) == [
         {"what": "thing", "verdict": verdict, "text": "words"}

@@ -1,69 +1,58 @@
-"""`stepbus join` and `bridge`: this process becomes a participant, or the bridge to one."""
+"""From another terminal: `stepbus join` and `bridge` become a participant, `call` asks one."""
 
-import argparse
-import json
 import os
 import sys
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, NoReturn
 
-from stepbus_orchestrator.cli.command import Command
-from stepbus_orchestrator.cli.output import visible
+import msgspec
+from rich.markup import escape
+from rich.table import Table
+
+from stepbus_orchestrator.cli.output import Answer, visible
+from stepbus_orchestrator.cli.parameters import command
 from stepbus_orchestrator.processes.launcher import participant_environment
-from stepbus_orchestrator.processes.shared_ticket import JoinTicket, await_ticket
-from stepbus_orchestrator.scenario.program import command
-from stepbus_participant import parse_duration
-from stepbus_schemas import BRIDGE_FORMATS, WiringError
+from stepbus_orchestrator.processes.shared_ticket import await_ticket
+from stepbus_orchestrator.run.live_file import call
+from stepbus_orchestrator.scenario import BridgeSpec, ParticipantSpec, start_command
+from stepbus_orchestrator.scenario import command as program_command
+from stepbus_participant import parse_duration, suggest
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import BridgeFormat, WiringError
+
+_RUN = "run"
+"""Stands for the run itself, as if it were a participant."""
 
 
-def _add_join_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("ticket", type=Path, help="the ticket, as the run prints it")
-    parser.add_argument(
-        "--wait",
-        default="60s",
-        metavar="DURATION",
-        help="how long to wait for the run, where it is not there yet (default: 60s)",
-    )
-    parser.add_argument(
-        "program",
-        nargs="*",
-        help="command line of the program, after `--`; default: that of the scenario",
-    )
-    usual = parser.parse_known_args
+@command()
+def join_command(
+    ticket: Path,
+    program: Sequence[str] = (),
+    *,
+    wait: Annotated[str, {"metavar": "DURATION"}] = "60s",
+) -> int:
+    """Start a participant of a run from another terminal, container or debugger.
 
-    def parse(args: Any = None, namespace: Any = None) -> Any:
-        """Take everything after `--` as the program, also where options stand before it."""
-        words = list(args or [])
-        end = words.index("--") if "--" in words else len(words)
-        known, others = usual(words[:end], namespace)
-        known.program += words[end + 1 :]
-        return known, others
+    Waits for the run of a ticket, then becomes the program: in its own place, with this terminal,
+    as the run would have started it (bridge included). The run waits for it: `stepbus run
+    --external NAME`, or `start: external` in the scenario. Either may be first
+    (docs/guide/running/attach.md). The exit code is that of the program.
 
-    # argparse itself takes no words behind an option that follows another word.
-    parser.parse_known_args = parse  # type: ignore[method-assign]
+    ticket: the ticket, as the run prints it. program: command line of the program, after `--`;
+    default: that of the scenario. wait: how long to wait for the run, where it is not there yet.
 
-
-def _execute_join(args: argparse.Namespace) -> int:
-    """Become the participant: this process is replaced by its program, and keeps its pid."""
-    ticket = await_ticket(args.ticket, parse_duration(args.wait) * 1e-9, _notify)
-    folder = Path.cwd() if args.program else Path(ticket.folder)
-    argv = _argv(ticket, args.program or ticket.exec, folder)
-    _notify(f"{ticket.name} of run {ticket.run}: {' '.join(argv)}")
-    sys.stdout.flush()
-    try:
-        os.chdir(folder)
-        os.execve(argv[0], argv, participant_environment(args.ticket.absolute()))  # noqa: S606  (no shell between us and the program, which keeps our pid)
-    except OSError as exc:
-        raise WiringError(f"{exc.filename or argv[0]}: {exc.strerror}") from exc
-
-
-def _argv(ticket: JoinTicket, words: list[str], folder: Path) -> tuple[str, ...]:
-    """Return the command line of a program, or of the bridge to it where the scenario has one."""
-    if not ticket.bridge:
-        return command(words, folder)
-    describe = ("--describe", json.dumps(ticket.describe)) if ticket.describe else ()
-    options = ("--format", ticket.bridge, *describe)
-    return command(("stepbus", "bridge", *options, "--", *words), folder)
+    $ stepbus join runs/two_link-20260101-120000/controller.ticket
+    $ stepbus join /tmp/c.ticket -- python my_controller.py
+    $ stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py
+    """
+    found = await_ticket(ticket, parse_duration(wait) * 1e-9, _notify)
+    folder = Path.cwd() if program else Path(found.folder)
+    bridge = BridgeSpec(format=found.bridge, describe=found.describe) if found.bridge else None
+    spec = ParticipantSpec(name=found.name, exec=tuple(program or found.exec), bridge=bridge)
+    argv = start_command(spec, folder)
+    _notify(f"{found.name} of run {found.run}: {' '.join(argv)}")
+    _become(argv, folder, participant_environment(ticket.absolute()))
 
 
 def _notify(sentence: str) -> None:
@@ -71,55 +60,87 @@ def _notify(sentence: str) -> None:
     sys.stderr.flush()
 
 
-JOIN = Command(
-    name="join",
-    summary="start a participant of a run from another terminal, container or debugger",
-    description="Waits for the run of a ticket, then becomes the program: in its own place, with "
-    "this terminal, as the run would have started it (bridge included). The run waits for it: "
-    "`stepbus run --external NAME`, or `start: external` in the scenario. Either may be first "
-    "(docs/guide/running/attach.md). The exit code is that of the program.",
-    examples=(
-        "stepbus join runs/two_link-20260101-120000/controller.ticket",
-        "stepbus join /tmp/c.ticket -- python my_controller.py",
-        "stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py",
-    ),
-    add_arguments=_add_join_arguments,
-    execute=_execute_join,
-)
-
-
-def _add_bridge_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--format", choices=BRIDGE_FORMATS, default="json", help="format of the messages"
-    )
-    parser.add_argument(
-        "--describe",
-        default="{}",
-        metavar="JSON",
-        help='descriptions of the outputs, e.g. {"command": {"like": "joint_state"}}',
-    )
-    parser.add_argument("program", nargs="+", help="command line of the program, after `--`")
-
-
-def _execute_bridge(args: argparse.Namespace) -> int:
-    """Become the bridge, a service of its own: this process is replaced."""
-    options = ("--format", args.format, "--describe", args.describe)
-    argv = command(("stepbus", "bridge", *options, "--", *args.program), Path.cwd())
+def _become(argv: tuple[str, ...], folder: Path, environment: Mapping[str, str]) -> NoReturn:
+    """Replace this process by a program, which keeps its pid: no shell is between us and it."""
     sys.stdout.flush()
-    os.execv(argv[0], argv)  # noqa: S606  (no shell between us and the bridge, which keeps our pid)
+    try:
+        os.chdir(folder)
+        os.execve(argv[0], argv, environment)  # noqa: S606
+    except OSError as exc:
+        raise WiringError(f"{exc.filename or argv[0]}: {exc.strerror}") from exc
 
 
-BRIDGE = Command(
-    name="bridge",
-    summary="take part in a run on behalf of a program",
-    description="Joins a run with the ticket of STEPBUS_TICKET, starts a program, and exchanges "
-    "each step with it over descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts "
-    "it with the key `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, "
-    "controller.mjs]`.",
-    examples=(
-        "stepbus bridge --format json -- node controller.mjs",
-        "stepbus bridge --format raw -- octave-cli --quiet controller.m",
-    ),
-    add_arguments=_add_bridge_arguments,
-    execute=_execute_bridge,
-)
+@command()
+def bridge_command(
+    program: Sequence[str],
+    *,
+    format: BridgeFormat = "json",
+    describe: Annotated[str, {"metavar": "JSON"}] = "",
+) -> int:
+    """Take part in a run on behalf of a program.
+
+    Joins a run with the ticket of STEPBUS_TICKET, starts a program, and exchanges each step with it
+    over descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts it with the key
+    `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, controller.mjs]`.
+
+    program: command line of the program, after `--`. format: format of the messages. describe:
+    descriptions of the outputs, e.g. {"command": {"like": "joint_state"}}.
+
+    $ stepbus bridge --format json -- node controller.mjs
+    $ stepbus bridge --format raw -- octave-cli --quiet controller.m
+    """
+    if not program:
+        raise WiringError("the program is missing; write its command line behind --")
+    options = ("--format", format, "--describe", describe or "{}")
+    here = Path.cwd()
+    _become(
+        program_command(("stepbus", "bridge", *options, "--", *program), here), here, os.environ
+    )
+
+
+@command()
+def call_command(
+    run: Path,
+    participant: str = "",
+    method: str = "",
+    args: Annotated[Sequence[str], {"metavar": "ARG"}] = (),
+) -> Answer:
+    """Ask a participant something while it runs.
+
+    Asks a participant something while it runs, from a second terminal. It answers between two
+    steps, and the question does not affect the result. A call that changes the run is recorded with
+    its step; rerun, replay and branch repeat it there.
+
+    run: folder of a running run. participant: participant to ask, or `run`: the run itself; without
+    it, lists all methods. method: method to call. args: arguments, as YAML values.
+
+    $ stepbus call runs/two_link-20260101-120000
+    $ stepbus call runs/two_link-20260101-120000 plant joint_position joint1
+    $ stepbus call runs/two_link-20260101-120000 plant set_joint_position joint1 0.5
+    $ stepbus call runs/two_link-20260101-120000 mission set_target joint1 30deg 0.5
+    $ stepbus call runs/two_link-20260101-120000 controller set kp 90
+    $ stepbus call runs/two_link-20260101-120000 run pause
+    """
+    if not method:
+        offered = call(run).value
+        if participant and participant not in offered:
+            who = suggest(participant, offered) or "; no participant of this run does"
+            raise WiringError(f"{participant!r} answers no calls{who}")
+        offers = {name: row for name, row in offered.items() if participant in {"", name}}
+        return Answer(value=offers, lines=[_table(offers)])
+    values = [parse_yaml(text, text) for text in args]
+    reply = call(run, "" if participant == _RUN else participant, method, values)
+    shown = msgspec.json.encode(reply.value).decode()
+    return Answer(value={"step": reply.step, "value": reply.value}, lines=[shown])
+
+
+def _table(offers: Mapping[str, Mapping[str, Any]]) -> Table:
+    """Return the methods that participants offer."""
+    table = Table(box=None, pad_edge=False)
+    for column in ("participant", "method", "arguments and answer", "changes the run"):
+        table.add_column(column, overflow="fold")
+    for name, methods in offers.items():
+        for method, item in methods.items():
+            text = escape(visible(item["help"]))
+            table.add_row(name, visible(method), text, "yes" if item["changes"] else "")
+    return table

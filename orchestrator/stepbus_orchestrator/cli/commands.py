@@ -1,4 +1,4 @@
-"""The commands of the command line."""
+"""The parser of the command line: finds the command that is typed, and executes it."""
 
 import argparse
 import contextlib
@@ -8,7 +8,7 @@ import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from stepbus_orchestrator.cli.outlet import hurry
 from stepbus_orchestrator.cli.output import print_error
@@ -17,30 +17,34 @@ from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
 
-from .command import Command
+from .parameters import Command
 
 _COLUMNS = 79
 
 _MODULES = {
     "run": "run",
-    "validate": "validate",
-    "describe": "describe",
-    "types": "types",
-    "call": "call",
+    "validate": "scenarios",
+    "describe": "scenarios",
+    "types": "scenarios",
+    "call": "attach",
     "new": "new",
-    "replay": "replay",
-    "diff": "diff",
+    "replay": "compare",
+    "diff": "compare",
     "verify": "verify",
     "rerun": "rerun",
     "branch": "branch",
     "recover": "recover",
-    "bridge": "attach:BRIDGE",
-    "join": "attach:JOIN",
+    "bridge": "attach",
+    "join": "attach",
 }
-"""Command of the core → its module here, and its name there if that is not `COMMAND`.
+"""Command of the core → its module here, where it is called `<name>_command`.
 
 Only the one that is typed is loaded: all take half a second. The others are entry points, which
 take a while to find."""
+
+_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
+_UNKNOWN = re.compile(r"unrecognized arguments: (--[\w-]+)")
+_OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
 
 
 def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
@@ -51,7 +55,7 @@ def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
     if names is not None:
         return tuple(map(_load, names))
     commands = []
-    for name in _all_names():
+    for name in dict.fromkeys((*_MODULES, *named_points(COMMANDS))):
         try:
             commands.append(_load(name))
         except WiringError as exc:
@@ -60,15 +64,10 @@ def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
     return tuple(commands)
 
 
-def _all_names() -> tuple[str, ...]:
-    return (*_MODULES, *(name for name in named_points(COMMANDS) if name not in _MODULES))
-
-
 def _load(name: str) -> Command:
     if name in _MODULES:
-        module, _, attribute = _MODULES[name].partition(":")
-        loaded = import_module(f"{__package__}.{module}")
-        command: Command = getattr(loaded, attribute or "COMMAND")
+        module = import_module(f"{__package__}.{_MODULES[name]}")
+        command: Command = getattr(module, f"{name}_command")
         return command
     point = named_points(COMMANDS)[name]
     try:
@@ -80,11 +79,6 @@ def _load(name: str) -> Command:
     if not isinstance(loaded, Command):
         raise WiringError(f"the command {name!r} is no Command: {point.value}")
     return loaded
-
-
-_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
-_UNKNOWN = re.compile(r"unrecognized arguments: (--[\w-]+)")
-_OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
 
 
 def make_parser(names: Iterable[str] | None = None) -> argparse.ArgumentParser:
@@ -118,6 +112,16 @@ class _Parser(argparse.ArgumentParser):
 
     commands: Sequence[argparse.ArgumentParser] = ()
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Take all words behind `--` as those of a program: argparse would take some as options."""
+        words = list(args or ())
+        takes_program = self.get_default("program") is not None
+        end = words.index("--") if takes_program and "--" in words else len(words)
+        known, others = super().parse_known_args(words[:end], namespace)
+        if takes_program:
+            known.program = [*known.program, *words[end + 1 :]]
+        return known, others
+
     def error(self, message: str) -> NoReturn:
         """End with the sentence."""
         choice = _CHOICE.search(message)
@@ -139,17 +143,14 @@ class _ShowVersion(argparse.Action):
     """Shows the version, which takes a search of what is installed."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        sys.stdout.write(f"stepbus {_version()}\n")
+        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
+
+        try:
+            installed = version("stepbus")
+        except PackageNotFoundError:
+            installed = "(not installed, only found)"
+        sys.stdout.write(f"stepbus {installed}\n")
         parser.exit()
-
-
-def _version() -> str:
-    from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
-
-    try:
-        return version("stepbus")
-    except PackageNotFoundError:
-        return "(not installed, only found)"
 
 
 def _no_text(arguments: Sequence[str]) -> str:
@@ -178,15 +179,11 @@ def execute(arguments: Sequence[str]) -> int:
     if odd := _no_text(arguments):
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
-    # Without a command that exists, the overview or the error shows all of them.
     try:
+        # Without a command that exists, the overview or the error shows all of them.
         args = make_parser(_typed(arguments)).parse_args(arguments)
-    except WiringError as exc:
-        print_error(str(exc))
-        return ExitCode.SCENARIO
-    if args.command.is_run:
-        hurry()
-    try:
+        if args.command.is_run:
+            hurry()
         with command_line():
             code: int = args.command.execute(args)
     except RunFailure as exc:

@@ -3,16 +3,16 @@
 They are the examples of the repository, so that what a user starts from is what the tests run.
 """
 
-import argparse
 import re
 import shlex
 from collections.abc import Iterator
 from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Annotated
 
-from stepbus_orchestrator.cli.command import Command
 from stepbus_orchestrator.cli.output import say
+from stepbus_orchestrator.cli.parameters import command
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -149,32 +149,25 @@ def _scenario_name(folder: Path) -> str:
     return name if parse_yaml("name", name) == name else f'"{name}"'
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("folder", type=Path, help="folder to create; may exist if it is empty")
-    parser.add_argument(
-        "--language",
-        default="python",
-        metavar="LANGUAGE",
-        help=f"language of the controller: {', '.join(STARTERS)} (default: python)",
-    )
+_LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.join(STARTERS)}"}
 
 
-def _execute(args: argparse.Namespace) -> int:
-    files = write_starter(args.folder, args.language)
-    say(f"{args.folder}: {', '.join(map(str, files))}")
-    folder = shlex.quote(str(args.folder))
-    build = STARTERS[args.language].build.format(folder=folder)
-    say(f"next: {build} && stepbus run {folder}" if build else f"next: stepbus run {folder}")
+@command()
+def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
+    """Create a scenario with a controller of your own.
+
+    Creates a folder with a scenario of the built-in plant and mission, its model, and a small PD
+    controller to change, in a language of your choice. It runs as it is once you have installed
+    what its README names.
+
+    folder: folder to create; may exist if it is empty.
+
+    $ stepbus new my_scenario
+    $ stepbus new --language octave my_scenario
+    """
+    files = write_starter(folder, language)
+    say(f"{folder}: {', '.join(map(str, files))}")
+    name = shlex.quote(str(folder))
+    build = STARTERS[language].build.format(folder=name)
+    say(f"next: {build} && stepbus run {name}" if build else f"next: stepbus run {name}")
     return 0
-
-
-COMMAND = Command(
-    name="new",
-    summary="create a scenario with a controller of your own",
-    description="Creates a folder with a scenario of the built-in plant and mission, its model, "
-    "and a small PD controller to change, in a language of your choice. It runs as it is once you "
-    "have installed what its README names.",
-    examples=("stepbus new my_scenario", "stepbus new --language octave my_scenario"),
-    add_arguments=_add_arguments,
-    execute=_execute,
-)

@@ -1,91 +1,263 @@
-"""Options of a command from the function that does it: its signature and its docstring.
+"""A command is a function: its signature and its docstring are its options and its help.
 
-A docstring explains parameters as `name: text.`; the first sentence is the help of the option.
+The docstring begins with the line of the overview and a description. Behind them are the
+parameters, `name: text.` each, of which the first sentence is the help of the option, and examples.
 """
 
 import argparse
 import inspect
+import math
 import re
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
 from os import PathLike
 from pathlib import Path
-from types import UnionType
-from typing import Any, Literal, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType, UnionType
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from stepbus_orchestrator.scenario import Overrides
+from stepbus_orchestrator.cli.output import Answer
 
 Function = Callable[..., Any]
-Special = Callable[[argparse.ArgumentParser], None] | dict[str, Any] | None
-"""What an option has that its parameter does not say, as of `add_argument`; or what declares it.
-
-None: it is no option.
-"""
 
 _OF_PYTHON = ("observer", "interrupt")
 """Parameters that every command fills in by itself."""
+_EXAMPLE = "$ "
 
 
-def add_parameters(
-    parser: argparse.ArgumentParser,
-    function: Function,
-    *,
-    exclusive: Collection[str] = (),
-    **special: Special,
-) -> None:
-    """Declare the parameters of a function: those without a name are positional, others options.
+@dataclass(frozen=True, kw_only=True)
+class Command:
+    """One subcommand.
 
-    exclusive: of which only one may be given. special: by parameter; `flag` is another name.
+    name: as typed. summary: one line in the overview. description: above its own help. examples:
+    command lines that work. add_arguments: declares its arguments. execute: does it and returns
+    the exit code; errors are raised. is_run: runs a scenario, and ends in time
+    though nobody reads what it prints.
     """
-    hints, texts = get_type_hints(function), parameter_texts(function)
-    group = parser.add_mutually_exclusive_group() if exclusive else parser
-    for name, parameter in inspect.signature(function).parameters.items():
-        given = special.get(name, {})
-        if given is None or name in _OF_PYTHON:
-            continue
-        if not isinstance(given, dict):
-            given(parser)
-            continue
-        row: dict[str, Any] = {"help": texts[name], **_kind(hints[name]), **given}
-        if "action" not in row and isinstance(parameter.default, int | str):
-            row |= {"default": parameter.default}
-            row["help"] += f" (default: {parameter.default})"
-        is_positional = parameter.kind is parameter.POSITIONAL_OR_KEYWORD and "flag" not in row
-        flag = row.pop("flag", name if is_positional else f"--{name.replace('_', '-')}")
-        where = group if name in exclusive else parser
-        where.add_argument(flag, **row if is_positional else {"dest": name, **row})
+
+    name: str
+    summary: str
+    description: str
+    examples: Sequence[str]
+    add_arguments: Callable[[argparse.ArgumentParser], None]
+    execute: Callable[[argparse.Namespace], int]
+    is_run: bool = False
 
 
-def parameters_of(args: argparse.Namespace, function: Function) -> dict[str, Any]:
-    """Return the arguments of a function as they were given; special ones that are there, too."""
-    names = inspect.signature(function).parameters
-    return {name: value for name, value in vars(args).items() if name in names}
+@dataclass(frozen=True)
+class _Row:
+    """A parameter, with its type, what the docstring says of it, and more for `add_argument`."""
+
+    parameter: inspect.Parameter
+    hint: Any
+    text: str
+    special: Mapping[str, Any]
+
+
+def command(
+    *,
+    of: Function | None = None,
+    hidden: Collection[str] = (),
+    exclusive: Collection[str] = (),
+    is_run: bool = False,
+    **special: Mapping[str, Any],
+) -> Callable[[Function], Command]:
+    """Make a function `<name>_command` the command `<name>`.
+
+    Parameters that need no name are positional, the others options; those of a dataclass are a
+    group of options. `Annotated` has what `add_argument` takes beside the type, with `flag` as
+    another name. What it returns is an exit code, or its `Answer`, which `--json` prints whole.
+
+    of: the function that the command is about: its parameters, but for `hidden` ones, are those of
+    the command too, and arrive in `**given` where the command has none of that name. special: what
+    `Annotated` would have for these. exclusive: of which only one may be given.
+    """
+
+    def make(function: Function) -> Command:
+        rows = _rows((of, function) if of else (function,), hidden, special)
+        summary, description, examples = _help(function)
+        has_answer = get_type_hints(function)["return"] is Answer
+
+        def add_arguments(parser: argparse.ArgumentParser) -> None:
+            group = parser.add_mutually_exclusive_group() if exclusive else parser
+            for name, row in rows.items():
+                _declare(group if name in exclusive else parser, name, row)
+            if has_answer and "json" not in rows:
+                parser.add_argument("--json", action="store_true", help=JSON_HELP)
+
+        def execute(args: argparse.Namespace) -> int:
+            answer = function(**{name: _value(vars(args), name, rows[name].hint) for name in rows})
+            return answer.show(as_json=args.json) if has_answer else int(answer)
+
+        return Command(
+            name=function.__name__.removesuffix("_command"),
+            summary=summary,
+            description=description,
+            examples=examples,
+            add_arguments=add_arguments,
+            execute=execute,
+            is_run=is_run,
+        )
+
+    return make
+
+
+def _rows(
+    functions: Sequence[Function],
+    hidden: Collection[str] = (),
+    special: Mapping[str, Mapping[str, Any]] = MappingProxyType({}),
+) -> dict[str, _Row]:
+    """Return the parameters of functions by name; those of a later one replace others."""
+    rows: dict[str, _Row] = {}
+    for function in functions:
+        hints, texts = get_type_hints(function, include_extras=True), parameter_texts(function)
+        for name, parameter in inspect.signature(function).parameters.items():
+            if parameter.kind is not parameter.VAR_KEYWORD and name not in (*_OF_PYTHON, *hidden):
+                text = texts.get(name) or (rows[name].text if name in rows else "")
+                rows[name] = _Row(parameter, hints[name], text, special.get(name, {}))
+    return rows
+
+
+def _value(given: Mapping[str, Any], name: str, hint: Any) -> Any:
+    """Return the value of a parameter from those of the options."""
+    if not is_dataclass(hint):
+        return given[name]
+    group: Any = hint
+    return group(**{field: given[field] for field in inspect.signature(group).parameters})
+
+
+def _declare(parser: Any, name: str, row: _Row) -> None:
+    """Declare a parameter, or all of its group."""
+    if is_dataclass(row.hint):
+        group: Any = row.hint
+        for field, item in _rows([group]).items():
+            _declare(parser, field, item)
+        return
+    default = row.parameter.default
+    keywords = _keywords(name, row)
+    is_shown = isinstance(default, int | float | str) and default != "" and "action" not in keywords
+    if is_shown and "default:" not in keywords["help"]:
+        keywords["help"] += f" (default: {default})"
+    if flag := keywords.pop("flag", ""):
+        parser.add_argument(flag, dest=name, **keywords)
+    else:
+        parser.add_argument(name, **keywords)
+
+
+def _keywords(name: str, row: _Row) -> dict[str, Any]:
+    """Return what `add_argument` takes for a parameter; flag: where it is no positional one."""
+    is_annotated = get_origin(row.hint) is Annotated
+    hint, *annotated = get_args(row.hint) if is_annotated else (row.hint,)
+    types = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    default = row.parameter.default
+    keywords = _kind(types)
+    if row.parameter.kind is not row.parameter.POSITIONAL_OR_KEYWORD:
+        keywords["flag"] = f"--{name.replace('_', '-')}"
+    for extra in (*annotated, row.special):
+        keywords |= extra
+    is_option = "flag" in keywords
+    usual: dict[str, Any]
+    if any(get_origin(option) is Sequence for option in types):
+        usual = {"default": [], **({"action": "append"} if is_option else {"nargs": "*"})}
+        if any(get_origin(option) is Mapping for option in types):
+            usual["metavar"] = "PATH=VALUE"
+    elif bool in types:
+        usual = {"action": "store_false" if default is True else "store_true"}
+    elif default is not row.parameter.empty:
+        usual = {"default": default, **({} if is_option else {"nargs": "?"})}
+    else:
+        usual = {"required": True} if is_option else {}
+    return usual | keywords | ({"help": row.text} if row.text and "help" not in row.special else {})
+
+
+def _kind(types: Collection[Any]) -> dict[str, Any]:
+    """Return how a value of one of these types is read."""
+    for option in types:
+        if get_origin(option) is Literal:
+            return {"choices": get_args(option)}
+        if option is Path or get_origin(option) is PathLike:
+            return {"type": Path}
+    if str in types:
+        return {}
+    return next(({"type": number} for number in (int, float) if number in types), {})
 
 
 def parameter_texts(function: Function) -> dict[str, str]:
     """Return parameter → the first sentence of what the docstring of a function says of it."""
-    names = inspect.signature(function).parameters
-    start = re.compile(rf"(?:^|(?<=[.;] ))((?:{'|'.join(names)})(?:, \w+)*): ")
     texts: dict[str, str] = {}
-    for paragraph in (inspect.getdoc(function) or "").split("\n\n"):
-        parts = start.split(paragraph.replace("\n", " "))
-        pairs = zip(parts[1::2], parts[2::2], strict=True)
-        for some, text in pairs:
-            texts |= dict.fromkeys(some.split(", "), re.split(r"\.(?= [A-Z]| ?$)", text)[0])
+    for paragraph in _paragraphs(function):
+        parts = _start_of_text(function).split(paragraph)
+        for names, text in zip(parts[1::2], parts[2::2], strict=True):
+            texts |= dict.fromkeys(names.split(", "), re.split(r"\.(?= [A-Z]| ?$)", text)[0])
     return texts
 
 
-def _kind(hint: Any) -> dict[str, Any]:
-    """Return what `add_argument` needs for a type."""
-    if hint == Overrides:
-        return {"action": "append", "default": [], "metavar": "PATH=VALUE"}
-    if get_origin(hint) is Sequence:
-        return {"action": "append", "default": []}
-    options = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
-    if bool in options:
-        return {"action": "store_true"}
-    for option in options:
-        if get_origin(option) is Literal:
-            return {"choices": get_args(option)}
-        if get_origin(option) is PathLike:
-            return {"type": Path}
-    return {"type": int} if int in options and str not in options else {}
+def _help(function: Function) -> tuple[str, str, list[str]]:
+    """Return the summary, the description and the examples of a command."""
+    summary, *others = _paragraphs(function)
+    start = _start_of_text(function)
+    texts = [p for p in others if not (p.startswith(_EXAMPLE) or start.match(p))]
+    examples = [p for p in others if p.startswith(_EXAMPLE)]
+    lines = [line for p in examples for line in f" {p}".split(f" {_EXAMPLE}")[1:]]
+    return summary[0].lower() + summary[1:].removesuffix("."), "\n\n".join(texts), lines
+
+
+def _paragraphs(function: Function) -> list[str]:
+    return [" ".join(p.split()) for p in (inspect.getdoc(function) or "").split("\n\n")]
+
+
+def _start_of_text(function: Function) -> re.Pattern[str]:
+    names = "|".join(inspect.signature(function).parameters)
+    return re.compile(rf"(?:^|(?<=[.;] ))((?:{names})(?:, \w+)*): ")
+
+
+# --- what several commands have ----------------------------------------------------------------
+
+
+def number(
+    what: str, least: float, most: float = 1e18, kind: type[int] | type[float] = int
+) -> Callable[[str], float]:
+    """Return the type of an argument that is a number within limits; what: others are, in words."""
+
+    def parse(text: str) -> float:
+        try:
+            value = kind(text)
+        except ValueError:
+            value = math.nan
+        if not least <= value <= most:
+            raise argparse.ArgumentTypeError(f"{text!r} is {what}")
+        return value
+
+    return parse
+
+
+JSON_HELP = "print the result as JSON only"
+Json = Annotated[bool, {"help": JSON_HELP}]
+
+ScenarioName = Annotated[
+    str,
+    {
+        "help": "a scenario file, a folder with a scenario.yaml, or the name of a built-in one "
+        "such as two_link or two_link/pd"
+    },
+]
+Set = Annotated[
+    Sequence[str],
+    {
+        "metavar": "PATH=VALUE",
+        "help": "override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated",
+    },
+]
+RecordingPath = Annotated[Path, {"help": "the run.mcap of a run, or its folder"}]
+Trust = Annotated[
+    bool, {"help": "start its programs without asking, though your work tree has others"}
+]
+PortNumber = Annotated[int | None, {"type": number("no port from 0 to 65535", 0, 65535)}]
+FoxglovePort = Annotated[
+    PortNumber,
+    {
+        "nargs": "?",
+        "const": 0,
+        "metavar": "PORT",
+        "help": "send it to Foxglove and Lichtblick, over a WebSocket (default: any free port)",
+    },
+]

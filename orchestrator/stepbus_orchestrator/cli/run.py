@@ -1,17 +1,26 @@
 """`stepbus run`: run a scenario, show its progress and its result."""
 
-import argparse
-import threading
+from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
+from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
+from typing import Annotated, Any, Literal
 
-from stepbus_orchestrator.cli.after_run import after_run_lines, load_after_run
-from stepbus_orchestrator.cli.command import Command, add_foxglove, add_scenario_arguments, number
 from stepbus_orchestrator.cli.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import print_error, say, say_json
+from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.parameters import (
+    FoxglovePort,
+    Json,
+    ScenarioName,
+    Set,
+    command,
+    number,
+)
 from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
 from stepbus_orchestrator.cli.viewer import viewed
+from stepbus_orchestrator.plugins import AFTER_RUN, points
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
@@ -22,12 +31,7 @@ from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import (
-    Options,
-    default_folder,
-    host_of,
-    run,
-)
+from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of, run
 from stepbus_orchestrator.scenario import Scenario, check_installed, load
 from stepbus_schemas import WiringError
 
@@ -35,255 +39,222 @@ from stepbus_schemas import WiringError
 _MOST_WARNINGS = 10
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are whole"
 
-
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    add_scenario_arguments(parser)
-    parser.add_argument("--out", type=Path, help="folder of this run (default: runs/<name>-<time>)")
-    parser.add_argument(
-        "--window",
-        type=number("a number of steps, from 1 on", 1),
-        help="steps in flight; 1: synchronous mode",
-    )
-    parser.add_argument("--transport", choices=("unix", "tcp"), help="how the processes are linked")
-    parser.add_argument(
-        "--fault",
-        action="append",
-        default=[],
-        metavar="FAULT",
-        help="inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or "
-        "'random 3 seed 1'; may be repeated (docs/faults.md)",
-    )
-    parser.add_argument(
-        "--debug",
-        action="append",
-        default=[],
-        metavar="PARTICIPANT",
-        help="give a participant this terminal and no deadlines, for a debugger",
-    )
-    parser.add_argument(
-        "--external",
-        action="append",
-        default=[],
-        metavar="PARTICIPANT[=TICKET]",
-        help="wait for a participant that you start yourself, with `stepbus join TICKET`; default: "
-        "the ticket is in the folder of the run; may be repeated (docs/guide/running/attach.md)",
-    )
-    parser.add_argument(
-        "--join-timeout",
-        metavar="DURATION",
-        help="how long to wait for those (default: 2min, or the scenario's spawn_timeout)",
-    )
-    parser.add_argument(
-        "--no-deadline",
-        action="append",
-        default=[],
-        metavar="PARTICIPANT",
-        help="give a participant no deadlines, e.g. one that you start in a debugger",
-    )
-    parser.add_argument(
-        "--real-time",
-        type=_factor,
-        nargs="?",
-        const=1.0,
-        metavar="FACTOR",
-        help="let steps begin on the wall clock's grid, FACTOR times as fast (default: 1), and "
-        "count who is late (docs/guide/running/real_time.md)",
-    )
-    parser.add_argument(
-        "--pause-at",
-        type=number("a step, from 0 on", 0),
-        metavar="STEP",
-        help="pause before a step; 0: before the first",
-    )
-    parser.add_argument(
-        "--in-process",
-        action="store_true",
-        help="host all participants in one process: quicker, the same recording",
-    )
-    parser.add_argument(
-        "--degrees",
-        action="store_true",
-        help="show the measured angles of all joints in degrees while it runs",
-    )
-    parser.add_argument(
-        "--with",
-        action="append",
-        default=[],
-        dest="extensions",
-        metavar="FILE.py:CLASS",
-        help="add an extension of your own to the run (docs/guide/writing/extension.md)",
-    )
-    parser.add_argument(
-        "--profile",
-        action="store_true",
-        help="measure where the time of each step goes: compute, wait, transport, record",
-    )
-    parser.add_argument(
-        "--speedscope",
-        action="append",
-        default=[],
-        metavar="PARTICIPANT",
-        help="with --profile, sample the stack of a participant too, for speedscope.app",
-    )
-    parser.add_argument(
-        "--no-report",
-        action="store_true",
-        help="make no report.html and no report.png, only figures",
-    )
-    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
-    parser.add_argument(
-        "--view",
-        action="store_true",
-        help="show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md)",
-    )
-    parser.add_argument("--no-open", action="store_true", help="with --view, start no browser")
-    add_foxglove(parser)
+Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 
 
-def _factor(text: str) -> float:
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = 0.0
-    if not 1e-3 <= factor <= 1e3:
-        raise argparse.ArgumentTypeError(f"{text!r} is no number from 0.001 to 1000")
-    return factor
+@dataclass(frozen=True, kw_only=True)
+class Changes:
+    """What the command line changes of a scenario.
+
+    window: steps in flight; 1: synchronous mode. transport: how the processes are linked. fault:
+    inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3 seed
+    1'; may be repeated (docs/faults.md). debug: give a participant this terminal and no deadlines,
+    for a debugger. external: wait for a participant that you start yourself, with `stepbus join
+    TICKET`; default: the ticket is in the folder of the run; may be repeated
+    (docs/guide/running/attach.md). join_timeout: how long to wait for those (default: 2min, or the
+    scenario's spawn_timeout). no_deadline: give a participant no deadlines, e.g. one that you start
+    in a debugger.
+    """
+
+    set: Set = ()
+    window: Annotated[int | None, {"type": number("not a number of steps, from 1 on", 1)}] = None
+    transport: Literal["unix", "tcp"] | None = None
+    fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
+    debug: Names = ()
+    external: Annotated[Sequence[str], {"metavar": "PARTICIPANT[=TICKET]"}] = ()
+    join_timeout: Annotated[str | None, {"metavar": "DURATION"}] = None
+    no_deadline: Names = ()
+
+    def load(self, name: str) -> Scenario:
+        """Return the scenario with all of them."""
+        overrides = [*self.set]
+        if self.window is not None:
+            overrides += [f"window={self.window}", f"batch={max(1, self.window // 2)}"]
+        if self.transport is not None:
+            overrides.append(f"bus.transport={self.transport}")
+        overrides += [f"{text.partition('=')[0]}.start=external" for text in self.external]
+        scenario = load(name, overrides, self.fault)
+        if self.join_timeout is not None:
+            names = external_names(scenario)
+            if not names:
+                raise WiringError("--join-timeout is for participants with `start: external`")
+            overrides += [f"{name}.spawn_timeout={self.join_timeout}" for name in names]
+            scenario = load(name, overrides, self.fault)
+        return without_deadlines(scenario, [*self.debug, *self.no_deadline])
+
+    def extensions(self) -> list[RunExtension]:
+        """Return the extensions that they need."""
+        rows = (text.partition("=") for text in self.external)
+        tickets = {name: Path(path) for name, _, path in rows if path}
+        return [External(tickets), Debug(self.debug, self.no_deadline)]
 
 
-def _overrides(args: argparse.Namespace) -> list[str]:
-    """Return all overrides, those with an option of their own included."""
-    extra = []
-    if args.window is not None:
-        extra += [f"window={args.window}", f"batch={max(1, args.window // 2)}"]
-    if args.transport is not None:
-        extra.append(f"bus.transport={args.transport}")
-    extra += [f"{name}.start=external" for name in _externals(args)]
-    return [*args.set, *extra]
+@dataclass(frozen=True, kw_only=True)
+class Views:
+    """What shows the run while it goes on.
+
+    view: show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md).
+    no_open: with --view, start no browser.
+    """
+
+    view: bool = False
+    no_open: bool = False
+    foxglove: FoxglovePort = None
+
+    def options(self) -> list[list[str]]:
+        """Return the options of each view, as of `stepbus view`."""
+        page = [["--no-open"] if self.no_open else []] if self.view else []
+        return page if self.foxglove is None else [*page, ["--foxglove", str(self.foxglove)]]
 
 
-def _externals(args: argparse.Namespace) -> dict[str, str]:
-    """Return who is started by somebody else, each with the path of its ticket, or none."""
-    rows = (text.partition("=") for text in args.external)
-    return {name: path for name, _, path in rows}
+_FACTOR = {
+    "type": number("no number from 0.001 to 1000", 1e-3, 1e3, float),
+    "nargs": "?",
+    "const": 1.0,
+    "metavar": "FACTOR",
+}
 
 
-def _load(args: argparse.Namespace) -> Scenario:
-    """Return the scenario with all options that change it."""
-    scenario = load(args.scenario, _overrides(args), args.fault)
-    if args.join_timeout is not None:
-        names = external_names(scenario)
-        if not names:
-            raise WiringError("--join-timeout is for participants with `start: external`")
-        patient = [f"{name}.spawn_timeout={args.join_timeout}" for name in names]
-        scenario = load(args.scenario, [*_overrides(args), *patient], args.fault)
-    return without_deadlines(scenario, [*args.debug, *args.no_deadline])
+@command(is_run=True)
+def run_command(
+    scenario: ScenarioName,
+    *,
+    changes: Changes,
+    out: Path | None = None,
+    real_time: Annotated[float | None, _FACTOR] = None,
+    pause_at: Annotated[
+        int | None, {"type": number("not a step, from 0 on", 0), "metavar": "STEP"}
+    ] = None,
+    in_process: bool = False,
+    degrees: bool = False,
+    extensions: Annotated[Sequence[str], {"flag": "--with", "metavar": "FILE.py:CLASS"}] = (),
+    profile: bool = False,
+    speedscope: Names = (),
+    no_report: bool = False,
+    json: Json = False,
+    views: Views,
+) -> int:
+    """Run a scenario and record it.
 
+    Starts every participant of a scenario, drives them in lockstep, and records everything to
+    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and continues, s makes one step,
+    q stops; none of them affects the result. The exit code gives the cause of a failure
+    (docs/exit-codes.md).
 
-def _execute(args: argparse.Namespace) -> int:
+    out: folder of this run (default: runs/<name>-<time>). real_time: let steps begin on the wall
+    clock's grid, FACTOR times as fast (default: 1), and count who is late
+    (docs/guide/running/real_time.md). pause_at: pause before a step; 0: before the first.
+    in_process: host all participants in one process: quicker, the same recording. degrees: show the
+    measured angles of all joints in degrees while it runs. extensions: add an extension of your own
+    to the run (docs/guide/writing/extension.md). profile: measure where the time of each step goes:
+    compute, wait, transport, record. speedscope: with --profile, sample the stack of a participant
+    too, for speedscope.app. no_report: make no report.html and no report.png, only figures.
+
+    $ stepbus run two_link
+    $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
+    $ stepbus run my/scenario.yaml --window 1 --out /tmp/run1
+    $ stepbus run two_link --fault 'freeze controller at 500 for 200ms'
+    $ stepbus run my/scenario.yaml --debug controller
+    $ stepbus run two_link --view --real-time
+    $ stepbus run two_link --foxglove 8765 --real-time
+    $ stepbus run two_link --external controller
+    $ stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller
+    """
     # Else it would be the scenario that cannot be read.
     check_limits(1)
-    scenario = _load(args)
-    has_keys = has_terminal() and not (args.json or args.debug)
-    if args.pause_at is not None and not (has_keys or args.view):
+    loaded = changes.load(scenario)
+    is_quiet = json or bool(changes.debug)
+    has_keys = has_terminal() and not is_quiet
+    if pause_at is not None and not (has_keys or views.view):
         raise WiringError(
             "--pause-at needs a terminal whose keys let the run continue, or --view; it excludes "
             "--json and --debug"
         )
-    if args.speedscope and not args.profile:
+    if speedscope and not profile:
         raise WiringError("--speedscope needs --profile")
-    check_names(scenario, args.speedscope, "sample")
-    check_installed(scenario)
-    check_limits(len(scenario.participants))
+    check_names(loaded, speedscope, "sample")
+    check_installed(loaded)
+    check_limits(len(loaded.participants))
     # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
-    is_read = not (args.json and args.no_report)
+    is_read = not (json and no_report)
     if is_read:
         # NumPy ends this process where memory is short: rather now than behind a run.
-        load_after_run()
-    out = args.out or default_folder(scenario, Path("runs"))
-    pace = Pace(args.pause_at)
+        _load_after_run()
+    pace = Pace(pause_at)
+    own: list[RunExtension] = [] if real_time is None else [RealTime(loaded.step_ns, real_time)]
+    own += [load_extension(name) for name in extensions]
+    own += [Profile(speedscope)] if profile else []
     options = Options(
-        out=out,
-        host=host_of(in_process=args.in_process, owns_descriptors=not args.debug),
-        extensions=[pace, *_extensions(args, scenario)],
+        out=out or default_folder(loaded, Path("runs")),
+        host=host_of(in_process=in_process, owns_descriptors=not changes.debug),
+        extensions=[pace, *changes.extensions(), *own],
+    )
+    display = displayed(
+        loaded.name,
+        quiet=json,
+        plain=bool(changes.debug),
+        degrees=degrees,
+        invites=bool(external_names(loaded)),
     )
     with interruptible() as interrupt:
-        display = displayed(
-            scenario.name,
-            quiet=args.json,
-            plain=bool(args.debug),
-            degrees=args.degrees,
-            invites=bool(external_names(scenario)),
-        )
         # A participant in a debugger reads the keys itself.
-        keys = nullcontext() if args.json or args.debug else controlled(pace, interrupt)
-        with viewed(out, _views(args), stays=has_keys, interrupt=interrupt):
+        keys = nullcontext() if is_quiet else controlled(pace, interrupt)
+        with viewed(options.out, views.options(), stays=has_keys, interrupt=interrupt):
             with display as shown, keys:
-                result = run(scenario, options, shown, interrupt)
-            lines = _report(result, interrupt, has_plots=not args.no_report) if is_read else []
-            if args.json:
-                say_json(result)
-            else:
-                _summarise(result, lines)
+                result = run(loaded, options, shown, interrupt)
+            lines = (
+                after_run(result, has_plots=not no_report, is_interrupted=interrupt.is_set())
+                if is_read
+                else []
+            )
+            error = result.reason if result.exit_code else ""
+            Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=json)
             settle()
     return result.exit_code
 
 
-def _extensions(args: argparse.Namespace, scenario: Scenario) -> list[RunExtension]:
-    tickets = {name: Path(path) for name, path in _externals(args).items() if path}
-    extensions: list[RunExtension] = [External(tickets), Debug(args.debug, args.no_deadline)]
-    if args.real_time is not None:
-        extensions.append(RealTime(scenario.step_ns, args.real_time))
-    extensions += [load_extension(name) for name in args.extensions]
-    if args.profile:
-        extensions.append(Profile(args.speedscope))
-    return extensions
+@cache
+def _load_after_run() -> list[Any]:
+    return [point.load() for point in points(AFTER_RUN)]
 
 
-def _views(args: argparse.Namespace) -> list[list[str]]:
-    """Return the options of the views to open."""
-    views = [["--no-open"] if args.no_open else []] if args.view else []
-    return views if args.foxglove is None else [*views, ["--foxglove", str(args.foxglove)]]
-
-
-def _report(result: Result, interrupt: threading.Event, *, has_plots: bool) -> list[str]:
-    """Make the plots, and return the lines of the summary about the recording."""
+def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) -> list[str]:
+    """Let installed packages write their files, such as a report; return what they say of a run."""
     if not result.recording.exists() or result.steps == 0:
         return []
-    if interrupt.is_set() and not result.exit_code:
+    if is_interrupted and not result.exit_code:
         return [_NO_REPORT]
     try:
         with abortable():
-            return after_run_lines(result.recording, has_plots=has_plots)
+            rows = [call(result.recording, has_plots=has_plots) for call in _load_after_run()]
     except KeyboardInterrupt:
         return [_NO_REPORT]
+    return [line for lines in rows for line in lines]
 
 
-def _summarise(result: Result, lines: list[str]) -> None:
-    if result.exit_code:
-        print_error(result.reason)
+def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:
+    """Yield the lines of the summary; lines: of the recording."""
     why = "" if result.exit_code or result.reason == "finished" else f" ({result.reason})"
-    say(
+    yield (
         f"{result.scenario}: {result.outcome}{why} after {result.steps} steps of "
         f"{result.step_ns * 1e-6:g} ms"
     )
     if result.wall_s:
-        say(
+        yield (
             f"wall time {result.wall_s:.2f} s ({result.steps / result.wall_s:.0f} steps/s), "
             f"real-time factor {result.real_time_factor:.2f}, start-up {result.start_s:.2f} s"
         )
     if result.real_time is not None:
-        say(_lateness(result.real_time))
-    for line in lines:
-        say(line)
+        yield _lateness(result.real_time)
+    yield from lines
     dropped = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
     if dropped or result.unauthenticated:
-        say(f"messages dropped: {dropped or 'none'}; unauthenticated: {result.unauthenticated}")
-    for line in _warnings(result):
-        say(line)
+        yield f"messages dropped: {dropped or 'none'}; unauthenticated: {result.unauthenticated}"
+    yield from _warnings(result)
     if result.faults:
-        say(f"faults injected: {', '.join(result.faults)}")
+        yield f"faults injected: {', '.join(result.faults)}"
     if result.sha256:
-        say(f"recording {result.recording}\n{result.hashes()}")
+        yield f"recording {result.recording}\n{result.hashes()}"
 
 
 def _lateness(lateness: Lateness) -> str:
@@ -309,27 +280,3 @@ def _warnings(result: Result) -> list[str]:
     if result.warning_count > len(shown):
         lines.append(f"  and {result.warning_count - len(shown)} more, in result.json")
     return [f"warnings  {result.warning_count}", *lines]
-
-
-COMMAND = Command(
-    name="run",
-    summary="run a scenario and record it",
-    description="Starts every participant of a scenario, drives them in lockstep, and records "
-    "everything to run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and continues, s "
-    "makes one step, q stops; none of them affects the result. The exit code gives the cause of a "
-    "failure (docs/exit-codes.md).",
-    examples=(
-        "stepbus run two_link",
-        "stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s",
-        "stepbus run my/scenario.yaml --window 1 --out /tmp/run1",
-        "stepbus run two_link --fault 'freeze controller at 500 for 200ms'",
-        "stepbus run my/scenario.yaml --debug controller",
-        "stepbus run two_link --view --real-time",
-        "stepbus run two_link --foxglove 8765 --real-time",
-        "stepbus run two_link --external controller",
-        "stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller",
-    ),
-    add_arguments=_add_arguments,
-    execute=_execute,
-    is_run=True,
-)

@@ -1,7 +1,7 @@
 """Asks before the programs of a recording that was made elsewhere are started."""
 
-import argparse
 import sys
+from pathlib import Path
 
 from stepbus_orchestrator.cli.output import visible
 from stepbus_orchestrator.errors import Untrusted, indented
@@ -10,38 +10,30 @@ from stepbus_orchestrator.replay.trust import Programs, programs_of
 from stepbus_orchestrator.replay.work_tree import WorkTree
 
 
-def add_trust(parser: argparse.ArgumentParser) -> None:
-    """Declare `--trust`."""
-    parser.add_argument(
-        "--trust",
-        action="store_true",
-        help="start its programs without asking, though your work tree has others",
-    )
-
-
 def trusted_programs(
-    args: argparse.Namespace,
+    recording: Path,
     participant: str | None = None,
     *,
+    trust: bool,
     own_program: bool = False,
     tree: WorkTree | None = None,
 ) -> str:
     """Return the fingerprint of the programs that may be started.
 
-    Those that are not in a work tree of this user's are shown, and need `--trust` or a yes. Raises
+    Those that are not in a work tree of this user's are shown, and need `trust` or a yes. Raises
     Untrusted without one.
     """
-    recording = Recording(args.recording)
-    programs = programs_of(recording, participant, own_program=own_program, tree=tree)
-    if not (programs.is_yours or args.trust):
-        _ask(args, programs, tree)
+    opened = Recording(recording)
+    programs = programs_of(opened, participant, own_program=own_program, tree=tree)
+    if not (programs.is_yours or trust):
+        _ask(recording, programs, tree)
     return programs.fingerprint
 
 
-def _ask(args: argparse.Namespace, programs: Programs, tree: WorkTree | None) -> None:
+def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
     has_terminal = sys.stdin.isatty() and sys.stderr.isatty()
     rows = "\n".join(f"  {indented(line)}" for line in programs.lines())
-    shown = f"{args.recording} has other programs than your work tree. It starts, with your rights:"
+    shown = f"{recording} has other programs than your work tree. It starts, with your rights:"
     if tree is not None:
         shown = f"{tree.shown()} is not yours alone. It starts, with your rights:"
     if has_terminal:

@@ -12,13 +12,13 @@ import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import msgspec
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_participant import Ticket
-from stepbus_schemas import UNDECODABLE, WiringError, explained
+from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
 
 _POLL_S = 0.1
 _MOST_BYTES = 1 << 20
@@ -33,7 +33,7 @@ class JoinTicket(Ticket, frozen=True, kw_only=True):
 
     exec: list[str]
     folder: str
-    bridge: str
+    bridge: BridgeFormat | Literal[""]
     describe: dict[str, Any]
 
 

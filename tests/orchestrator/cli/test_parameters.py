@@ -1,16 +1,20 @@
-"""Options of a command come from the signature and the docstring of its function."""
+"""A command is a function: its options come from the signature, their help from the docstring."""
 
 import argparse
 import inspect
 import threading
+from collections.abc import Sequence
+from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from typing import Literal
+from typing import Annotated, Any, Literal
 
 import pytest
 
 import stepbus
-from stepbus_orchestrator.cli.parameters import add_parameters, parameter_texts, parameters_of
+from stepbus_orchestrator.cli.commands import load_commands
+from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.parameters import command, number, parameter_texts
 from stepbus_orchestrator.scenario import Overrides
 
 
@@ -33,39 +37,99 @@ def paint(
     """
 
 
+@dataclass(frozen=True, kw_only=True)
+class Frame:
+    """What is around it. wood: which. nails: of which length [mm]; may be repeated."""
+
+    wood: str = "oak"
+    nails: Annotated[Sequence[str], {"flag": "--nail"}] = ()
+
+
+@command(of=paint, hidden=["secret"], exclusive=["at", "dry_first"], colour={"flag": "--color"})
+def paint_command(
+    signature: str = "",
+    *,
+    frame: Frame,
+    coats: Annotated[int, {"type": number("not a number of coats", 1)}] = 1,
+    **given: Any,
+) -> Answer:
+    """Paint a picture in oil.
+
+    Paints it. Takes days.
+
+    signature: of the painter.
+
+    $ stepbus paint a.png
+    $ stepbus paint a.png me --coats 3
+    """
+    paint(**given, coats=coats)
+    return Answer(value={**given, "coats": coats, "frame": vars(frame)}, lines=[signature], code=3)
+
+
 @pytest.fixture
 def parser():
     parser = argparse.ArgumentParser("paint")
-    add_parameters(parser, paint, secret=None, colour={"flag": "--color"})
+    paint_command.add_arguments(parser)
     return parser
 
 
-def test_the_help_is_the_first_sentence_of_the_docstring(parser):
+def test_the_docstring_is_the_help_of_the_command():
+    assert (paint_command.name, paint_command.summary) == ("paint", "paint a picture in oil")
+    assert paint_command.description == "Paints it. Takes days."
+    assert paint_command.examples == ["stepbus paint a.png", "stepbus paint a.png me --coats 3"]
+
+
+def test_the_help_of_an_option_is_the_first_sentence_of_the_docstring(parser):
     assert parameter_texts(paint)["set"] == "override a value, e.g. a.b=1"
     text = " ".join(parser.format_help().split())
     assert "--set PATH=VALUE override a value, e.g. a.b=1 --color {red,blue} of all" in text
-    assert "--coats COATS how many; each takes a day (default: 2)" in text
+    assert "--coats COATS how many; each takes a day (default: 1)" in text
+    assert "--wood WOOD which (default: oak) --nail NAILS of which length [mm]" in text
+    assert "picture file or folder signature of the painter" in text
     assert "--dry-first wait before" in text
     assert "secret" not in text
     assert "interrupt" not in text
 
 
-def test_what_is_given_is_what_the_function_takes(parser):
+def test_what_is_given_is_what_the_function_takes(parser, capsys):
     args = parser.parse_args(
-        ["a.png", "--set", "a=1", "--set", "b=2", "--color", "red", "--at", "6s", "--dry-first"]
-    )
-    assert parameters_of(args, paint) == {
-        "picture": Path("a.png"), "set": ["a=1", "b=2"], "colour": "red", "coats": 2, "at": "6s", "dry_first": True,
-    }  # fmt: skip
-    paint(**parameters_of(args, paint))
+        ["a.png", "--set", "a=1", "--set", "b=2", "--color", "red", "--at", "6s", "--nail", "3",
+         "--json"]
+    )  # fmt: skip
+    assert paint_command.execute(args) == 3
+    assert args.picture == Path("a.png")
+    assert args.set == ["a=1", "b=2"]
+    assert (args.colour, args.at, args.dry_first) == ("red", "6s", False)
+    assert '"wood": "oak",\n    "nails": [\n      "3"' in capsys.readouterr().out
 
 
-def test_a_value_of_another_type_is_refused(parser, capsys):
+def test_without_json_the_answer_is_its_lines(parser, capsys):
+    assert paint_command.execute(parser.parse_args(["a.png", "me"])) == 3
+    assert capsys.readouterr().out == "me\n"
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        (["--coats", "many"], "argument --coats: 'many' is not a number of coats"),
+        (["--coats", "0"], "argument --coats: '0' is not a number of coats"),
+        (["--color", "green"], "argument --color: invalid choice: 'green'"),
+        (["--at", "3", "--dry-first"], "--dry-first: not allowed with argument --at"),
+    ],
+)
+def test_a_value_that_does_not_fit_is_refused(parser, capsys, words, sentence):
     with pytest.raises(SystemExit):
-        parser.parse_args(["a.png", "--coats", "many"])
-    assert "argument --coats: invalid int value: 'many'" in capsys.readouterr().err
+        parser.parse_args(["a.png", *words])
+    assert sentence in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("function", [stepbus.replay, stepbus.rerun, stepbus.diff, stepbus.branch])
 def test_the_docstring_explains_every_parameter(function):
     assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
+
+
+@pytest.mark.parametrize("each", load_commands(), ids=lambda each: each.name)
+def test_every_option_of_every_command_is_explained(each):
+    parser = argparse.ArgumentParser(each.name)
+    each.add_arguments(parser)
+    assert [action.dest for action in parser._actions if not action.help] == []

@@ -7,7 +7,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import all_points
 
 COMMAND = """
-from stepbus_orchestrator.cli.command import Command
+from stepbus_orchestrator.cli.parameters import Command
 COMMAND = Command(
     name="greet", summary="say hello", description="Says hello.", examples=("stepbus greet",),
     add_arguments=lambda parser: parser.add_argument("--loud", action="store_true"),

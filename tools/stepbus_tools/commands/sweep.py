@@ -1,30 +1,28 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
-import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Literal
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from stepbus_orchestrator.cli import (
-    Command,
-    add_overrides,
+    Answer,
+    Json,
+    Set,
+    command,
     interruptible,
     number,
     say,
-    say_json,
-    seconds,
     settle,
 )
 from stepbus_tools.sweep import (
-    KEEP,
     PAGE_FILE,
     RUNNING,
     TABLE_FILE,
-    Spec,
     SweepProgress,
     SweepResult,
     Terms,
@@ -36,111 +34,96 @@ from stepbus_tools.sweep import (
 _PLAIN_EVERY = 0.1
 
 
-def _add_arguments(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "scenario",
-        help="a scenario, as of `stepbus run`, or the YAML file of a sweep "
-        "(docs/guide/running/sweeps.md)",
-    )
-    add_overrides(parser, "what is the same in all runs, e.g. duration=2s; may be repeated")
-    _add_design(parser)
-    _add_optimizer(parser)
-    _add_terms(parser)
-    parser.add_argument("--json", action="store_true", help="print the result as JSON only")
-
-
-def _add_design(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--vary",
-        action="append",
-        metavar="AXIS",
-        help="PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', "
-        "'PATH=1,2 & PATH=3,4' (together), 'faults=none,kill plant at 100'; may be repeated",
-    )
-    parser.add_argument("--samples", type=_value, help="draws of each ~")
-    parser.add_argument("--sampling", help="how they are drawn: random, latin, sobol or halton")
-    parser.add_argument("--seed", type=_value, help="of the draws")
-    parser.add_argument("--repeats", type=_value, help="runs of each point, other seeds")
-    parser.add_argument(
-        "--metric",
-        action="append",
-        metavar="FILE.py:FUNCTION",
-        help="measure each run by your function of its recording; may be repeated",
-    )
-
-
-def _add_optimizer(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument(
-        "--optimize", metavar="METRIC", help="let Optuna choose the points; axes: PATH=50:200[:log]"
-    )
-    parser.add_argument("--maximize", action="store_true", default=None, help="make it large")
-    parser.add_argument("--trials", type=_value, help="runs of --optimize")
-    parser.add_argument("--batch", type=_value, help="runs asked for at once (default: 4)")
-
-
-def _add_terms(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--out", type=Path, help="folder of the sweep (default: one in sweeps/)")
-    parser.add_argument(
-        "--jobs", type=number("a number of processes", 1), default=0, help="default: all cores"
-    )
-    parser.add_argument("--keep", choices=KEEP, default="failed", help="recordings that stay")
-    parser.add_argument("--timeout", type=seconds, default=0.0, metavar="S", help="limit of a run")
-    parser.add_argument(
-        "--retry",
-        type=number("a number of times", 0),
-        default=0,
-        metavar="N",
-        help="repeat a run that failed to start, died or was late",
-    )
-    parser.add_argument("--address", default="", help="of a Ray cluster, e.g. auto or HOST:6379")
-
-
-def _execute(args: argparse.Namespace) -> int:
-    spec = _spec(args)
-    home = args.out or Path("sweeps") / default_name(spec)
-    terms = Terms(
-        home=home,
-        jobs=args.jobs,
-        keep=args.keep,
-        timeout_s=args.timeout,
-        retries=args.retry,
-        address=args.address,
-    )
-    with interruptible() as interrupt, _shown(quiet=args.json) as show:
-        result = sweep(spec, terms, show, interrupt)
-        settle()
-    if args.json:
-        say_json(result)
-    else:
-        _summarise(result)
-    return 0
-
-
-def _spec(args: argparse.Namespace) -> Spec:
-    given = {
-        "set": args.set,
-        "vary": args.vary,
-        "samples": args.samples,
-        "sampling": args.sampling,
-        "seed": args.seed,
-        "repeats": args.repeats,
-        "metrics": args.metric,
-        "optimize": args.optimize,
-        "maximize": args.maximize,
-        "trials": args.trials,
-        "batch": args.batch,
-    }
-    # `--set` is an empty list where it is not given.
-    options: dict[str, Any] = {k: v for k, v in given.items() if v not in (None, [])}
-    return find_spec(args.scenario, options)
-
-
 def _value(text: str) -> int | str:
     """Return an integer; what is none is told with all that is wrong with the sweep."""
     try:
         return int(text)
     except ValueError:
         return text
+
+
+Whole = Annotated[int | None, {"type": _value}]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Design:
+    """What replaces a part of a sweep's file, or makes a sweep of a scenario.
+
+    set: what is the same in all runs, e.g. duration=2s; may be repeated. vary: PATH=50:200:7,
+    PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4' (together),
+    'faults=none,kill plant at 100'; may be repeated. samples: draws of each ~. sampling: how they
+    are drawn: random, latin, sobol or halton. seed: of the draws. repeats: runs of each point,
+    other seeds. metrics: measure each run by your function of its recording; may be repeated.
+    optimize: let Optuna choose the points; axes: PATH=50:200[:log]. maximize: make it large.
+    trials: runs of --optimize. batch: runs asked for at once (default: 4).
+    """
+
+    set: Set = ()
+    vary: Annotated[Sequence[str], {"metavar": "AXIS"}] = ()
+    samples: Whole = None
+    sampling: str | None = None
+    seed: Whole = None
+    repeats: Whole = None
+    metrics: Annotated[Sequence[str], {"flag": "--metric", "metavar": "FILE.py:FUNCTION"}] = ()
+    optimize: Annotated[str | None, {"metavar": "METRIC"}] = None
+    maximize: bool = False
+    trials: Whole = None
+    batch: Whole = None
+
+
+_JOBS = {"type": number("not a number of processes", 1)}
+_SECONDS = {
+    "type": number("no number of seconds above 0, e.g. 60", 1e-9, kind=float),
+    "metavar": "S",
+}
+_TIMES = {"type": number("not a number of times", 0), "metavar": "N"}
+
+
+@command(is_run=True)
+def sweep_command(
+    scenario: str,
+    *,
+    design: Design,
+    out: Path | None = None,
+    jobs: Annotated[int | None, _JOBS] = None,
+    keep: Literal["all", "failed", "none"] = "failed",
+    timeout: Annotated[float | None, _SECONDS] = None,
+    retry: Annotated[int, _TIMES] = 0,
+    address: str = "",
+    json: Json = False,
+) -> Answer:
+    """Run a scenario many times with other values, and make one table.
+
+    Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
+    cluster, and writes one row a run to results.parquet: the values, how the run ended, metrics,
+    and the SHA-256 of its recording. The same command goes on with a sweep that was cut off. A run
+    that fails is a row; the exit code is 0 once every run has its row.
+
+    scenario: a scenario, as of `stepbus run`, or the YAML file of a sweep
+    (docs/guide/running/sweeps.md). out: folder of the sweep (default: one in sweeps/). jobs:
+    default: all cores. keep: recordings that stay. timeout: limit of a run. retry: repeat a run
+    that failed to start, died or was late. address: of a Ray cluster, e.g. auto or HOST:6379.
+
+    $ stepbus sweep two_link --vary controller.params.kp=50:200:7
+    $ stepbus sweep two_link --vary 'controller.params.kp~uniform(50, 150)' --samples 100
+    $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse --trials 40
+    $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
+    """
+    # 0 is a value, such as of `--seed`.
+    given = {k: v for k, v in vars(design).items() if v is not None and v is not False and v != []}
+    spec = find_spec(scenario, given)
+    terms = Terms(
+        home=out or Path("sweeps") / default_name(spec),
+        jobs=jobs or 0,
+        keep=keep,
+        timeout_s=timeout or 0.0,
+        retries=retry,
+        address=address,
+    )
+    with interruptible() as interrupt, _shown(quiet=json) as show:
+        result = sweep(spec, terms, show, interrupt)
+        settle()
+    return Answer(value=result, lines=_summary(result))
 
 
 @contextmanager
@@ -203,31 +186,12 @@ def _pace(progress: SweepProgress) -> str:
     return f"{shown}{left}"
 
 
-def _summarise(result: SweepResult) -> None:
+def _summary(result: SweepResult) -> Iterator[str]:
     made = result.done - result.resumed
     before = f", {result.resumed} were there before" if result.resumed else ""
-    say(f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed")
-    for cause, count in result.causes.items():
-        say(f"  {count} {cause}")
+    yield f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed"
+    yield from (f"  {count} {cause}" for cause, count in result.causes.items())
     if result.metric_errors:
-        say(f"{result.metric_errors} runs without your metrics: see the column metric_error")
-    say(f"table  {result.folder / TABLE_FILE}\npage   {result.folder / PAGE_FILE}")
-
-
-COMMAND = Command(
-    name="sweep",
-    summary="run a scenario many times with other values, and make one table",
-    description="Runs a scenario once for each combination of the values that you vary, on all "
-    "cores or on a Ray cluster, and writes one row a run to results.parquet: the values, how the "
-    "run ended, metrics, and the SHA-256 of its recording. The same command goes on with a sweep "
-    "that was cut off. A run that fails is a row; the exit code is 0 once every run has its row.",
-    examples=(
-        "stepbus sweep two_link --vary controller.params.kp=50:200:7",
-        "stepbus sweep two_link --vary 'controller.params.kp~uniform(50, 150)' --samples 100",
-        "stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse --trials 40",
-        "stepbus sweep my_sweep.yaml --out sweeps/friction --keep all",
-    ),
-    add_arguments=_add_arguments,
-    execute=_execute,
-    is_run=True,
-)
+        yield f"{result.metric_errors} runs without your metrics: see the column metric_error"
+    yield f"table  {result.folder / TABLE_FILE}"
+    yield f"page   {result.folder / PAGE_FILE}"

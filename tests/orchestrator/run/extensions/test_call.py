@@ -12,8 +12,7 @@ from support.messages.recordings import messages
 from support.runs.asker import Asker
 from support.runs.joints import run_joints, write_scenario
 
-from stepbus_orchestrator.cli import call as call_command
-from stepbus_orchestrator.cli import main
+from stepbus_orchestrator.cli import attach, main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
@@ -193,13 +192,13 @@ def test_the_command_line_asks_from_a_second_terminal(tmp_path):
 
 def test_the_list_of_calls_shows_units_in_brackets(monkeypatch, capsys):
     offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
-    monkeypatch.setattr(call_command, "call", lambda _folder: CallReply(value=offered))
+    monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some"]) == 0
     assert "where it is [rad]" in capsys.readouterr().out
 
 
 def test_to_list_the_calls_of_nobody_is_a_mistake(monkeypatch, capsys):
     offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
-    monkeypatch.setattr(call_command, "call", lambda _folder: CallReply(value=offered))
+    monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some", "plnt"]) != 0
     assert "'plnt' answers no calls; did you mean 'plant'?" in capsys.readouterr().err

@@ -1,0 +1,198 @@
+"""What there is before a run: `stepbus validate`, `describe` and `types`."""
+
+import json
+import math
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import msgspec
+from rich.table import Table
+
+from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.parameters import ScenarioName, Set, command, number
+from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.run.describe import (
+    JointRow,
+    OutputPort,
+    ParticipantDescription,
+    describe,
+    rehearse,
+)
+from stepbus_orchestrator.scenario import Schedule, load
+from stepbus_participant import load_types
+from stepbus_participant.parameters import is_file_name, read_yaml
+from stepbus_schemas import (
+    MESSAGE_TYPES,
+    Description,
+    Types,
+    json_schema,
+    types_page,
+    types_vectors,
+)
+
+_NUMERIC = ("index", "lower", "upper", "velocity", "effort")
+_UNLIMITED = "-"
+
+
+@command()
+def validate_command(
+    scenario: ScenarioName,
+    *,
+    set: Set = (),
+    steps: Annotated[int, {"type": number("not a number of steps, from 0 on", 0)}] = 5,
+) -> Answer:
+    """Check a scenario and show its schedule.
+
+    Checks a scenario without a run, and lists all problems at once, with file, line and path. If
+    there is none, each plant loads its world once, to find what only that shows. Prints who
+    publishes at which step.
+
+    steps: how many steps of the schedule to show.
+
+    $ stepbus validate two_link
+    $ stepbus validate my/scenario.yaml --steps 20
+    """
+    loaded = load(scenario, set, last_check=rehearse)
+    schedule = Schedule.of(loaded)
+    shown = schedule.text(steps)
+    is_cut = loaded.steps is None or steps < loaded.steps
+    length = "no fixed end" if loaded.steps is None else f"{loaded.steps} steps"
+    return Answer(
+        value={
+            "name": loaded.name,
+            "file": str(loaded.file),
+            "step_ns": loaded.step_ns,
+            "steps": loaded.steps,
+            "order": schedule.order,
+            "schedule": shown.split(),
+        },
+        lines=[
+            f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
+            shown + (" …" if is_cut else ""),
+        ],
+    )
+
+
+@command()
+def describe_command(scenario: ScenarioName, *, set: Set = ()) -> Answer:
+    """List ports, joints and limits; make no step.
+
+    Starts every participant, lets it load its model, and prints its inputs and the descriptions of
+    its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and whether the motor of
+    a joint is on. It is off in the modes passive and teleport, and when its effort limit is 0.
+    Makes no step and records nothing. Exit codes are those of run.
+
+    $ stepbus describe two_link
+    $ stepbus describe two_link/pd --set plant.params.world=world.yaml
+    $ stepbus describe two_link --json
+    """
+    loaded = load(scenario, set)
+    with interruptible() as interrupt:
+        described = describe(loaded, interrupt)
+    return Answer(value=described, lines=_described(described))
+
+
+def _described(described: list[ParticipantDescription]) -> Iterator[str | Table]:
+    for participant in described:
+        yield participant.participant
+        for item in participant.inputs:
+            delay = f", {item.delay} steps old" if item.delay else ""
+            yield f"  input   {item.port}: {item.type} from {item.source}{delay}"
+        for output in participant.outputs:
+            yield _headline(output)
+            if rows := _rows(output):
+                yield _table(rows)
+
+
+def _headline(output: OutputPort) -> str:
+    description = output.description
+    facts = [f"taken by {', '.join(output.taken_by) or 'nobody'}"]
+    if description.shape:
+        facts.append(f"shape {' × '.join(map(str, description.shape))}")
+    facts += [f"{field} in {unit}" for field, unit in description.units.items()]
+    return f"  output  {output.port}: {output.type}, {'; '.join(facts)}"
+
+
+def _rows(output: OutputPort) -> list[dict[str, Any]]:
+    """Return column → value of each joint, or of each name, without empty columns."""
+    if output.joints:
+        rows = [msgspec.structs.asdict(joint) for joint in output.joints]
+        columns = [
+            c for c in JointRow.__struct_fields__ if any(row[c] not in ("", None) for row in rows)
+        ]
+        return [{column: row[column] for column in columns} for row in rows]
+    description: Description = output.description
+    more: dict[str, Sequence[Any]] = {**description.details, **description.limits}
+    return [
+        {"index": index, "name": name, **{key: values[index] for key, values in more.items()}}
+        for index, name in enumerate(description.names)
+    ]
+
+
+def _table(rows: list[dict[str, Any]]) -> Table:
+    table = Table()
+    for column in rows[0]:
+        table.add_column(column, justify="right" if column in _NUMERIC else "left")
+    for row in rows:
+        table.add_row(*map(_cell, row.values()))
+    return table
+
+
+def _cell(value: object) -> str:
+    if isinstance(value, bool):
+        return "on" if value else "off"
+    if isinstance(value, float):
+        return f"{value:g}" if math.isfinite(value) else _UNLIMITED
+    return "" if value is None else str(value)
+
+
+@command()
+def types_command(
+    source: str | None = None, *, out: Annotated[Path | None, {"metavar": "FOLDER"}] = None
+) -> Answer:
+    """Show message types, or write their schemas and byte vectors.
+
+    Shows the fields of message types with units and shapes, and their layout in format raw of the
+    bridge. With --out, writes what a program in another language is tested with: JSON Schemas, and
+    byte vectors that its codec has to read, write and refuse.
+
+    source: a scenario with types of its own, a YAML file of types, or an installed module of
+    message classes (default: the types that ship). out: write messages.md, vectors.json and a JSON
+    Schema for each type.
+
+    $ stepbus types
+    $ stepbus types types.yaml --out types
+    """
+    types = Types() if source is None else _types(source)
+    names = list(types.declarations) or ([*MESSAGE_TYPES] if source is None else [])
+    schemas = {name: json_schema(name, types) for name in names}
+    page = types_page(names, types)
+    if out is None:
+        return Answer(value=schemas, lines=[page.rstrip() if names else "no types of its own"])
+    files = {"messages.md": page, "vectors.json": types_vectors(types)} | {
+        f"json/{name.replace('/', '.')}.json": json.dumps(s, ensure_ascii=False, indent=2) + "\n"
+        for name, s in schemas.items()
+    }
+    return Answer(value=schemas, lines=_written(out, files))
+
+
+def _written(folder: Path, files: dict[str, str]) -> Iterator[str]:
+    """Write files, and yield the path of each."""
+    for path, text in files.items():
+        file = folder / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text, encoding="utf-8", newline="\n")
+        yield str(file)
+
+
+def _types(source: str) -> Types:
+    """Return the types of a scenario, a file or a module; raises WiringError."""
+    path = Path(source)
+    if is_file_name(source) and path.is_file():
+        data = read_yaml(path, "a file of message types has the key 'types'").data
+        if "participants" not in data and "extends" not in data:
+            return load_types(path)
+    elif "." in source and not path.exists():
+        return load_types(source)
+    return load(path).types

@@ -1,0 +1,139 @@
+"""What a recording becomes: `stepbus export`, `plot` and `report`."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+from stepbus_orchestrator.cli import RecordingPath, command, print_error, say
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import Recording
+from stepbus_participant import ExtraMissing, extra_hint
+from stepbus_schemas import WiringError
+from stepbus_tools.report.signals_plot import draw_signals, find_signals, signal_names
+from stepbus_tools.viewing.exports import damage_line, export, progress_bar
+from stepbus_tools.viewing.page import report
+
+File = Annotated[Path | None, {"metavar": "FILE"}]
+Files = Annotated[Path | None, {"metavar": "PATH"}]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Targets:
+    """What a recording is written as, and where.
+
+    parquet: tables: a folder gets a file for each port, a .parquet file a row for each value. csv:
+    the same as CSV. scene: robot and world in motion, with a time slider: one HTML file that opens
+    offline. ros2: an .mcap that ros2 bag and rosbags read: joints, frames, odometry, images.
+    foxglove: an .mcap for Foxglove and Lichtblick, at 30 Hz, and a layout beside it. video: .mp4 or
+    .gif of the recorded camera, or of the scene where there is none.
+    """
+
+    parquet: Files = None
+    csv: Files = None
+    scene: File = None
+    ros2: File = None
+    foxglove: File = None
+    video: File = None
+
+
+@command()
+def export_command(
+    recording: RecordingPath,
+    *,
+    targets: Targets,
+    camera: Annotated[str, {"metavar": "PORT"}] = "",
+    viewpoint: Annotated[str, {"metavar": "FROM"}] = "",
+) -> int:
+    """Write a recording for other programs.
+
+    Writes a recording as tables for pandas, polars and DuckDB, or its scene as one HTML file. A
+    damaged recording is exported up to its damage. Exit code 8: a port could not be exported to its
+    end.
+
+    camera: with --video: a port of images; default: the first. viewpoint: with --video: draw the
+    scene from corner, front, left, right, above, or from X,Y,Z[:X,Y,Z] [m]: the eye, and what it
+    looks at.
+
+    $ stepbus export run.mcap --parquet tables
+    $ stepbus export runs/arm --csv all.csv
+    $ stepbus export runs/arm --video arm.mp4 --viewpoint front
+    $ stepbus export runs/arm --ros2 arm.mcap
+    $ stepbus export run.mcap --scene scene.html
+    """
+    paths = {form: path for form, path in vars(targets).items() if path is not None}
+    if not paths:
+        raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+    is_whole = True
+    with Recording(recording) as opened:
+        exported = export(opened, paths, camera=camera, viewpoint=viewpoint, progress=progress_bar)
+        for form, done in exported:
+            for line in done.problems:
+                print_error(line)
+            size = sum(path.stat().st_size for path in done.paths) / 1e6
+            files = f", {len(done.paths)} files" if len(done.paths) > 1 else ""
+            say(f"wrote {paths[form]} ({size:.1f} MB{files})")
+            is_whole = is_whole and not done.lost
+        if damage := damage_line(opened):
+            print_error(damage)
+    return ExitCode.FINISHED if is_whole else ExitCode.RECORDING
+
+
+@command()
+def plot_command(
+    recording: RecordingPath,
+    signals: Annotated[Sequence[str], {"metavar": "SIGNAL"}] = (),
+    *,
+    out: Path | None = None,
+) -> int:
+    """Plot any signals of a recording.
+
+    Draws signals of a recording over simulation time, one panel each, in one picture. A port stands
+    for all of its numbers. Without a signal, it lists those that the recording has.
+
+    signals: PARTICIPANT.PORT, with .FIELD, with [INDEX] or [JOINT] (none: list all signals). out:
+    the picture: .png, .svg or .pdf (default: beside the recording).
+
+    $ stepbus plot run.mcap controller.command plant.joint_state.position[0]
+    $ stepbus plot runs/arm plant.joint_state.velocity[joint2] --out velocity.svg
+    """
+    with Recording(recording) as opened:
+        if not signals:
+            for name in signal_names(opened):
+                say(name)
+            return ExitCode.FINISHED
+        panels = [panel for text in signals for panel in find_signals(opened, text)]
+        target = out or opened.path.with_name("plot.png")
+        try:
+            draw_signals(str(opened.path), panels, target)
+        except ImportError as exc:
+            name = exc.name or ""
+            raise ExtraMissing(f"plots need {name}{extra_hint(name)}") from exc
+    say(f"wrote {target}")
+    return ExitCode.FINISHED
+
+
+@command()
+def report_command(
+    recordings: Annotated[Sequence[Path], {"metavar": "RECORDING", "nargs": "+"}],
+    *,
+    out: Path | None = None,
+) -> int:
+    """Write report.html of a run, or compare several.
+
+    Writes one HTML file that opens without a network: outcome and reason, curves of joints and of
+    every other port with numbers, events and faults, step times, camera stills. Several recordings
+    share their charts. `stepbus run` writes that of each run by itself.
+
+    recordings: the run.mcap of a run, or its folder; several are compared. out: the page (default:
+    report.html beside the first recording).
+
+    $ stepbus report runs/arm
+    $ stepbus report runs/pd runs/pid --out comparison.html
+    """
+    problems: list[str] = []
+    path = report(recordings, out, problems)
+    for line in problems:
+        print_error(line)
+    say(f"wrote {path}")
+    return ExitCode.FINISHED
