@@ -17,7 +17,8 @@ from stepbus_orchestrator.replay.rerun import rerun
 from stepbus_schemas import WiringError
 
 if TYPE_CHECKING:
-    from stepbus_tools import Comparison, Exported
+    from stepbus_tools.figures import Comparison
+    from stepbus_tools.viewing.exports import Exported
 
 __all__ = [
     "branch",
@@ -42,9 +43,9 @@ def compare(first: Source, second: Source) -> Comparison:
 
     Raises RecordingFailed when one cannot be read.
     """
-    from stepbus_tools import compare_recordings  # noqa: PLC0415  (a tool, when asked)
+    from stepbus_tools import figures  # noqa: PLC0415  (a tool, when it is asked for)
 
-    return compare_recordings(recording_file(first), recording_file(second))
+    return figures.compare(recording_file(first), recording_file(second))
 
 
 def recover(recording: Source, target: str | PathLike[str]) -> Recovery:
@@ -78,7 +79,7 @@ def export(
     RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
     a target, camera or viewpoint that does not fit, ExtraMissing without the extra `export`.
     """
-    from stepbus_tools import damage_line, export_recording  # noqa: PLC0415  (a tool, when asked)
+    from stepbus_tools.viewing import exports  # noqa: PLC0415  (a tool, when it is asked for)
 
     given = {
         "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
@@ -88,10 +89,10 @@ def export(
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
     with Recording(recording_file(recording)) as opened:
-        damage = [line for line in (damage_line(opened),) if line]
+        damage = [line for line in (exports.damage_line(opened),) if line]
         return {
             form: replace(done, problems=[*done.problems, *damage])
-            for form, done in export_recording(opened, targets, camera=camera, viewpoint=viewpoint)
+            for form, done in exports.export(opened, targets, camera=camera, viewpoint=viewpoint)
         }
 
 
@@ -101,9 +102,9 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     out: default: report.html beside the first recording. Raises RecordingFailed when a recording
     cannot be read or the page cannot be written, ExtraMissing without the extra `report`.
     """
-    from stepbus_tools import report_recordings  # noqa: PLC0415  (a tool, when it is asked for)
+    from stepbus_tools.viewing import page  # noqa: PLC0415  (a tool, when it is asked for)
 
     if not recordings:
         raise WiringError("nothing to report; name a recording")
     target = None if out is None else Path(out)
-    return report_recordings([recording_file(source) for source in recordings], target)
+    return page.report([recording_file(source) for source in recordings], target)

@@ -12,14 +12,9 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.replay.branch import Branch
     from stepbus_orchestrator.replay.rerun import Rerun
     from stepbus_orchestrator.run.describe import ParticipantDescription
-    from stepbus_tools import (
-        Comparison,
-        Exported,
-        FieldError,
-        Metrics,
-        SweepProgress,
-        SweepResult,
-    )
+    from stepbus_tools.figures import Comparison, FieldError, Metrics
+    from stepbus_tools.sweep import SweepProgress, SweepResult
+    from stepbus_tools.viewing.exports import Exported
 
 __all__ = [
     "Branch",
@@ -45,7 +40,9 @@ _HOMES = (
     "stepbus_orchestrator.replay.branch",
     "stepbus_orchestrator.replay.rerun",
     "stepbus_orchestrator.run.describe",
-    "stepbus_tools",
+    "stepbus_tools.figures",
+    "stepbus_tools.viewing.exports",
+    "stepbus_tools.sweep",
 )
 
 __getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES)

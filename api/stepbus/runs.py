@@ -126,10 +126,10 @@ def run(
     )
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():
-        from stepbus_tools import report_recordings  # noqa: PLC0415  (a tool, when it is asked for)
+        from stepbus_tools.viewing.page import report as write_report  # noqa: PLC0415  (when asked)
 
         try:
-            report_recordings([result.recording])
+            write_report([result.recording])
         except StepbusError as exc:
             # The run is over, whatever becomes of its page.
             warnings.warn(f"no report: {exc}", stacklevel=2)

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stepbus_orchestrator.scenario import Overrides, override_texts, yaml_text
-from stepbus_tools import SweepProgress, SweepResult, Terms, default_name, find_spec
-from stepbus_tools import sweep_scenario as run_sweep
+from stepbus_tools.sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
+from stepbus_tools.sweep import sweep as run_sweep
 
 Axes = Sequence[str] | Mapping[str, Any]
 """Axes as the command line has them, or path → values: a list, `50:200:7` or `~normal(1, 0.1)`."""

@@ -16,12 +16,14 @@ EXPORTING = {
     "stepbus_participant.parameters",
     "stepbus_participant.parameters.settings",
     "stepbus_schemas.messages",
+    *(f"stepbus_tools.{name}" for name in ("figures", "sweep", "viewing", "viewing.exports", "viewing.page")),
     *(f"stepbus.{name}" for name in ("errors", "messages", "params", "results", "wiring")),
     *(
         f"stepbus_orchestrator.{name}"
         for name in (
             "analysis.diff", "analysis.divergence", "analysis.findings", "analysis.signals",
-            "analysis.tolerance", "analysis.verify", "cli", "errors", "processes.child",
+            "analysis.tolerance", "analysis.verify", "cli", "cli.live", "cli.output",
+            "cli.parameters", "cli.signals", "errors", "processes.child",
             "processes.credentials", "processes.endpoints", "processes.launcher",
             "processes.limits", "processes.watchdog", "recording", "recording.layout",
             "recording.timing", "replay", "replay.branch", "replay.recorded", "replay.rerun",

@@ -1,61 +1,23 @@
 """Tools over recordings and around runs: views, reports, exports, sweeps, checks.
 
-They use the public names of the core, which does not know them: it finds them by entry points.
-Users import the same from `stepbus`. Each name is imported when it is first used.
+They use the core, which does not know them: it finds them by entry points. Users import the same
+from `stepbus`.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from stepbus_tools.sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
-    from stepbus_tools.sweep import sweep as sweep_scenario
-    from stepbus_tools.viewing.exports import Exported, damage_line
-    from stepbus_tools.viewing.exports import export as export_recording
-    from stepbus_tools.viewing.page import report as report_recordings
-
-    from .figures import Comparison, FieldError, Metrics
-    from .figures import compare as compare_recordings
-
-_HOMES = {
-    "Comparison": "figures",
-    "Exported": "viewing.exports",
-    "FieldError": "figures",
-    "Metrics": "figures",
-    "SweepProgress": "sweep",
-    "SweepResult": "sweep",
-    "Terms": "sweep",
-    "compare_recordings": "figures:compare",
-    "damage_line": "viewing.exports",
-    "default_name": "sweep",
-    "export_recording": "viewing.exports:export",
-    "find_spec": "sweep",
-    "report_recordings": "viewing.page:report",
-    "sweep_scenario": "sweep:sweep",
-}
-"""Name → its module, and what it is called there if that is another name."""
-
-__all__ = [
-    "Comparison",
-    "Exported",
-    "FieldError",
-    "Metrics",
-    "SweepProgress",
-    "SweepResult",
-    "Terms",
-    "compare_recordings",
-    "damage_line",
-    "default_name",
-    "export_recording",
-    "find_spec",
-    "report_recordings",
-    "sweep_scenario",
-]
+from pathlib import Path
 
 
-def __getattr__(name: str) -> Any:
-    """Import a name when it is first used (PEP 562)."""
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home, _, other = _HOMES[name].partition(":")
-    return getattr(import_module(f"{__name__}.{home}"), other or name)
+def after_run(recording: Path, *, has_plots: bool) -> list[str]:
+    """Write report.html and report.png; return what the summary of a run says of its recording.
+
+    has_plots: without it, nothing is written, and the lines have the figures alone.
+    """
+    # What users import from here must not load all tools.
+    from stepbus_tools.report import write_report  # noqa: PLC0415
+
+    lines = write_report(recording, has_plots=has_plots)
+    if not has_plots:
+        return lines
+    from stepbus_tools.viewing.page import page_line  # noqa: PLC0415
+
+    return [*lines, page_line(recording, lines)]

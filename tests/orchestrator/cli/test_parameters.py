@@ -128,8 +128,21 @@ def test_the_docstring_explains_every_parameter(function):
     assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
 
 
+class Listing:
+    """Lists the options that have no help."""
+
+    def __init__(self):
+        self.unexplained = []
+
+    def add_mutually_exclusive_group(self):
+        return self
+
+    def add_argument(self, name, help="", **_):  # noqa: A002
+        self.unexplained += [] if help else [name]
+
+
 @pytest.mark.parametrize("each", load_commands(), ids=lambda each: each.name)
 def test_every_option_of_every_command_is_explained(each):
-    parser = argparse.ArgumentParser(each.name)
-    each.add_arguments(parser)
-    assert [action.dest for action in parser._actions if not action.help] == []
+    listing = Listing()
+    each.add_arguments(listing)
+    assert listing.unexplained == []

@@ -9,17 +9,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli import (
-    Answer,
-    Json,
-    ScenarioName,
-    Set,
-    command,
-    displayed,
-    interruptible,
-    say,
-    visible,
-)
+from stepbus_orchestrator.cli.live import displayed
+from stepbus_orchestrator.cli.output import Answer, say, visible
+from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario import load
 from stepbus_schemas import PROTOCOL_VERSION, BridgeFormat

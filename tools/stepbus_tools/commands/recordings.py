@@ -5,7 +5,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from stepbus_orchestrator.cli import RecordingPath, command, print_error, say
+from stepbus_orchestrator.cli.output import print_error, say
+from stepbus_orchestrator.cli.parameters import RecordingPath, command
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import ExtraMissing, extra_hint

@@ -9,16 +9,9 @@ from typing import Annotated, Literal
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-from stepbus_orchestrator.cli import (
-    Answer,
-    Json,
-    Set,
-    command,
-    interruptible,
-    number,
-    say,
-    settle,
-)
+from stepbus_orchestrator.cli.output import Answer, say
+from stepbus_orchestrator.cli.parameters import Json, Set, command, number
+from stepbus_orchestrator.cli.signals import interruptible, settle
 from stepbus_tools.sweep import (
     PAGE_FILE,
     RUNNING,

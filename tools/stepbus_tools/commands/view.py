@@ -7,15 +7,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.cli import (
-    FoxglovePort,
-    PortNumber,
-    RecordingPath,
-    command,
-    interruptible,
-    print_error,
-    say,
-)
+from stepbus_orchestrator.cli.output import print_error, say
+from stepbus_orchestrator.cli.parameters import FoxglovePort, PortNumber, RecordingPath, command
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_schemas import WiringError
