@@ -61,7 +61,7 @@ def test_a_page_that_cannot_be_written_is_a_warning_and_the_run_has_its_result(
     def fail(paths):
         raise stepbus.errors.RecordingFailed(f"{paths[0]}: no space")
 
-    monkeypatch.setattr("stepbus_tools.report_recordings", fail)
+    monkeypatch.setattr("stepbus_tools.viewing.page.report", fail)
     with pytest.warns(UserWarning, match=r"no report: .*run\.mcap: no space"):
         done = stepbus.run(
             "two_link", set={"duration": "50ms"}, out=tmp_path / "a", in_process=True, report=True
