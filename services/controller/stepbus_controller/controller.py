@@ -8,10 +8,21 @@ import msgspec
 import numpy as np
 
 from stepbus_controller import Params
-from stepbus_controller.laws import LAWS, Reference, Steered, check_gains, gains_of, make_law
-from stepbus_controller.robot import make_robot
-from stepbus_controller.velocity import Sample, VelocityEstimator, make_estimator
-from stepbus_kinematics import Smoother, Vector, delay_warning, joint_orders, make_smoother
+from stepbus_controller.laws import (
+    LAWS,
+    PD,
+    Reference,
+    check_gains,
+    make_law,
+    make_robot,
+)
+from stepbus_kinematics import (
+    Differentiator,
+    Vector,
+    delay_warning,
+    joint_orders,
+    make_smoother,
+)
 from stepbus_participant import (
     Config,
     Method,
@@ -32,32 +43,31 @@ from stepbus_schemas import (
     due_step,
 )
 
-TORQUE_UNITS = {
-    "kp": "N·m/rad",
-    "kd": "N·m·s/rad",
-    "ki": "N·m/(rad·s)",
-    "feed_forward": "N·m·s²/rad",
-}
-ACCELERATION_UNITS = {"kp": "1/s²", "kd": "1/s"}
 
+class _State(msgspec.Struct):
+    """What a controller remembers of its inputs and of its status; vectors of shape (n,).
 
-class Saved(msgspec.Struct):
-    """The state of a controller at a checkpoint; vectors of shape (n,).
-
-    params: with the gains that calls have set. integral: of the law. estimator, smoothers: what
-    they remember. motion: positions and velocities. position: as measured. reference: positions,
-    velocities and accelerations.
+    motion: positions as measured at measured_ns, positions and velocities for the law. saturated:
+    which joints.
     """
 
+    motion: tuple[Vector, Vector, Vector] | None = None
+    measured_ns: int = 0
+    reference: Reference | None = None
+    saturated: list[bool] = []
+    has_reported_delay: bool = False
+
+
+class _Saved(msgspec.Struct):
+    """A controller at a checkpoint.
+
+    params: with the gains that calls have set. integral: of the law. filters: what each remembers.
+    """
+
+    state: _State
     params: dict[str, Any]
-    integral: list[float]
-    estimator: list[Sample]
-    smoothers: list[list[list[float]]]
-    motion: list[list[float]] | None
-    position: list[float] | None
-    reference: list[list[float]] | None
-    saturated: list[bool]
-    has_reported_delay: bool
+    integral: Vector
+    filters: list[list[Vector]]
 
 
 class Controller(Participant):
@@ -78,22 +88,24 @@ class Controller(Participant):
         self._status_port = ports.optional_output_of("ControllerStatus/1")
         ports.outputs_are("JointCommand/1", "ControllerStatus/1")
         params = config.read(Params, ports.problems)
-        self._estimator: VelocityEstimator | None = make_estimator(params)
         sensed_s = max(config.every, config.inputs[self._state_port].every) * config.step_ns * 1e-9
-        filters = (params.smoothing, params.time_constant, params.window, sensed_s)
-        self._smoother: Smoother | None = make_smoother(*filters)
-        self._velocity_smoother: Smoother | None = make_smoother(*filters)
+        smoothing = (params.smoothing, params.time_constant, params.window, sensed_s)
+        self._smoother = make_smoother(*smoothing)
+        self._velocity_smoother = make_smoother(*smoothing)
+        self._differentiator: Differentiator | None = None
+        if params.velocity != "measured":
+            is_filtered = params.velocity == "filtered"
+            self._differentiator = Differentiator(params.cutoff_hz if is_filtered else None)
+        filters = (self._smoother, self._velocity_smoother, self._differentiator)
+        self._filters = [item for item in filters if item is not None]
         self._robot = make_robot(config, params)
         self._names = [params.prefix + joint for joint in self._robot.joints]
         self.law = make_law(config, params, self._robot)
-        self._steering = Steering(config, Params, self._gains(params), self._set_gains)
+        gains = LAWS[params.law].gains if params.law in LAWS else {}
+        self._steering = Steering(config, Params, gains, self._set_gains)
         self._limit: list[float] = self._robot.effort_limit.tolist()
         self._dt = config.every * config.step_ns * 1e-9
-        self._motion: tuple[Vector, Vector] | None = None
-        self._position: Vector | None = None
-        self._reference: Reference | None = None
-        self._saturated = [False] * len(self._limit)
-        self._has_reported_delay = False
+        self._state = _State(saturated=[False] * len(self._limit))
 
     def describe(self) -> Mapping[str, Description]:
         """Return the controller's joints in its own order, and its effort limits."""
@@ -107,14 +119,9 @@ class Controller(Participant):
         """Return the calls that read and set the gains; none of a law of one's own."""
         return self._steering.methods()
 
-    def _gains(self, params: Params) -> Mapping[str, str]:
-        """Return the gains of the law, with their units."""
-        units = ACCELERATION_UNITS if params.law == "computed_torque" else TORQUE_UNITS
-        return {key: units[key] for key in gains_of(params)}
-
     def _set_gains(self, params: Params) -> None:
         check_gains(self.config, params, self._robot)
-        cast("Steered", self.law).set_gains(params)
+        cast("PD", self.law).set_gains(params)
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints of both inputs by name; raises WiringError for those that are missing."""
@@ -133,58 +140,36 @@ class Controller(Participant):
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the torques of this step and the tracking error."""
         self._read(step)
-        position = self._position
-        if self._motion is None or position is None or self._reference is None:
+        motion, reference = self._state.motion, self._state.reference
+        if motion is None or reference is None:
             return {}
-        q, v = self._motion
-        torque = self.law.torque(q, v, self._reference, self._dt)
-        wanted = self._checked(torque, step.index)
+        position, q, v = motion
+        wanted = self._checked(self.law.torque(q, v, reference, self._dt), step.index)
         values = [min(max(t, -limit), limit) for t, limit in zip(wanted, self._limit, strict=True)]
         command = JointCommand(mode="torque", values=values)
         if self._status_port is None:
             return {self._command_port: command}
-        error: list[float] = (self._reference.position - position).tolist()
+        error: list[float] = (reference.position - position).tolist()
         return {self._command_port: command, self._status_port: self._status(error, wanted, values)}
 
     def save(self) -> bytes | None:
         """Return gains, filters and integral; None with a law of one's own, which has no such."""
         if type(self.law) not in LAWS.values():
             return None
-        saved = Saved(
-            params=self._steering.save(),
-            integral=cast("Steered", self.law).integral.tolist(),
-            estimator=self._estimator.save() if self._estimator is not None else [],
-            smoothers=[item.save() for item in self._filters()],
-            motion=None if self._motion is None else [part.tolist() for part in self._motion],
-            position=_listed(self._position),
-            reference=None
-            if self._reference is None
-            else [part.tolist() for part in self._reference],
-            saturated=self._saturated,
-            has_reported_delay=self._has_reported_delay,
-        )
-        return msgspec.msgpack.encode(saved)
+        integral = cast("PD", self.law).integral
+        filters = [item.memory for item in self._filters]
+        saved = _Saved(self._state, self._steering.save(), integral, filters)
+        return msgspec.msgpack.encode(saved, enc_hook=np.ndarray.tolist)
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
-        saved = msgspec.msgpack.decode(state, type=Saved)
-        law = cast("Steered", self.law)
+        saved = msgspec.msgpack.decode(state, type=_Saved, dec_hook=lambda _, row: np.array(row))
+        self._state = saved.state
+        law = cast("PD", self.law)
         law.set_gains(self._steering.restore(saved.params))
-        law.integral = np.array(saved.integral)
-        if self._estimator is not None:
-            self._estimator.restore(saved.estimator)
-        for item, values in zip(self._filters(), saved.smoothers, strict=True):
-            item.restore(values)
-        if saved.motion is not None:
-            self._motion = np.array(saved.motion[0]), np.array(saved.motion[1])
-        self._position = None if saved.position is None else np.array(saved.position)
-        if saved.reference is not None:
-            self._reference = Reference(*map(np.array, saved.reference))
-        self._saturated = saved.saturated
-        self._has_reported_delay = saved.has_reported_delay
-
-    def _filters(self) -> list[Smoother]:
-        return [item for item in (self._smoother, self._velocity_smoother) if item is not None]
+        law.integral = saved.integral
+        for item, memory in zip(self._filters, saved.filters, strict=True):
+            item.memory = memory
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the torques."""
@@ -194,27 +179,25 @@ class Controller(Participant):
         """Read what is new on both inputs; the rest is held."""
         if step.is_new(self._state_port):
             state = step.read(self._state_port, JointState)
-            self._motion = self._sense(state, self._measured_at_ns(step))
+            source = self.config.inputs[self._state_port]
+            measured_at = due_step(step.index, source.delay, source.every)
+            self._state.motion = self._sense(state, measured_at * self.config.step_ns)
         if step.is_new(self._reference_port):
             reference = step.read(self._reference_port, JointReference)
             pick = self._reference_order.pick
-            self._reference = Reference(
+            self._state.reference = Reference(
                 pick(reference.position, "position"),
                 pick(reference.velocity, "velocity"),
                 pick(reference.acceleration, "acceleration"),
             )
 
-    def _measured_at_ns(self, step: Step) -> int:
-        """Return when the source of the newest joint state fired for it [ns]."""
-        source = self.config.inputs[self._state_port]
-        return due_step(step.index, source.delay, source.every) * self.config.step_ns
-
-    def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector]:
-        q = self._position = self._state_order.pick(state.position, "position")
+    def _sense(self, state: JointState, t_ns: int) -> tuple[Vector, Vector, Vector]:
+        position = q = self._state_order.pick(state.position, "position")
+        since_ns, self._state.measured_ns = t_ns - self._state.measured_ns, t_ns
         if self._smoother is not None:
             q = self._smoother.update(q)
-        if self._estimator is not None:
-            return q, self._estimator.update(q, t_ns)
+        if self._differentiator is not None:
+            return position, q, self._differentiator.update(q, since_ns)
         if state.velocity is None:
             raise RunError(
                 f"{self.config.name}: input {self._state_port!r} carries no velocity; set params."
@@ -224,7 +207,7 @@ class Controller(Participant):
         if self._velocity_smoother is not None:
             # By the same delay as the positions.
             v = self._velocity_smoother.update(v)
-        return q, v
+        return position, q, v
 
     def _checked(self, torque: Any, step: int) -> list[float]:
         """Return the law's torques as a list; raises RunError for a wrong shape or value."""
@@ -247,20 +230,16 @@ class Controller(Participant):
         self, error: list[float], wanted: list[float], values: list[float]
     ) -> ControllerStatus:
         """Return the status; a warning marks the step at which a joint starts to saturate."""
-        warnings = [] if self._has_reported_delay else delay_warning(self._smoother)
-        self._has_reported_delay = True
+        memory = self._state
+        warnings = [] if memory.has_reported_delay else delay_warning(self._smoother)
+        memory.has_reported_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
-        if saturated != self._saturated:
-            rows = zip(self._names, wanted, values, saturated, self._saturated, strict=True)
+        if saturated != memory.saturated:
+            rows = zip(self._names, wanted, values, saturated, memory.saturated, strict=True)
             warnings += [
                 f"{name} saturates: {w:.1f} {self._units[name]} wanted, {value:.1f} commanded"
                 for name, w, value, now, before in rows
                 if now and not before
             ]
-            self._saturated = saturated
+            memory.saturated = saturated
         return ControllerStatus(error=error, saturated=saturated, warnings=warnings)
-
-
-def _listed(vector: Vector | None) -> list[float] | None:
-    values: list[float] | None = None if vector is None else vector.tolist()
-    return values

@@ -1,16 +1,61 @@
-"""Control laws: pure classes behind one seam."""
+"""Control laws, and what they know about the robot that they control."""
 
-from typing import Any, NamedTuple, Protocol
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
 from stepbus_controller import Params
-from stepbus_kinematics import Vector
+from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import Config, PerName, make_plugin
+from stepbus_schemas import WiringError
 
-from .robot import Robot
 
-NOTHING: Vector = np.zeros(0)
+@dataclass(frozen=True, kw_only=True)
+class Robot:
+    """The joints under control, in the order of every vector.
+
+    effort_limit: largest torques, shape (n,) [N·m]. model: None where the scenario names no URDF.
+    """
+
+    joints: tuple[str, ...]
+    effort_limit: Vector
+    model: RobotModel | None = None
+
+    def require_model(self) -> RobotModel:
+        """Return the model; raises WiringError where the scenario names no URDF."""
+        if self.model is None:
+            raise WiringError("this law needs 'model', the robot's URDF")
+        return self.model
+
+
+def make_robot(config: Config, params: Params) -> Robot:
+    """Return the robot that the parameters describe.
+
+    Raises SettingsError with what is wrong with the URDF, the joints or the effort limits.
+    """
+    problems = config.problems().below(("params",))
+    model, joints = None, params.joints
+    if params.model is not None:
+        path = params.model
+        model = problems.attempt(
+            ("model",), lambda: RobotModel(path, joints, gravity=params.gravity)
+        )
+        problems.refuse()
+        joints = model.joints if model is not None else joints
+    names = joints or ()
+    if params.effort_limit is not None:
+        limit = np.array(params.effort_limit.of(names))
+    else:
+        limit = model.effort_limit if model is not None else np.zeros(len(names))
+        for name, value in zip(names, limit.tolist(), strict=True):
+            if not 0 < value < np.inf:
+                unit = "N·m" if model is None else model.effort_unit(name)
+                text = f"is {value:g} {unit} for {name!r} in the model; set it here"
+                problems.add(("effort_limit",), text)
+    problems.refuse()
+    return Robot(joints=names, effort_limit=limit, model=model)
 
 
 class Reference(NamedTuple):
@@ -39,66 +84,66 @@ class Law(Protocol):
         ...
 
 
-class Steered(Protocol):
-    """A law whose gains may change while it works."""
-
-    integral: Vector
-    """What it has integrated, shape (n,) [N·m]; empty where it integrates nothing."""
-
-    def set_gains(self, params: Params, /) -> None:
-        """Take the gains of parameters; what the law has integrated stays."""
-
-
 class PD:
-    """τ = Kp (q_d − q) + Kd (v_d − v).
+    """τ = Kp (q_d − q) + Kd (v_d − v); what all laws of this package build on.
 
-    kp [N·m/rad], kd [N·m·s/rad].
+    kp [N·m/rad], kd [N·m·s/rad]. integral: what the law has integrated, shape (n,) [N·m]; empty
+    where it integrates nothing.
     """
 
-    integral: Vector = NOTHING
+    gains: ClassVar[Mapping[str, str]] = {"kp": "N·m/rad", "kd": "N·m·s/rad"}
+    """The parameters that may change while it works, with their units."""
 
     def __init__(self, robot: Robot, params: Params) -> None:
         self._robot = robot
+        self.integral: Vector = np.zeros(0)
         self.set_gains(params)
 
     def set_gains(self, params: Params) -> None:
-        """See `Steered`."""
-        robot = self._robot
-        self._kp = _gain(params.kp, robot)
-        self._kd = _gain(params.kd, robot)
+        """Take the gains of parameters; what the law has integrated stays."""
+        self._kp = self._gain(params.kp)
+        self._kd = self._gain(params.kd)
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, _dt: float) -> Vector:
+    def _gain(self, value: PerName) -> Vector:
+        """Return a gain of each joint, shape (n,)."""
+        return np.array(value.of(self._robot.joints))
+
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
         return self._kp * (reference.position - q) + self._kd * (reference.velocity - v)
 
 
-class PID:
+class PID(PD):
     """PD with an integral term, Ki ∫ (q_d − q) dt, and a feed-forward of acceleration, J a_d.
 
-    kp [N·m/rad], ki [N·m/(rad·s)], kd [N·m·s/rad], feed_forward J [kg·m²]: the torque that the
-    reference takes is commanded before there is an error. anti_windup: `conditional_integration`
-    (the integral stands still while the torque exceeds its limit and the error would push it
-    further; Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5) or `none`.
+    ki [N·m/(rad·s)], feed_forward J [kg·m²]: the torque that the reference takes is commanded
+    before there is an error. anti_windup: `conditional_integration` (the integral stands still
+    while the torque exceeds its limit and the error would push it further; Åström and Hägglund, PID
+    Controllers, 2nd ed. 1995, section 3.5) or `none`.
     """
 
+    gains: ClassVar[Mapping[str, str]] = {
+        **PD.gains,
+        "ki": "N·m/(rad·s)",
+        "feed_forward": "N·m·s²/rad",
+    }
+
     def __init__(self, robot: Robot, params: Params) -> None:
-        self._robot = robot
-        self._pd = PD(robot, params)
-        self.set_gains(params)
+        super().__init__(robot, params)
+        self.integral = np.zeros(len(robot.joints))
         anti_windup = params.anti_windup == "conditional_integration"
         self._integrate_within = robot.effort_limit if anti_windup else np.inf
-        self.integral: Vector = np.zeros(len(robot.joints))
 
     def set_gains(self, params: Params) -> None:
-        """See `Steered`."""
-        self._pd.set_gains(params)
-        self._ki = _gain(params.ki, self._robot)
-        self._inertia = _gain(params.feed_forward, self._robot)
+        """See `PD`."""
+        super().set_gains(params)
+        self._ki = self._gain(params.ki)
+        self._inertia = self._gain(params.feed_forward)
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
         error = reference.position - q
-        proportional = self._pd.torque(q, v, reference, dt)
+        proportional = super().torque(q, v, reference, dt)
         if self._inertia.any():
             proportional = proportional + self._inertia * reference.acceleration
         integral = self.integral + self._ki * error * dt
@@ -110,45 +155,41 @@ class PID:
         return proportional + self.integral
 
 
-class PDGravity:
+class PDGravity(PD):
     """PD with gravity compensation, τ = g(q) + Kp (q_d − q) + Kd (v_d − v).
 
-    kp [N·m/rad], kd [N·m·s/rad]. Siciliano et al., Robotics, 2009, section 8.5.1.
+    Siciliano et al., Robotics, 2009, section 8.5.1.
     """
 
-    integral: Vector = NOTHING
-
     def __init__(self, robot: Robot, params: Params) -> None:
-        self._pd = PD(robot, params)
-        self.set_gains = self._pd.set_gains
+        super().__init__(robot, params)
         self._model = robot.require_model()
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
-        return self._model.gravity_torque(q) + self._pd.torque(q, v, reference, dt)
+        return self._model.gravity_torque(q) + super().torque(q, v, reference, dt)
 
 
-class ComputedTorque:
+class ComputedTorque(PD):
     """τ = M(q) (a_d + Kp (q_d − q) + Kd (v_d − v)) + C(q, v) v + g(q).
 
     The error obeys ë + Kd ė + Kp e = 0, whatever the pose. kp [1/s²], kd [1/s]. Siciliano et al.,
     Robotics, 2009, section 8.5.2.
     """
 
-    integral: Vector = NOTHING
+    gains: ClassVar[Mapping[str, str]] = {"kp": "1/s²", "kd": "1/s"}
 
     def __init__(self, robot: Robot, params: Params) -> None:
-        self._pd = PD(robot, params)
-        self.set_gains = self._pd.set_gains
+        super().__init__(robot, params)
         self._model = robot.require_model()
 
-    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float) -> Vector:
+    def torque(self, q: Vector, v: Vector, reference: Reference, dt: float, /) -> Vector:
         """See `Law`."""
-        acceleration = reference.acceleration + self._pd.torque(q, v, reference, dt)
+        acceleration = reference.acceleration + super().torque(q, v, reference, dt)
         return self._model.inverse_dynamics(q, v, acceleration)
 
 
-LAWS: dict[str, type[Law]] = {
+LAWS: dict[str, type[PD]] = {
     "computed_torque": ComputedTorque,
     "pd": PD,
     "pd_gravity": PDGravity,
@@ -159,32 +200,18 @@ LAWS: dict[str, type[Law]] = {
 
 def make_law(config: Config, params: Params, robot: Robot) -> Law:
     """Return the law that the parameters name; raises SettingsError with all that is wrong."""
-    law: Law
-    if params.law in LAWS:
-        check_gains(config, params, robot)
-        law = LAWS[params.law](robot, params)
-    else:
-        law = make_plugin(config, "law", params.law, params.own, "torque", robot)
-    return law
-
-
-def gains_of(params: Params) -> tuple[str, ...]:
-    """Return the gains of a law of this package; none of a law of one's own."""
     if params.law not in LAWS:
-        return ()
-    return ("kp", "kd", "ki", "feed_forward") if params.law == "pid" else ("kp", "kd")
+        law: Law = make_plugin(config, "law", params.law, params.own, "torque", robot)
+        return law
+    check_gains(config, params, robot)
+    return LAWS[params.law](robot, params)
 
 
 def check_gains(config: Config, params: Params, robot: Robot) -> None:
     """Raise SettingsError that lists every gain that does not fit the joints."""
     problems = config.problems().below(("params",))
-    for key in gains_of(params):
+    for key in LAWS[params.law].gains:
         value: PerName = getattr(params, key)
         for where, text in value.misfits(robot.joints):
             problems.add((key, *where), text)
     problems.refuse()
-
-
-def _gain(value: PerName, robot: Robot) -> Vector:
-    """Return a gain of each joint, shape (n,)."""
-    return np.array(value.of(robot.joints))

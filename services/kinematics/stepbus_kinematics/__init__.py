@@ -42,17 +42,23 @@ if TYPE_CHECKING:
         collision_geometry,
         radius_from,
     )
-    from stepbus_kinematics.smoothing import Smoother, delay_warning, make_smoother
+    from stepbus_kinematics.smoothing import (
+        Differentiator,
+        Smoother,
+        delay_warning,
+        make_smoother,
+    )
 
 _MODULES = {
     "joint_order": ("JointOrder", "joint_orders"),
     "model": ("Indices", "Overload", "RobotModel", "Vector"),
     "self_collisions": ("LinkPair", "SelfCollisions", "collision_geometry", "radius_from"),
-    "smoothing": ("Smoother", "delay_warning", "make_smoother"),
+    "smoothing": ("Differentiator", "Smoother", "delay_warning", "make_smoother"),
 }
 _WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Differentiator",
     "Indices",
     "JointOrder",
     "LinkPair",

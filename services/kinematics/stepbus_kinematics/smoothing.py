@@ -1,36 +1,31 @@
-"""Filters for noisy measurements, each with the delay that it costs."""
+"""Filters of measurements: smoother ones, each with the delay that it costs, and velocities."""
 
 import math
-from collections import deque
-from typing import Protocol
+from abc import ABC, abstractmethod
 
 import numpy as np
 
 from .model import Vector
 
 
-class Smoother(Protocol):
-    """A filter that turns a series of measurements into a smoother one.
+class Filter:
+    """What turns a series of vectors into another one; memory: all that it remembers."""
 
-    delay: of a slow signal [s].
-    """
+    def __init__(self) -> None:
+        self.memory: list[Vector] = []
+
+
+class Smoother(Filter, ABC):
+    """A filter of measurements; delay: of a slow signal [s]."""
 
     delay: float
 
+    @abstractmethod
     def update(self, values: Vector) -> Vector:
         """Return the smoothed values; values: the newest measurement. Both of shape (n,)."""
-        ...
-
-    def save(self) -> list[list[float]]:
-        """Return what it remembers, for a checkpoint."""
-        ...
-
-    def restore(self, saved: list[list[float]]) -> None:
-        """Take what `save` returned."""
-        ...
 
 
-class LowPass:
+class LowPass(Smoother):
     """y_k = α y_{k−1} + (1 − α) x_k with α = exp(−Δt / τ), a first-order low-pass filter.
 
     time_constant: τ [s]. period: Δt [s]. Its delay at low frequency is Δt α / (1 − α), the slope
@@ -38,26 +33,18 @@ class LowPass:
     """
 
     def __init__(self, time_constant: float, period: float) -> None:
+        super().__init__()
         self._keep = math.exp(-period / time_constant)
-        self._last: Vector | None = None
         self.delay = period * self._keep / (1.0 - self._keep)
 
     def update(self, values: Vector) -> Vector:
         """See `Smoother`."""
-        last = values if self._last is None else self._last
-        self._last = self._keep * last + (1.0 - self._keep) * values
-        return self._last
-
-    def save(self) -> list[list[float]]:
-        """See `Smoother`."""
-        return [] if self._last is None else [self._last.tolist()]
-
-    def restore(self, saved: list[list[float]]) -> None:
-        """See `Smoother`."""
-        self._last = np.array(saved[0]) if saved else None
+        last = self.memory[0] if self.memory else values
+        self.memory = [self._keep * last + (1.0 - self._keep) * values]
+        return self.memory[0]
 
 
-class SavitzkyGolay:
+class SavitzkyGolay(Smoother):
     """Value, in the middle of a window, of the quadratic that fits its samples best.
 
     window: samples, odd. period: between two of them [s]. Its delay is half the window at every
@@ -66,26 +53,46 @@ class SavitzkyGolay:
     """
 
     def __init__(self, window: int, period: float) -> None:
+        super().__init__()
         half = window // 2
         powers = np.vander(np.arange(-half, half + 1), 3, increasing=True)
         self._weights: Vector = np.linalg.pinv(powers)[0]
-        self._samples: deque[Vector] = deque(maxlen=window)
         self.delay = half * period
 
     def update(self, values: Vector) -> Vector:
         """See `Smoother`."""
-        if not self._samples:
-            self._samples.extend([values] * len(self._weights))
-        self._samples.append(values)
-        return self._weights @ np.array(self._samples)
+        before = self.memory or [values] * len(self._weights)
+        self.memory = [*before[1:], values]
+        return self._weights @ np.array(self.memory)
 
-    def save(self) -> list[list[float]]:
-        """See `Smoother`."""
-        return [sample.tolist() for sample in self._samples]
 
-    def restore(self, saved: list[list[float]]) -> None:
-        """See `Smoother`."""
-        self._samples.extend(np.array(sample) for sample in saved)
+class Differentiator(Filter):
+    """Velocities from positions: v = (q_k − q_{k−1}) / (t_k − t_{k−1}), and 0 at the first sample.
+
+    cutoff_hz: corner frequency of a first-order low-pass filter behind it [Hz]; None: there is
+    none. With α = exp(−2π f Δt), v_k = α v_{k−1} + (1 − α) Δq / Δt: the exact discretisation of the
+    filter for a constant input during Δt (Åström and Wittenmark, Computer-Controlled Systems,
+    3rd ed. 1997, chapter 2). It lags by 1 / (2π f).
+    """
+
+    def __init__(self, cutoff_hz: float | None) -> None:
+        super().__init__()
+        self._rate = None if cutoff_hz is None else 2.0 * math.pi * cutoff_hz
+
+    def update(self, position: Vector, since_ns: int) -> Vector:
+        """Return the velocities at the newest sample, shape (n,) [rad/s].
+
+        position: shape (n,) [rad]. since_ns: from the sample before to this one [ns], above 0.
+        """
+        velocity = np.zeros_like(position)
+        if self.memory:
+            before, was = self.memory
+            velocity = (position - before) / (since_ns * 1e-9)
+            if self._rate is not None:
+                keep = math.exp(-self._rate * since_ns * 1e-9)
+                velocity = keep * was + (1.0 - keep) * velocity
+        self.memory = [position, velocity]
+        return velocity
 
 
 def delay_warning(smoother: Smoother | None) -> list[str]:

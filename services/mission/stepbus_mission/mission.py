@@ -1,15 +1,16 @@
-"""What calls change of a mission that publishes references, from the next step on."""
+"""The mission: publishes references of a task, unless a call has sent a joint elsewhere."""
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from functools import partial
 from itertools import chain
-from typing import Any
+from typing import Any, NamedTuple
 
 import msgspec
 
-from stepbus_mission.generators import Generator, Sine, SineRow, StepChange
+from stepbus_mission.generators import STEERED, TASKS, Generator, Sine, duration_of
 from stepbus_mission.params import Params
-from stepbus_mission.trajectories import CsvTrajectory, Knot, Waypoints, evaluate, quintic
+from stepbus_mission.polynomials import Knot, evaluate, quintic
 from stepbus_participant import (
     CallError,
     Config,
@@ -26,31 +27,48 @@ from stepbus_schemas import Description, Event, JointReference, Message, RunErro
 
 def _radians(position: float | str) -> float:
     """Return an angle [rad]; text: degrees."""
-    text = position.removesuffix("deg").removesuffix("°") if isinstance(position, str) else ""
+    if not isinstance(position, str):
+        return position
     try:
-        return math.radians(float(text)) if isinstance(position, str) else position
+        return math.radians(float(position.removesuffix("deg").removesuffix("°")))
     except ValueError as exc:
         raise CallError(f"{position!r} is no target: write rad, or degrees such as 30deg") from exc
 
 
-class SavedTargets(msgspec.Struct):
-    """paths: of joints by index, as in `Targets`. last: the newest reference and its time [s]."""
+class _Path(NamedTuple):
+    """The way of a joint from a knot, at a time [s], to rest at a position [rad]."""
 
-    paths: dict[int, tuple[float, float, Knot, float]]
-    last: tuple[float, list[float], list[float], list[float]] | None
+    since: float
+    duration_s: float
+    start: Knot
+    position: float
+
+    def at(self, t: float) -> Knot:
+        """Return position, velocity and acceleration at a time [s]."""
+        end = (self.position, 0.0, 0.0)
+        if t - self.since >= self.duration_s:
+            return end
+        return evaluate(quintic(self.start, end, self.duration_s), t - self.since)
+
+
+class _State(msgspec.Struct):
+    """paths: index of a joint → its way. last: the newest reference, and its time [s]."""
+
+    paths: dict[int, _Path] = {}
+    last: tuple[float, JointReference] | None = None
 
 
 class Targets:
     """Positions that joints were sent to, instead of following the task.
 
-    joints: of the reference, in its order.
+    joints: of the reference, in its order. state: of it at the newest step. pending: indices of
+    joints, position [rad] or None, and duration [s] of calls since then.
     """
 
     def __init__(self, joints: Sequence[str]) -> None:
         self._joints = list(joints)
-        self._pending: list[Callable[[float], None]] = []
-        self._paths: dict[int, tuple[float, float, Knot, float]] = {}
-        self._last: tuple[float, JointReference] | None = None
+        self.state = _State()
+        self.pending: list[tuple[Sequence[int], float | None, float]] = []
 
     def set_target(self, joint: str, position: float | str, duration_s: float = 0.0) -> None:
         """Send a joint to a position [rad], with minimum jerk over a time [s]; 0: at once.
@@ -58,103 +76,58 @@ class Targets:
         position: a number, or degrees such as `30deg`. Raises CallError for an unknown joint, or
         what is no number.
         """
-        index = self._index(joint)
-        position = _radians(position)
-        numbers = (position, duration_s)
-        is_number = [isinstance(n, int | float) and not isinstance(n, bool) for n in numbers]
-        if not all(is_number) or not all(map(math.isfinite, numbers)) or duration_s < 0:
-            raise CallError(f"{joint}: {position!r} rad in {duration_s!r} s is no target")
-        target = float(position)
-        self._pending.append(lambda t: self._start(index, target, duration_s, t))
+        index, angle = self._index(joint), _radians(position)
+        numbers = [n for n in (angle, duration_s) if isinstance(n, int | float)]
+        is_right = len(numbers) == 2 and not any(isinstance(n, bool) for n in numbers)
+        if not is_right or not all(map(math.isfinite, numbers)) or duration_s < 0:
+            raise CallError(f"{joint}: {angle!r} rad in {duration_s!r} s is no target")
+        self.pending.append(([index], float(angle), duration_s))
 
     def follow_task(self, joint: str | None = None) -> None:
         """Let a joint follow the task again, or all of them."""
         indices = range(len(self._joints)) if joint is None else [self._index(joint)]
-        self._pending.append(lambda _t: self._forget(indices))
-
-    def _forget(self, indices: Iterable[int]) -> None:
-        for index in indices:
-            self._paths.pop(index, None)
+        self.pending.append((indices, None, 0.0))
 
     def _index(self, joint: str) -> int:
         if joint not in self._joints:
             raise CallError(f"joint {joint!r} is unknown{suggest(str(joint), self._joints)}")
         return self._joints.index(joint)
 
-    def _start(self, index: int, position: float, duration_s: float, t: float) -> None:
-        if self._last is None or not duration_s:
-            self._paths[index] = (t, 0.0, (0.0, 0.0, 0.0), position)
-            return
-        since, last = self._last
-        start = (last.position[index], last.velocity[index], last.acceleration[index])
-        self._paths[index] = (since, duration_s, start, position)
-
-    def save(self) -> SavedTargets | None:
-        """Return where joints were sent, for a checkpoint; None while a call waits for its step."""
-        if self._pending:
-            return None
-        last = None
-        if self._last is not None:
-            t, target = self._last
-            last = (t, list(target.position), list(target.velocity), list(target.acceleration))
-        return SavedTargets(paths=dict(self._paths), last=last)
-
-    def restore(self, saved: SavedTargets) -> None:
-        """Take what `save` returned."""
-        self._paths = dict(saved.paths)
-        if saved.last is not None:
-            t, position, velocity, acceleration = saved.last
-            reference = JointReference(
-                position=position, velocity=velocity, acceleration=acceleration
-            )
-            self._last = t, reference
-
     def apply(self, t: float, task: JointReference) -> JointReference:
         """Return the reference of a time [s]; task: that of the task."""
-        for change in self._pending:
-            change(t)
-        self._pending.clear()
-        target = task if not self._paths else self._moved(t, task)
-        self._last = t, target
+        state, target = self.state, task
+        for indices, position, duration_s in self.pending:
+            for index in indices:
+                state.paths.pop(index, None)
+                if position is not None:
+                    state.paths[index] = self._path(index, position, duration_s, t)
+        self.pending.clear()
+        if state.paths:
+            rows = [list(task.position), list(task.velocity), list(task.acceleration)]
+            for index, path in state.paths.items():
+                for row, value in zip(rows, path.at(t), strict=True):
+                    row[index] = value
+            target = JointReference(position=rows[0], velocity=rows[1], acceleration=rows[2])
+        state.last = t, target
         return target
 
-    def _moved(self, t: float, task: JointReference) -> JointReference:
-        rows = (list(task.position), list(task.velocity), list(task.acceleration))
-        for index, (since, duration_s, start, position) in self._paths.items():
-            end = (position, 0.0, 0.0)
-            knot = end
-            if t - since < duration_s:
-                knot = evaluate(quintic(start, end, duration_s), t - since)
-            for row, value in zip(rows, knot, strict=True):
-                row[index] = value
-        return JointReference(position=rows[0], velocity=rows[1], acceleration=rows[2])
+    def _path(self, index: int, position: float, duration_s: float, t: float) -> _Path:
+        if self.state.last is None or not duration_s:
+            return _Path(t, 0.0, (0.0, 0.0, 0.0), position)
+        since, last = self.state.last
+        start = (last.position[index], last.velocity[index], last.acceleration[index])
+        return _Path(since, duration_s, start, position)
 
 
-TASKS: dict[str, type[Generator]] = {
-    "csv": CsvTrajectory,
-    "sine": Sine,
-    "step": StepChange,
-    "waypoints": Waypoints,
-}
-"""Value of `task` in the scenario → its class."""
-
-
-STEERED: Mapping[str, Mapping[str, str]] = {
-    "sine": {"amplitude": "rad", "omega": "rad/s", "phase": "rad", "offset": "rad"},
-    "step": {"target": "rad", "initial": "rad", "time": "s"},
-}
-"""Task → its parameters that calls can set, with their units."""
-
-
-class Saved(msgspec.Struct):
+class _Saved(msgspec.Struct):
     """The state of a mission at a checkpoint.
 
-    params: with those that calls have set. sine, targets: of `Sine` and `Targets`.
+    params: with those that calls have set. shift: of `Sine`. targets: of `Targets`.
     """
 
     params: dict[str, Any]
-    sine: list[SineRow]
-    targets: SavedTargets
+    shift: list[float]
+    targets: _State
     is_done: bool
 
 
@@ -240,25 +213,24 @@ class Mission(Participant):
         }
 
     def save(self) -> bytes | None:
-        """Return what calls have changed; None with a generator of one's own, which has no such."""
-        if self._task not in TASKS or self._changed is not None:
+        """Return what calls have changed; None with a generator of one's own, which has no such.
+
+        None, too, while a call waits for its step.
+        """
+        if self._task not in TASKS or self._changed is not None or self._targets.pending:
             return None
-        rows = self.generator.save() if isinstance(self.generator, Sine) else []
-        targets = self._targets.save()
-        if targets is None:
-            return None
-        saved = Saved(
-            params=self._steering.save(), sine=rows, targets=targets, is_done=self._is_done
-        )
+        shift = self.generator.shift if isinstance(self.generator, Sine) else []
+        saved = _Saved(self._steering.save(), shift, self._targets.state, self._is_done)
         return msgspec.msgpack.encode(saved)
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
-        saved = msgspec.msgpack.decode(state, type=Saved)
-        self.generator = make_generator(self.config, self._steering.restore(saved.params))
+        saved = msgspec.msgpack.decode(state, type=_Saved)
+        params = self._steering.restore(saved.params)
+        self.generator = make_generator(self.config, params)
         if isinstance(self.generator, Sine):
-            self.generator.restore(saved.sine)
-        self._targets.restore(saved.targets)
+            self.generator = Sine(params.joints, params, saved.shift)
+        self._targets.state = saved.targets
         self._is_done = saved.is_done
 
     def _report(self, messages: dict[str, Message], text: str) -> None:
@@ -287,8 +259,8 @@ def make_generator(config: Config, params: Params) -> Generator:
     problems = config.problems().below(("params",))
     generator: Generator | None
     if params.task in TASKS:
-        task = TASKS[params.task]
-        generator = problems.attempt(("file",), lambda: task(params.joints, params))
+        make = partial(TASKS[params.task], params.joints, params)
+        generator = problems.attempt(("file",), make)
     else:
         generator = make_plugin(config, "task", params.task, params.own, "at", params.joints)
     if generator is None:
@@ -297,8 +269,3 @@ def make_generator(config: Config, params: Params) -> Generator:
         problems.add(("end_when_done",), "is true, but this task never ends")
     problems.refuse()
     return generator
-
-
-def duration_of(generator: Generator) -> float:
-    """Return when a generator comes to rest for good [s]; infinity: never."""
-    return float(getattr(generator, "duration", math.inf))

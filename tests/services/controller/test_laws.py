@@ -11,8 +11,7 @@ from support.services.control import (
 )
 
 from stepbus_controller import Params
-from stepbus_controller.laws import LAWS, Law, Reference
-from stepbus_controller.robot import Robot
+from stepbus_controller.laws import LAWS, Law, Reference, Robot
 from stepbus_kinematics import RobotModel
 
 DT = 0.005

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from stepbus_controller.position.position_controller import PositionController
+from stepbus_controller.position_controller import PositionController
 from stepbus_participant import Config
 from stepbus_schemas import (
     Description,

@@ -5,7 +5,7 @@ import math
 import pytest
 from support.services.control import SINE, make_mission, mission_config
 
-from stepbus_mission.trajectories import evaluate, quintic
+from stepbus_mission.polynomials import evaluate, quintic
 from stepbus_schemas import JointReference
 
 H = 1e-4

@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus.testing import Bench
-from stepbus_mission.goals.goal_sequence import GoalSequence
+from stepbus_mission.goals import GoalSequence
 from stepbus_participant import Config
 from stepbus_schemas import GoalStatus, InputConfig, OutputConfig, RunError, WiringError
 

@@ -48,8 +48,8 @@ class Params(Settings):
 
 
 if TYPE_CHECKING:
-    from stepbus_mission.round_trip.round_trip import RoundTrip
+    from stepbus_mission.round_trips import RoundTrip
 
 __all__ = ["Params", "RoundTrip"]
 
-__getattr__ = imported_later(__name__, {"RoundTrip": "round_trip"})
+__getattr__ = imported_later("stepbus_mission", {"RoundTrip": "round_trips"})

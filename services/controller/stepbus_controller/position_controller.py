@@ -59,40 +59,34 @@ class PositionController(Participant):
         reference = step.get(self._reference_port, JointReference)
         if reference is None:
             return {}
-        target, velocity = self._target(reference, self._age(step))
-        command = JointCommand(
-            mode="position",
-            values=target.tolist(),
-            velocity=velocity.tolist() if self._feeds_forward else None,
-            effort_limit=self._effort_limit,
-        )
-        return {self._command_port: command, **self._status(step, target)}
-
-    def _age(self, step: Step) -> float:
-        """Return the age of the newest reference [s]."""
         source = self.config.inputs[self._reference_port]
-        due = due_step(step.index, source.delay, source.every)
-        return (step.index - due) * self.config.step_ns * 1e-9
+        late = step.index - due_step(step.index, source.delay, source.every)
+        target, velocity = self._target(reference, late * self.config.step_ns * 1e-9)
+        messages: dict[str, Message] = {
+            self._command_port: JointCommand(
+                mode="position",
+                values=target.tolist(),
+                velocity=velocity.tolist() if self._feeds_forward else None,
+                effort_limit=self._effort_limit,
+            )
+        }
+        state = step.get(self._state_port, JointState)
+        if self._status_port is not None and state is not None:
+            q = self._state_order.pick(state.position, "position")
+            status = ControllerStatus(error=(target - q).tolist(), saturated=[False] * len(q))
+            messages[self._status_port] = status
+        return messages
 
     def _target(self, reference: JointReference, age: float) -> tuple[Vector, Vector]:
         """Return the targets now, and the velocities that lead to the next ones.
 
-        Both of shape (n,), [rad, rad/s].
+        Both of shape (n,), [rad, rad/s]. age: of the reference [s].
         """
         pick = self._reference_order.pick
         q = pick(reference.position, "position")
         v = pick(reference.velocity, "velocity")
         a = pick(reference.acceleration, "acceleration")
         return q + (v + a * (age / 2)) * age, v + a * (age + self._period / 2)
-
-    def _status(self, step: Step, target: Vector) -> Mapping[str, Message]:
-        state = step.get(self._state_port, JointState)
-        if self._status_port is None or state is None:
-            return {}
-        q = self._state_order.pick(state.position, "position")
-        error: list[float] = (target - q).tolist()
-        status = ControllerStatus(error=error, saturated=[False] * len(error))
-        return {self._status_port: status}
 
     def save(self) -> bytes:
         """Return nothing: each command follows from the inputs of its step."""

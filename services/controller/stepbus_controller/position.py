@@ -20,8 +20,8 @@ class Params(Settings):
 
 
 if TYPE_CHECKING:
-    from stepbus_controller.position.position_controller import PositionController
+    from stepbus_controller.position_controller import PositionController
 
 __all__ = ["Params", "PositionController"]
 
-__getattr__ = imported_later(__name__, {"PositionController": "position_controller"})
+__getattr__ = imported_later("stepbus_controller", {"PositionController": "position_controller"})
