@@ -1,10 +1,11 @@
 """Bring the vectors of a port into a joint order of your own."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
-from stepbus_participant import InvalidInput, suggest
+from stepbus_participant import InvalidInput, Problems, suggest
 from stepbus_schemas import Description, RunError, WiringError
 
 from .model import Vector
@@ -54,14 +55,13 @@ def joint_orders(
 ) -> list[JointOrder]:
     """Return the joint orders of several ports.
 
-    who: the participant, for messages. Raises WiringError that lists what is wrong with any.
+    who: the participant, for messages. Raises SettingsError that lists what is wrong with any.
     """
-    orders, problems = [], []
-    for port in ports:
-        try:
-            orders.append(JointOrder(port, inputs[port].names, wanted))
-        except WiringError as exc:
-            problems += [f"{who}: {line}" for line in str(exc).splitlines()]
-    if problems:
-        raise WiringError("\n".join(problems))
-    return orders
+    problems = Problems(above=("participants", who))
+    orders = (
+        problems.attempt((), partial(JointOrder, port, inputs[port].names, wanted))
+        for port in ports
+    )
+    known = [order for order in orders if order is not None]
+    problems.refuse()
+    return known

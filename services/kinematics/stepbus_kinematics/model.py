@@ -1,6 +1,6 @@
 """A robot's model: forward kinematics, Jacobians and torques of joints in an order you choose."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -10,10 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus_participant import mimics, parse_urdf, suggest
+from stepbus_participant import mimics, parse_urdf, read_urdf_text, suggest
 from stepbus_schemas import RunError, WiringError
-
-from .urdf import joint_problems, link_names, link_problems, load_urdf, movable_joints, posture_of
 
 Vector = NDArray[np.float64]
 
@@ -63,12 +61,18 @@ class RobotModel:
         links: Sequence[str] = (),
     ) -> None:
         self.path = path
-        self.text, self.full = load_urdf(path)
+        self.text = read_urdf_text(path)
+        try:
+            self.full: Any = pin.buildModelFromXML(self.text)
+        except ValueError as exc:
+            raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
         self._mimics = mimics(parse_urdf(self.text))
-        movable = [name for name in movable_joints(self.full) if name not in self._mimics]
+        movable = [name for name in self._movable() if name not in self._mimics]
         self.joints = tuple(movable if joints is None else joints)
-        self._check(posture or {}, links, bounded=bounded)
-        self.stance: Vector = posture_of(self.full, self._with_followers(posture or {}))
+        problems = list(self._problems(posture or {}, links, bounded=bounded))
+        if problems:
+            raise WiringError("\n".join(problems))
+        self.stance: Vector = self._posture(posture or {})
         self.model: Any = self._reduced()
         self.model.gravity.linear = np.array(gravity, dtype=np.float64)
         self.data: Any = self.model.createData()
@@ -77,36 +81,61 @@ class RobotModel:
         self._unloaded: tuple[int, Any] | None = None
         self._index_joints()
 
-    def _check(self, posture: Mapping[str, float], links: Sequence[str], *, bounded: bool) -> None:
-        file, others = self.path.name, tuple(posture)
-        problems = joint_problems(self.full, self.joints, file, bounded=bounded)
-        problems += joint_problems(self.full, others, file, bounded=True)
-        problems += [f"joint {name!r} is in joints, too" for name in others if name in self.joints]
-        problems += [
-            f"joint {name!r} of {file} follows {self._mimics[name].joint!r}; name that one"
-            for name in (*self.joints, *others)
-            if name in self._mimics
-        ]
-        problems += link_problems(self.full, links, file)
-        if not self.joints:
-            problems.append(f"{self.path} has no movable joint")
-        if problems:
-            raise WiringError("\n".join(problems))
+    def _movable(self) -> tuple[str, ...]:
+        """Return the names of all joints that move, in Pinocchio's order."""
+        return tuple(self.full.names)[1:]
 
-    def _with_followers(self, posture: Mapping[str, float]) -> dict[str, float]:
-        """Return a posture with the joints that follow others where these take them."""
+    def _problems(
+        self, posture: Mapping[str, float], links: Sequence[str], *, bounded: bool
+    ) -> Iterator[str]:
+        """Yield a sentence for each joint and link that is not as wanted."""
+        file, others = self.path.name, tuple(posture)
+        yield from self._joint_problems(self.joints, bounded=bounded)
+        yield from self._joint_problems(others, bounded=True)
+        yield from (f"joint {name!r} is in joints, too" for name in others if name in self.joints)
+        for name in (*self.joints, *others):
+            if name in self._mimics:
+                leader = self._mimics[name].joint
+                yield f"joint {name!r} of {file} follows {leader!r}; name that one"
+        known = link_names(self.full)
+        for name in links:
+            if name not in known:
+                yield f"link {name!r} is not in {file}{suggest(name, known)}"
+        if not self.joints:
+            yield f"{self.path} has no movable joint"
+
+    def _joint_problems(self, joints: Sequence[str], *, bounded: bool) -> Iterator[str]:
+        """Yield a sentence for each joint that is missing or of a type that cannot be moved."""
+        model, file, movable = self.full, self.path.name, self._movable()
+        for name in joints:
+            if name not in movable:
+                yield f"joint {name!r} is not in {file}{suggest(name, movable)}"
+                continue
+            joint = model.getJointId(name)
+            at, freedoms = model.idx_qs[joint], model.nvs[joint]
+            lower, upper = model.lowerPositionLimit[at], model.upperPositionLimit[at]
+            if bounded and not (model.nqs[joint] == 1 and -np.inf < lower < upper < np.inf):
+                yield f"joint {name!r} of {file} has no position limits"
+            elif freedoms != 1:
+                text = f"has {freedoms} degrees of freedom; a controller needs 1"
+                yield f"joint {name!r} of {file} {text}"
+
+    def _posture(self, positions: Mapping[str, float]) -> Vector:
+        """Return a posture of all joints, those that follow others where these take them."""
         followed = {
-            name: mimic.multiplier * posture.get(mimic.joint, 0.0) + mimic.offset
+            name: mimic.multiplier * positions.get(mimic.joint, 0.0) + mimic.offset
             for name, mimic in self._mimics.items()
         }
-        return {**posture, **followed}
+        q: Vector = pin.neutral(self.full)
+        for name, value in {**positions, **followed}.items():
+            q[self.full.idx_qs[self.full.getJointId(name)]] = value
+        return q
 
     def locked(self) -> list[int]:
         """Return the Pinocchio numbers of the joints that stand still."""
         moving = {name for name, mimic in self._mimics.items() if mimic.joint in self.joints}
         moving |= set(self.joints)
-        names = movable_joints(self.full)
-        return [self.full.getJointId(name) for name in names if name not in moving]
+        return [self.full.getJointId(name) for name in self._movable() if name not in moving]
 
     def _reduced(self) -> Any:
         locked = self.locked()
@@ -331,3 +360,8 @@ class RobotModel:
             available=float(available[worst]),
             unit=self.effort_unit(self.joints[checked[worst]]),
         )
+
+
+def link_names(model: Any) -> tuple[str, ...]:
+    """Return the names of all links of Pinocchio's model, in its order."""
+    return tuple(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)

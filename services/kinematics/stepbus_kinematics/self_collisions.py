@@ -1,5 +1,6 @@
 """Collision shapes of a robot, and the pairs of links that may touch."""
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,11 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics.model import RobotModel, Vector
-from stepbus_kinematics.urdf import with_mesh_files
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
+
+_URL = re.compile(r"package://[^\"'<>]+")
+"""Instead of which Pinocchio gets the file name of a mesh."""
 
 
 def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
@@ -21,7 +25,7 @@ def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
     """
     full = robot.full
     try:
-        text = with_mesh_files(robot.text, robot.path.parent)
+        text = _URL.sub(lambda url: str(package_path(url[0], robot.path.parent)), robot.text)
         geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
     except ValueError as exc:
         raise WiringError(f"{robot.path}: the collision shapes cannot be read: {exc}") from exc

@@ -333,6 +333,6 @@ def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
     def refuse(path):
         raise WiringError(f"{path} needs xacro; run `make robots`")
 
-    monkeypatch.setattr("stepbus_kinematics.urdf.read_urdf_text", refuse)
+    monkeypatch.setattr("stepbus_kinematics.model.read_urdf_text", refuse)
     with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; run `make robots`"):
         Perception(config(tmp_path))
