@@ -7,7 +7,7 @@ from support.paths import DOCS
 from support.runs.scenario import shipped, write
 
 from stepbus_orchestrator.scenario import builtin_names, load, resolved
-from stepbus_orchestrator.scenario.declaration import ParticipantRow, ScenarioFile
+from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
 
 PAGE = (DOCS / "reference/scenario.md").read_text(encoding="utf-8")
 

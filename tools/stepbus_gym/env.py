@@ -17,6 +17,7 @@ import msgspec
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
+from msgspec import structs
 
 import stepbus
 from stepbus.runs import AnyScenario
@@ -327,14 +328,14 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
     selected(ports, "outputs", act)
     params = {**params, "act": act}
     check_limits(ports, Params.of(params))
-    changed = dataclasses.replace(
+    changed = structs.replace(
         spec,
         participant="stepbus_gym.policy:LoadedPolicy",
         exec=(),
         params=params,
         files=(),
         bridge=None,
-        on_fault=None,
+        on_fault="stop",
         start="child",
     )
     rows = tuple(changed if row.name == name else row for row in scenario.participants)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import msgspec
+from msgspec import structs
 
 from stepbus_orchestrator.analysis.tolerance import short
 from stepbus_orchestrator.errors import RecordingFailed, argument
@@ -71,8 +71,9 @@ def prepare(
     unused = [name for name in programs if is_other or name != participant]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
-        dataclasses.replace(
-            _with_program(spec, programs[spec.name]) if spec.name in unused else spec, on_fault=None
+        structs.replace(
+            _with_program(spec, programs[spec.name]) if spec.name in unused else spec,
+            on_fault="stop",
         )
         for spec in scenario.participants
     ]
@@ -91,13 +92,13 @@ def _from_tree(
     unused = [f"{name}.exec={_NO_PROGRAM}" for name in names]
     today = load(tree.file, [*tree.overrides, *overrides, *unused])
     new, old = today.participant(participant), scenario.participant(participant)
-    spec = dataclasses.replace(
+    spec = structs.replace(
         old,
         participant=new.participant,
         exec=new.exec,
         bridge=new.bridge,
         params=new.params,
-        deadlines=new.deadlines,
+        **{key: getattr(new, key) for key in new.__struct_fields__ if key.endswith("_timeout_ns")},
     )
     specs = [spec if other is old else other for other in scenario.participants]
     today_files = find_files(_with_programs(today, tree, names)).paths
@@ -125,7 +126,7 @@ def _with_programs(today: Scenario, tree: WorkTree, names: Sequence[str]) -> Sce
 
 
 def _with_program(spec: ParticipantSpec, other: ParticipantSpec) -> ParticipantSpec:
-    return dataclasses.replace(spec, participant=other.participant, exec=other.exec)
+    return structs.replace(spec, participant=other.participant, exec=other.exec)
 
 
 def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) -> Iterator[str]:
@@ -202,6 +203,6 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
 
 def alone(scenario: Scenario, participant: str) -> Scenario:
     """Return a scenario of one participant, for the links on the bus."""
-    bus = msgspec.structs.replace(scenario.bus, low_latency=low_latency(scenario))
+    bus = structs.replace(scenario.bus, low_latency=low_latency(scenario))
     specs = (scenario.participant(participant),)
     return dataclasses.replace(scenario, participants=specs, bus=bus)

@@ -133,7 +133,7 @@ class SafeStop:
         self._substitutes: Mapping[str, Substitute] = {
             spec.name: Substitute(
                 spec,
-                spec.on_fault,
+                spec.hold,
                 token=session.token,
                 step_ns=scenario.step_ns,
                 put=session.announcer.publisher(f"out/{spec.name}", "Outputs/1"),
@@ -141,7 +141,7 @@ class SafeStop:
                 types=scenario.types,
             )
             for spec in scenario.participants
-            if spec.on_fault is not None
+            if spec.hold is not None
         }
         self._active: Substitute | None = None
         self.replaced_steps = (0, 0)

@@ -17,7 +17,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.scenario.declaration import ParticipantRow, ScenarioFile
+from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
 from stepbus_orchestrator.scenario.packages import participant_classes
 from stepbus_orchestrator.scenario.parameter_tables import table, tables
 from stepbus_orchestrator.scenario.scenario_schema import SchemaWriter

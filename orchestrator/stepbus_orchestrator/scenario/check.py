@@ -138,7 +138,7 @@ def _check_loops(scenario: Scenario, specs: dict[str, ParticipantSpec], problems
 
 def _holding_mistake(spec: ParticipantSpec) -> str | None:
     """Return why nobody can stand in for a participant, or None."""
-    if spec.on_fault is None:
+    if spec.hold is None:
         return None
     if spec.publishes == "first":
         return "hold is for those who command; a participant that publishes first cannot be held"

@@ -3,12 +3,11 @@
 import random
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from stepbus_participant import format_duration, parse_duration, suggest
 from stepbus_schemas import WiringError
 
-from .model import FaultSpec, ParticipantSpec
+from .model import FaultSpec, ParticipantSpec, Scenario
 
 MESSAGE_FAULTS = ("drop", "delay", "duplicate", "reorder", "corrupt", "oversize")
 PROCESS_FAULTS = ("freeze", "kill", "crash", "slow")
@@ -27,24 +26,15 @@ _HELP = (
 )
 
 
-@dataclass(frozen=True)
-class FaultContext:
-    """What faults are checked against: the participants, the number of steps, the seed."""
-
-    participants: Sequence[ParticipantSpec]
-    steps: int | None
-    seed: int
-
-
-def parse_fault(text: str, context: FaultContext) -> tuple[FaultSpec, ...]:
-    """Return the fault that a text stands for, or all that its seed draws.
+def parse_fault(text: str, scenario: Scenario) -> tuple[FaultSpec, ...]:
+    """Return the fault that a text stands for in a scenario, or all that its seed draws.
 
     Raises WiringError when it means nothing, or can never happen.
     """
     form = " ".join(text.split())
     drawn = _RANDOM.fullmatch(form)
     if drawn is not None:
-        return _draw(drawn, context)
+        return _draw(drawn, scenario)
     one = _FORM.fullmatch(form)
     if one is None:
         raise WiringError(f"{text!r} is no fault; {_HELP}")
@@ -54,7 +44,7 @@ def parse_fault(text: str, context: FaultContext) -> tuple[FaultSpec, ...]:
         step=int(one[3]),
         duration_ns=_duration_ns(one[1], one[4]),
     )
-    _check(fault, context)
+    _check(fault, scenario)
     return (fault,)
 
 
@@ -80,18 +70,18 @@ def _duration_ns(fault_type: str, text: str | None) -> int | None:
     return parse_duration(text)
 
 
-def _check(fault: FaultSpec, context: FaultContext) -> None:
+def _check(fault: FaultSpec, scenario: Scenario) -> None:
     if fault.type not in FAULT_TYPES:
         raise WiringError(f"{fault.type!r} is no fault type{suggest(fault.type, FAULT_TYPES)}")
-    specs = {spec.name: spec for spec in context.participants}
+    specs = {spec.name: spec for spec in scenario.participants}
     spec = specs.get(fault.participant)
     if spec is None:
         raise WiringError(
             f"no participant {fault.participant!r}{suggest(fault.participant, specs)}"
         )
-    if context.steps is not None and fault.step >= context.steps:
+    if scenario.steps is not None and fault.step >= scenario.steps:
         raise WiringError(
-            f"step {fault.step} never comes; the run has the steps 0 to {context.steps - 1}"
+            f"step {fault.step} never comes; the run has the steps 0 to {scenario.steps - 1}"
         )
     if fault.type in MESSAGE_FAULTS and fault.step % spec.every:
         before = fault.step - fault.step % spec.every
@@ -101,20 +91,20 @@ def _check(fault: FaultSpec, context: FaultContext) -> None:
         )
 
 
-def _draw(form: re.Match[str], context: FaultContext) -> tuple[FaultSpec, ...]:
+def _draw(form: re.Match[str], scenario: Scenario) -> tuple[FaultSpec, ...]:
     """Return faults of all types at random, the same for the same seed."""
     count, first = int(form[1]), int(form[2] or 0)
-    last = int(form[3]) if form[3] else context.steps
+    last = int(form[3]) if form[3] else scenario.steps
     if last is None:
         raise WiringError("a run without duration needs the last step: 'random N to STEP'")
-    if context.steps is not None and last > context.steps:
-        raise WiringError(f"the run has only the steps below {context.steps}, not up to {last}")
+    if scenario.steps is not None and last > scenario.steps:
+        raise WiringError(f"the run has only the steps below {scenario.steps}, not up to {last}")
     if not 1 <= count <= _MOST:
         raise WiringError(f"must draw 1 to {_MOST} faults, not {count}")
     if first >= last:
         raise WiringError(f"there is no step from {first} to below {last}")
-    generator = random.Random(int(form[4]) if form[4] else context.seed)  # noqa: S311
-    drawn = [_one(generator, first, last, context.participants) for _ in range(count)]
+    generator = random.Random(int(form[4]) if form[4] else scenario.seed)  # noqa: S311
+    drawn = [_one(generator, first, last, scenario.participants) for _ in range(count)]
     return tuple(sorted(drawn, key=lambda fault: fault.step))
 
 

@@ -1,15 +1,13 @@
 """The message types that a scenario brings, and which types its ports have."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.scenario.declaration import ParticipantRow
-from stepbus_orchestrator.scenario.model import HoldSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Problems, find_file, suggest
 from stepbus_participant.parameters import (
     Keys,
@@ -18,94 +16,73 @@ from stepbus_participant.parameters import (
     module_types,
     read_types_file,
 )
-from stepbus_schemas import Types, WiringError, explained
+from stepbus_schemas import Types, explained
 
-Given = str | Mapping[str, Any] | tuple[str | Mapping[str, Any], ...]
 _KEY = "types"
 
 
-@dataclass(frozen=True, kw_only=True)
-class OwnTypes:
-    """The types that a scenario brings.
+def read_types(
+    given: str | Mapping[str, Any] | tuple[str | Mapping[str, Any], ...],
+    folder: Path,
+    problems: Problems,
+) -> tuple[Types, Mapping[str, tuple[str, ...]]]:
+    """Return the types of a scenario, and file of the scenario → the types that it declares.
 
-    files: of the scenario → the types that each declares. is_complete: whether all of them could be
-    read; if not, a type that is unknown may be one of the others.
+    given: the value of `types`; what is wrong with it is added to the problems. folder: of the
+    scenario.
     """
-
-    types: Types
-    files: Mapping[str, tuple[str, ...]]
-    is_complete: bool
-
-    def used(self, rows: Mapping[str, ParticipantRow]) -> Types:
-        """Return those that ports have."""
-        names = [output.type for row in rows.values() for output in row.outputs.values()]
-        return self.types.only(names)
-
-    def check(self, name: str, row: ParticipantRow, data: Any, problems: Problems) -> None:
-        """Add what is wrong with the types of a participant's ports, and with safe messages.
-
-        data: the participant as it stands in the scenario.
-        """
-        keys = ("participants", name)
-        for port, output in row.outputs.items():
-            below: Keys = () if isinstance(data["outputs"][port], str) else ("type",)
-            self._check_type((*keys, "outputs", port, *below), output.type, problems)
-        for port, item in row.inputs.items():
-            if item.type is not None:
-                self._check_type((*keys, "inputs", port, "type"), item.type, problems)
-        if isinstance(row.on_fault, HoldSpec):
-            for below, text in self._safe_problems(row, row.on_fault.safe):
-                problems.add((*keys, "on_fault", "safe", *below), text)
-
-    def _check_type(self, keys: Keys, name: str, problems: Problems) -> None:
-        if not name or problems.has(keys) or (name not in self.types and not self.is_complete):
-            return
-        try:
-            self.types[name]
-        except WiringError as exc:
-            problems.add(keys, str(exc))
-
-    def _safe_problems(
-        self, row: ParticipantRow, safe: Mapping[str, Any]
-    ) -> Iterator[tuple[Keys, str]]:
-        for port, message in safe.items():
-            if port not in row.outputs:
-                yield (port,), f"no output {port!r}{suggest(port, row.outputs)}"
-                continue
-            name = row.outputs[port].type
-            if name in self.types:
-                fields = self.types[name].__struct_fields__
-                for field in (field for field in message if field not in fields):
-                    yield (port, field), f"{name} has no field {field!r}{suggest(field, fields)}"
-                try:
-                    msgspec.convert(message, self.types[name])
-                except msgspec.ValidationError as exc:
-                    yield (port,), f"is no {name}: {explained(exc, self.types[name])}"
-
-
-def read_types(given: Given, folder: Path, problems: Problems) -> OwnTypes:
-    """Return the types of a scenario; what is wrong is added to the problems.
-
-    given: the value of `types`. folder: of the scenario.
-    """
-    before = len(problems)
-    sources = given if isinstance(given, tuple) else (given,)
     types: dict[str, Mapping[str, Any]] = {}
     files: dict[str, tuple[str, ...]] = {}
-    for index, source in enumerate(sources):
+    for index, source in enumerate(given if isinstance(given, tuple) else (given,)):
         keys: Keys = (_KEY, index) if isinstance(given, tuple) else (_KEY,)
         if not problems.has(keys):
-            rows = _read(source, folder, keys, problems)
-            for name in (name for name in rows if name in types):
+            declared = _read(source, folder, keys, problems)
+            for name in (name for name in declared if name in types):
                 problems.add(keys, f"{name} is declared twice; leave one of the two out")
-            types |= rows
+            types |= declared
             if isinstance(source, str) and is_file_name(source) and "://" not in source:
-                files[source] = tuple(rows)
-    return OwnTypes(
-        types=Types(types),
-        files=files,
-        is_complete=len(problems) == before,
-    )
+                files[source] = tuple(declared)
+    return Types(types), files
+
+
+def check_types(spec: ParticipantSpec, data: Any, types: Types, problems: Problems) -> None:
+    """Add what is wrong with the types of a participant's ports, and with safe messages.
+
+    data: the participant as it stands in the scenario.
+    """
+    keys = ("participants", spec.name)
+    ports: dict[Keys, str] = {}
+    for port, output in spec.outputs.items():
+        below: Keys = () if isinstance(data["outputs"][port], str) else ("type",)
+        ports["outputs", port, *below] = output.type
+    for port, item in spec.inputs.items():
+        ports["inputs", port, "type"] = item.type or ""
+    for at, name in ports.items():
+        # A type that is unknown may be one of those that could not be read.
+        is_known = name in types or not problems.has((_KEY,))
+        if name and is_known and not problems.has((*keys, *at)):
+            problems.attempt((*keys, *at), partial(types.__getitem__, name))
+    if spec.hold is not None:
+        for at, text in _safe_problems(spec, spec.hold.safe, types):
+            problems.add((*keys, "on_fault", "safe", *at), text)
+
+
+def _safe_problems(
+    spec: ParticipantSpec, safe: Mapping[str, Any], types: Types
+) -> Iterator[tuple[Keys, str]]:
+    for port, message in safe.items():
+        if port not in spec.outputs:
+            yield (port,), f"no output {port!r}{suggest(port, spec.outputs)}"
+            continue
+        name = spec.outputs[port].type
+        if name in types:
+            fields = types[name].__struct_fields__
+            for field in (field for field in message if field not in fields):
+                yield (port, field), f"{name} has no field {field!r}{suggest(field, fields)}"
+            try:
+                msgspec.convert(message, types[name])
+            except msgspec.ValidationError as exc:
+                yield (port,), f"is no {name}: {explained(exc, types[name])}"
 
 
 def _read(

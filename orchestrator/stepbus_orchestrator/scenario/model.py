@@ -1,37 +1,54 @@
-"""A scenario as frozen types. Durations are integers [ns]; deadlines, of the wall clock, [s].
+"""A scenario: every key of its file, declared once, and what a run has of it.
 
-What stands in a file as it is here is declared as `Settings`; `declaration.py` has the rest.
+From here come reading, the tables of docs/reference/scenario.md and the JSON Schema for editors.
+Durations are integers [ns]; deadlines, of the wall clock, [s].
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 
-from stepbus_participant import Duration, Settings
-from stepbus_participant.parameters import Pause
-from stepbus_schemas import SHIPPED, BridgeFormat, Types
+from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
+from stepbus_participant.parameters import Keys, Pause
+from stepbus_schemas import SHIPPED, BridgeFormat, Description, Types, explained
 
 LAST_TCP_PORT = 65535
-Publishes = Literal["first", "last"]
+EXTERNAL_SPAWN_S = 120.0
+"""Deadline of a participant that the user starts by hand: until its process is on the bus [s]."""
 Transport = Literal["unix", "tcp"]
-Start = Literal["child", "external"]
-OnLate = Literal["count", "fail"]
 
 
-@dataclass(frozen=True, kw_only=True)
-class InputSpec:
-    """Where an input comes from: output `port` of participant `source`, `delay` steps old.
+class InputSpec(Settings, dict=True):
+    """Where an input comes from."""
 
-    type: the message type the participant expects, where the scenario says it.
-    """
+    short = "from"
 
-    source: str
-    port: str
-    delay: int = 0
+    from_: str
+    """`participant.output`; not an output of the participant itself."""
+    delay: Whole = 0
+    """How many steps old it is at least."""
     type: str | None = None
+    """A message type this participant insists on; it is checked against the output's."""
+
+    @cached_property
+    def source(self) -> str:
+        """Return the participant that publishes it."""
+        return self.from_.partition(".")[0]
+
+    @cached_property
+    def port(self) -> str:
+        """Return the output of that."""
+        return self.from_.partition(".")[2]
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what cannot be an output."""
+        if not (self.source and self.port) or "." in self.port:
+            text = f"must be PARTICIPANT.OUTPUT, e.g. plant.joint_state, not {self.from_!r}"
+            yield ("from",), text
 
 
 class OutputSpec(Settings):
@@ -52,7 +69,7 @@ class HoldSpec(Settings):
     """How long the safe messages are published, after `keep`."""
     keep_ns: Pause = 20_000_000
     """How long its last messages are repeated; may be `0s`."""
-    safe: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
+    safe: dict[str, dict[str, Any]] = {}
     """Output → message, where it is not the default of the output's type."""
 
 
@@ -63,7 +80,7 @@ class BridgeSpec(Settings):
 
     format: BridgeFormat
     """What the program reads and writes."""
-    describe: dict[str, dict[str, Any]] = msgspec.field(default_factory=dict)
+    describe: dict[str, dict[str, Any]] = {}
     """Output → its description, where it is not the default."""
 
 
@@ -91,8 +108,147 @@ class Deadlines:
     stop_s: float = 3.0
 
 
-EXTERNAL_SPAWN_S = 120.0
-"""Deadline of a participant that somebody starts by hand: until its process is on the bus [s]."""
+class ParticipantRow(Settings, dict=True):
+    """A participant."""
+
+    template: str | None = None
+    """The one of `templates` it is made from."""
+    with_: dict[str, Any] = {}
+    """Parameter of the template → its value."""
+    participant: str = ""
+    """The class that it is, in Python: `my_controller.py:Controller` of a file beside the scenario,
+    `my_arm.controller:Controller` of a module; or else `exec`."""
+    exec: tuple[str, ...] = ()
+    """The command that starts it, for a program in any language; see below."""
+    every: Count = 1
+    """It fires at steps 0, `every`, 2 · `every` …"""
+    publishes: Literal["first", "last"] = "last"
+    """Whether it publishes before it reads its inputs (a plant: its state) or after (a controller).
+    """
+    inputs: dict[Name, InputSpec] = {}
+    """Port → what it reads."""
+    outputs: dict[Name, OutputSpec] = {}
+    """Port → what it publishes."""
+    params: dict[str, Any] = {}
+    """For the participant alone; checked where it declares them
+    ([parameters.md](parameters.md))."""
+    start: Literal["child", "external"] = "child"
+    """Who starts it: the orchestrator, or you, with `stepbus join`
+    ([attach.md](../guide/running/attach.md)). Changes no result."""
+    real_time: bool = False
+    """Whether it has to keep time in a run in real time
+    ([real_time.md](../guide/running/real_time.md)). Changes no result."""
+    on_late: Annotated[Literal["count", "fail"], when(real_time=True)] = "count"
+    """Whether the run counts its late steps, or fails at the first."""
+    spawn_timeout_ns: Duration | None = None
+    """Until its process is on the bus. Default: 20s, with `start: external` 2min."""
+    join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
+    """From there until it has joined."""
+    ready_timeout_ns: Duration = round(Deadlines.ready_s * 1e9)
+    """From there until its model is loaded and it is connected to its sources."""
+    step_timeout_ns: Duration = round(Deadlines.step_s * 1e9)
+    """How long it may hold a step."""
+    stop_timeout_ns: Duration = round(Deadlines.stop_s * 1e9)
+    """From the request to stop until its process has ended."""
+    on_fault: Literal["stop", "hold"] | HoldSpec = "stop"
+    """What happens when it fails: the run ends, or everything is first brought to rest
+    ([faults.md](../faults.md))."""
+    bridge: BridgeSpec | None = None
+    """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
+    ([bridge.md](../guide/writing/bridge.md))."""
+
+    files: tuple[str, ...] = ()
+    """What it loads beside [what is recorded anyway](#files): patterns and folders, such as
+    `[build/, "../data/*.csv"]`, so that a run can be repeated from its recording."""
+
+    @property
+    def program(self) -> tuple[str, ...]:
+        """Return its command as `exec` would have it."""
+        return self.exec or ("python", "-m", "stepbus_participant", self.participant)
+
+    @property
+    def is_external(self) -> bool:
+        """Return whether the user starts it."""
+        return self.start == "external"
+
+    @property
+    def hold(self) -> HoldSpec | None:
+        """Return how the run continues when it fails; None: it ends."""
+        if isinstance(self.on_fault, HoldSpec):
+            return self.on_fault
+        return HoldSpec() if self.on_fault == "hold" else None
+
+    @cached_property
+    def deadlines(self) -> Deadlines:
+        """Return how long it may take."""
+        spawn_s = EXTERNAL_SPAWN_S if self.is_external else Deadlines.spawn_s
+        return Deadlines(
+            spawn_s=self.spawn_timeout_ns / 1e9 if self.spawn_timeout_ns else spawn_s,
+            join_s=self.join_timeout_ns / 1e9,
+            ready_s=self.ready_timeout_ns / 1e9,
+            step_s=self.step_timeout_ns / 1e9,
+            stop_s=self.stop_timeout_ns / 1e9,
+        )
+
+    @classmethod
+    def elsewhere(cls, key: str) -> str:
+        """Return where a key belongs that is none of a participant's."""
+        if key == "external":
+            return "a participant that you start yourself has `start: external`"
+        if key == "name":
+            return "the key above is the participant's name"
+        if key in keys_of(ScenarioFile):
+            return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
+        parts = (("inputs", InputSpec), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
+        for part, settings in parts:
+            if key in keys_of(settings):
+                return f"{key!r} belongs to `{part}`"
+        is_near = "did you mean" in suggest(key, keys_of(cls))
+        return "" if is_near else f"if the participant itself reads it, write it as params.{key}"
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what is wrong with the command, and with descriptions of outputs."""
+        if self.participant:
+            yield from self._class_problems(self.participant)
+        elif not self.exec:
+            yield (), "needs either 'participant', a class, or 'exec', the command of a program"
+        elif not self.exec[0]:
+            yield ("exec",), "names no program"
+        for index, word in enumerate(self.exec):
+            if "\0" in word:
+                yield ("exec", index), "must not contain a null character"
+        if self.bridge is not None:
+            yield from self._describe_problems(self.bridge.describe)
+
+    def _class_problems(self, name: str) -> Iterator[tuple[Keys, str]]:
+        given = {"exec": self.exec, "bridge": self.bridge}
+        for key in (key for key, value in given.items() if value):
+            text = f"is for a program; {name} is a class (`participant`); leave out one of them"
+            yield (key,), text
+        source, _, attribute = name.rpartition(":")
+        if not source or not attribute.isidentifier():
+            text = "must be FILE.py:CLASS or MODULE:CLASS, e.g. controller.py:Controller"
+            yield ("participant",), f"{text}, not {name!r}"
+
+    def _describe_problems(self, describe: Mapping[str, Any]) -> Iterator[tuple[Keys, str]]:
+        for port, description in describe.items():
+            keys = ("bridge", "describe", port)
+            if port not in self.outputs:
+                yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
+            for key in description:
+                if key not in Description.__struct_fields__:
+                    known = Description.__struct_fields__
+                    yield (*keys, key), f"unknown key {key!r}{suggest(key, known)}"
+            try:
+                msgspec.convert(description, Description)
+            except msgspec.ValidationError as exc:
+                yield keys, explained(exc, Description)
+
+
+class ParticipantSpec(ParticipantRow):
+    """A participant of a scenario, with its name."""
+
+    name: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -105,45 +261,57 @@ class FaultSpec:
     duration_ns: int | None = None
 
 
-@dataclass(frozen=True, kw_only=True)
-class ParticipantSpec:
-    """One participant.
+class ScenarioFile(Settings):
+    """A scenario."""
 
-    participant: the class that it is, `file.py:Class` or `module:Class`; or else exec: the command
-    as written in the scenario; `program.command` makes it one that can be run.
-    every: it fires at multiples of this [steps]. publishes: whether it publishes before or after
-    it reads its inputs. on_fault: how the run continues when it fails; None: it ends. bridge: how
-    the program is reached where it does not speak Zenoh itself. files: patterns of files that it
-    loads and that nothing names. start: whether the orchestrator starts it, or somebody else does
-    with its ticket; changes no result. real_time, on_late: whether it has to keep time in a run in
-    real time, and what happens if it does not.
-    """
+    name: Name
+    """Names the folder of the recording."""
+    step_ns: Duration
+    """Length of a communication step; simulation time is step number × this."""
+    duration_ns: Duration | None = None
+    """A whole number of steps; without it the run lasts until a participant or you end it."""
+    seed: Whole = 0
+    """Every participant derives its own seed from this and its name."""
+    faults: tuple[str, ...] = ()
+    """Faults on purpose: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
+    participants: dict[Name, ParticipantRow]
+    """Name → participant, at least one; where several could go first within a step, they go in
+    this order."""
+    window: Count = 64
+    """Steps in flight; 1: nobody starts a step before all have finished the one before. Changes no
+    result."""
+    batch: Count | None = None
+    """Outputs of a participant per message to the recording; at most half the window. Changes no
+    result. Default: half the window."""
+    checkpoint_ns: Duration | None = None
+    """How often participants save their state, in whole steps, so that a branch need not start at
+    step 0 ([branch.md](../guide/testing/branch.md#checkpoints)). Changes no result. Default:
+    never."""
+    bus: BusSpec = BusSpec()
+    """How participants reach each other. Changes no result."""
+    types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
+    """Message types of your own: declared here, in YAML files, or as classes in installed Python
+    modules; also a list of these ([message_types.md](../guide/writing/message_types.md))."""
+    templates: dict[Name, dict[str, Any]] = {}
+    """Participants to be: name → keys of a participant, with parameters `${…}`; see below."""
+    extends: str | None = None
+    """Scenario that this one changes: a file or folder, or one that ships; see below."""
 
-    name: str
-    participant: str = ""
-    exec: tuple[str, ...] = ()
-    every: int = 1
-    publishes: Publishes = "last"
-    inputs: Mapping[str, InputSpec] = field(default_factory=dict)
-    outputs: Mapping[str, OutputSpec] = field(default_factory=dict)
-    params: Mapping[str, Any] = field(default_factory=dict)
-    deadlines: Deadlines = Deadlines()
-    on_fault: HoldSpec | None = None
-    bridge: BridgeSpec | None = None
-    files: tuple[str, ...] = ()
-    start: Start = "child"
-    real_time: bool = False
-    on_late: OnLate = "count"
+    @classmethod
+    def elsewhere(cls, key: str) -> str:
+        """Return where a key belongs that is none of a scenario's."""
+        if key == "external":
+            return "a participant that you start yourself has `start: external`"
+        if key in keys_of(BusSpec):
+            return f"{key!r} belongs to `bus`"
+        if key in keys_of(ParticipantRow):
+            return f"{key!r} belongs to a participant: participants.NAME.{key}"
+        return ""
 
-    @property
-    def program(self) -> tuple[str, ...]:
-        """Return its command as `exec` would have it."""
-        return self.exec or ("python", "-m", "stepbus_participant", self.participant)
 
-    @property
-    def is_external(self) -> bool:
-        """Return whether somebody else starts it."""
-        return self.start == "external"
+def keys_of(settings: type[Settings]) -> tuple[str, ...]:
+    """Return the keys of a map."""
+    return settings.__struct_encode_fields__
 
 
 @dataclass(frozen=True, kw_only=True, repr=False)

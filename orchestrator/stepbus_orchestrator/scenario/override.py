@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.scenario.declaration import ScenarioFile
+from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.template import without_replaced
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show

@@ -134,7 +134,7 @@ def show_default(field: types.Field) -> str:
         value = repr(value).removeprefix("each(").removesuffix(")")
     if is_duration(field.type) and value is not None:
         return format_duration(value) if value else "0s"
-    if value is None or value in ((), {}) or isinstance(value, Settings):
+    if value in (None, (), {}, "") or isinstance(value, Settings):
         return "none"
     if isinstance(value, bool):
         return "true" if value else "false"

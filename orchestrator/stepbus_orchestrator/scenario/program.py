@@ -1,6 +1,5 @@
 """Which program a participant's `exec` starts, and whether it is there."""
 
-import dataclasses
 import importlib.util
 import json
 import os
@@ -10,6 +9,8 @@ from collections.abc import Mapping, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from typing import Any
+
+from msgspec import structs
 
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.files import is_file, is_folder
@@ -95,7 +96,7 @@ def replaced_program(
     describe = {} if spec.bridge is None else spec.bridge.describe
     through = None if bridge is None else BridgeSpec(format=bridge, describe=describe)
     replaced = tuple(program) or spec.program
-    return dataclasses.replace(spec, participant="", exec=replaced, bridge=through)
+    return structs.replace(spec, participant="", exec=replaced, bridge=through)
 
 
 def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:

@@ -89,7 +89,7 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "inputs": {name: _input(item) for name, item in spec.inputs.items()},
         "outputs": {name: _output(item) for name, item in spec.outputs.items()},
         "params": dict(spec.params),
-        "on_fault": {} if spec.on_fault is None else _on_fault(spec.on_fault),
+        "on_fault": {} if spec.hold is None else _on_fault(spec.hold),
     }
     return {key: value for key, value in content.items() if value not in ({}, [], "")}
 

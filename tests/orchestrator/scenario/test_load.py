@@ -23,7 +23,7 @@ def test_a_scenario_becomes_frozen_types(tmp_path):
     assert [spec.name for spec in scenario.participants] == ["plant", "controller", "mission"]
     assert scenario.participant("mission").every == 4
     assert scenario.participant("mission").inputs == {
-        "joint_state": InputSpec(source="plant", port="joint_state", delay=1)
+        "joint_state": InputSpec(from_="plant.joint_state", delay=1)
     }
 
 

@@ -66,14 +66,14 @@ def test_a_participant_fires_at_multiples_within_the_run(tmp_path, step, fires):
     [(0, 0, 0), (0, 3, 0), (0, 4, 4), (1, 0, None), (1, 4, 0), (1, 5, 4), (6, 9, 0), (6, 5, None)],
 )
 def test_an_input_takes_the_newest_firing_that_is_old_enough(tmp_path, delay, step, due):
-    source = InputSpec(source="mission", port="reference", delay=delay)
+    source = InputSpec(from_="mission.reference", delay=delay)
     assert schedule(tmp_path).due_step(source, step) == due
 
 
 def test_the_schedule_agrees_with_the_participant_library(tmp_path):
     own = schedule(tmp_path)
     for delay in range(6):
-        spec = InputSpec(source="mission", port="reference", delay=delay)
+        spec = InputSpec(from_="mission.reference", delay=delay)
         config = InputConfig(
             source="mission", port="reference", type="JointReference/1", delay=delay, every=4
         )

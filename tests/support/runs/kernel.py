@@ -28,7 +28,7 @@ STEP_NS = 5_000_000
 
 def participant(name, *sources, every=1, publishes="last", delay=0, **options):
     """Return a participant with one output `state`, and one input for each source."""
-    inputs = {source: InputSpec(source=source, port="state", delay=delay) for source in sources}
+    inputs = {source: InputSpec(from_=f"{source}.state", delay=delay) for source in sources}
     return ParticipantSpec(
         name=name, exec=("program",), every=every, publishes=publishes, inputs=inputs,
         outputs={"state": OutputSpec(type="JointState/1")}, **options,

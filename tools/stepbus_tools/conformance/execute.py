@@ -6,6 +6,8 @@ import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from msgspec import structs
+
 from stepbus_orchestrator.scenario import (
     ParticipantSpec,
     Scenario,
@@ -81,7 +83,7 @@ def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scen
             if raw_fields(output.type, scenario.types) or (own.name, port) in read
         }
     specs = tuple(
-        dataclasses.replace(spec, on_fault=None, outputs=outputs if spec is own else spec.outputs)
+        structs.replace(spec, on_fault="stop", outputs=outputs if spec is own else spec.outputs)
         for spec in scenario.participants
     )
     return dataclasses.replace(scenario, participants=specs, faults=())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import msgspec
+from msgspec import structs
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
@@ -47,23 +47,22 @@ class Setup:
         return dataclasses.replace(scenario, window=window, batch=batch, participants=specs)
 
     def _spec(self, spec: ParticipantSpec, participant: str) -> ParticipantSpec:
-        spec = dataclasses.replace(spec, every=self.every.get(spec.name, spec.every))
+        spec = structs.replace(spec, every=self.every.get(spec.name, spec.every))
         if spec.name != participant:
             return spec
         inputs = {
-            name: dataclasses.replace(item, delay=self.delays.get(name, item.delay))
+            name: structs.replace(item, delay=self.delays.get(name, item.delay))
             for name, item in spec.inputs.items()
         }
         limit_s = self.join_timeout_s or spec.deadlines.join_s
-        deadlines = dataclasses.replace(spec.deadlines, join_s=limit_s)
-        return dataclasses.replace(spec, inputs=inputs, deadlines=deadlines)
+        return structs.replace(spec, inputs=inputs, join_timeout_ns=round(limit_s * 1e9))
 
     def answer(self, scenario: Scenario, spec: ParticipantSpec, token: str) -> Envelope:
         """Return the answer to the participant's request to join."""
         if self.refusal is not None:
             return Refusal(reason=self.refusal)
         welcome: Welcome = welcome_of(scenario, spec, token)
-        return msgspec.structs.replace(welcome, **self.welcome)
+        return structs.replace(welcome, **self.welcome)
 
     def mesh(self, scenario: Scenario, spec: ParticipantSpec, folder: Path) -> Mesh:
         """Return the links: orchestrator, peers where they have their own, and the participant."""
@@ -71,7 +70,7 @@ class Setup:
         participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
             participants = (scenario.participant(first.source), spec)
-        bus = msgspec.structs.replace(scenario.bus, low_latency=low_latency(scenario))
+        bus = structs.replace(scenario.bus, low_latency=low_latency(scenario))
         return make_mesh(
             dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
         )

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Mapping, Sequence
 
 import msgspec
+from msgspec import structs
 
 from stepbus_orchestrator.analysis.signals import Signal, read_signal
 from stepbus_orchestrator.recording import Port, Recording
@@ -121,18 +122,18 @@ def _test_scenario(
         name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
         participant="stepbus_selftest:Tester",
         every=plant.every,
-        inputs={"joint_state": InputSpec(source=plant.name, port=port)},
+        inputs={"joint_state": InputSpec(from_=f"{plant.name}.{port}")},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
         params={
             **aim,
             "names": {mode: [j.name for j in joints if j.mode == mode] for mode in modes},
         },
     )
-    alone = dataclasses.replace(
+    alone = structs.replace(
         plant,
-        inputs={name: InputSpec(source=tester.name, port=mode) for mode, name in ports.items()},
+        inputs={name: InputSpec(from_=f"{tester.name}.{mode}") for mode, name in ports.items()},
         outputs=kept,
-        on_fault=None,
+        on_fault="stop",
     )
     return dataclasses.replace(
         scenario,

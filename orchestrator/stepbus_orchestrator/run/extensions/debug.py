@@ -4,20 +4,18 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from msgspec import structs
+
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.scenario import Deadlines, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-# Eleven days; in a ticket and for the bus's queries it has to be a finite number [s].
-_SUSPENDED_S = 1e6
-_NO_DEADLINES = Deadlines(
-    spawn_s=_SUSPENDED_S,
-    join_s=_SUSPENDED_S,
-    ready_s=_SUSPENDED_S,
-    step_s=_SUSPENDED_S,
-    stop_s=_SUSPENDED_S,
-)
+# Eleven days; in a ticket and for the bus's queries it has to be a finite number.
+_SUSPENDED_NS = 10**15
+_NO_DEADLINES = {
+    f"{phase}_timeout_ns": _SUSPENDED_NS for phase in ("spawn", "join", "ready", "step", "stop")
+}
 
 
 class Debug(RunExtension):
@@ -61,7 +59,6 @@ def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
     """
     check_names(scenario, names, "debug")
     specs = (
-        dataclasses.replace(s, deadlines=_NO_DEADLINES) if s.name in names else s
-        for s in scenario.participants
+        structs.replace(s, **_NO_DEADLINES) if s.name in names else s for s in scenario.participants
     )
     return dataclasses.replace(scenario, participants=tuple(specs))

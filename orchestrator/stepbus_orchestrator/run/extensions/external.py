@@ -8,6 +8,8 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from msgspec import structs
+
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.scenario import (
@@ -149,7 +151,7 @@ def external_names(scenario: Scenario) -> list[str]:
 def as_children(scenario: Scenario) -> Scenario:
     """Return a scenario in which the orchestrator starts everybody."""
     specs = (
-        dataclasses.replace(spec, start="child") if spec.is_external else spec
+        structs.replace(spec, start="child") if spec.is_external else spec
         for spec in scenario.participants
     )
     return dataclasses.replace(scenario, participants=tuple(specs))
@@ -167,7 +169,7 @@ def as_external(scenario: Scenario, names: Iterable[str]) -> Scenario:
             raise WiringError(f"no participant {name!r}{suggest(name, known)}")
         spec = scenario.participant(name)
         spawn_s = max(spec.deadlines.spawn_s, EXTERNAL_SPAWN_S)
-        deadlines = dataclasses.replace(spec.deadlines, spawn_s=spawn_s)
-        changed[name] = dataclasses.replace(spec, start="external", deadlines=deadlines)
+        spawn_ns = round(spawn_s * 1e9)
+        changed[name] = structs.replace(spec, start="external", spawn_timeout_ns=spawn_ns)
     specs = tuple(changed.get(spec.name, spec) for spec in scenario.participants)
     return dataclasses.replace(scenario, participants=specs)

@@ -91,7 +91,7 @@ def batches_of(scenario: Scenario, participants: Participants) -> dict[str, int]
         if spec.name in readers
         and not spec.inputs
         # Others read every message of these.
-        and spec.on_fault is None
+        and spec.hold is None
         and spec.name not in faulty
         and not any(output.bulk for output in spec.outputs.values())
         and all(

@@ -1,8 +1,8 @@
 """Who may publish many steps in one message (P7.6)."""
 
-import dataclasses
 from types import SimpleNamespace
 
+from msgspec import structs
 from support.runs.kernel import CONTROLLER, PLANT, participant, scenario
 
 from stepbus_orchestrator.run.kernel.admission import batches_of
@@ -41,7 +41,7 @@ def test_one_that_others_read_as_well_may_not():
     held = participant("mission", on_fault=HoldSpec())
     assert allowed(held) == {}
     outputs = MISSION.outputs | {"image": OutputSpec(type="Image/1", bulk=True)}
-    assert allowed(dataclasses.replace(MISSION, outputs=outputs)) == {}
+    assert allowed(structs.replace(MISSION, outputs=outputs)) == {}
 
 
 def test_one_with_faults_in_its_messages_may_not():
