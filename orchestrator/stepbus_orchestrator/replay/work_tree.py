@@ -20,7 +20,7 @@ from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario import ParticipantSpec, builtin_folders, override, programs_in
 from stepbus_orchestrator.scenario import read_data as read_scenario
-from stepbus_orchestrator.scenario.files import BUILT, is_file, is_folder, is_scenario
+from stepbus_orchestrator.scenario.scenario_files import BUILT, is_file, is_folder, is_scenario
 from stepbus_participant import SettingsError, read_file
 from stepbus_participant.parameters import YamlFile, parse_yaml
 from stepbus_schemas import UNDECODABLE, WiringError

@@ -3,9 +3,9 @@
 from stepbus_orchestrator.scenario.check import check_classes
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_data
-from stepbus_orchestrator.scenario.files import find_files
 from stepbus_orchestrator.scenario.locate import builtin_folders, builtin_names
 from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missing
+from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant.parameters import Problem
 
 from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault

@@ -5,8 +5,8 @@ import os
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.scenario.files import is_file
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
+from stepbus_orchestrator.scenario.scenario_files import is_file
 from stepbus_orchestrator.scenario.template import (
     check_count,
     instantiate,

@@ -10,9 +10,9 @@ from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_extended
-from stepbus_orchestrator.scenario.files import find_files
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.override import add_faults, override
+from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_orchestrator.scenario.template import instantiate
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from stepbus_orchestrator.scenario.files import is_file, is_folder, is_scenario
 from stepbus_orchestrator.scenario.packages import scenario_folders
+from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder, is_scenario
 from stepbus_participant import extra_hint, suggest
 from stepbus_participant.parameters import fatal
 

@@ -22,7 +22,7 @@ EXTERNAL_SPAWN_S = 120.0
 Transport = Literal["unix", "tcp"]
 
 
-class InputSpec(Settings, dict=True):
+class InputSpec(Settings, dict=True, omit_defaults=True):
     """Where an input comes from."""
 
     short = "from"
@@ -51,7 +51,7 @@ class InputSpec(Settings, dict=True):
             yield ("from",), text
 
 
-class OutputSpec(Settings):
+class OutputSpec(Settings, omit_defaults=True):
     """What an output carries."""
 
     short = "type"
@@ -73,7 +73,7 @@ class HoldSpec(Settings):
     """Output → message, where it is not the default of the output's type."""
 
 
-class BridgeSpec(Settings):
+class BridgeSpec(Settings, omit_defaults=True):
     """How a program takes part that does not speak Zenoh."""
 
     short = "format"

@@ -13,8 +13,8 @@ from typing import Any
 from msgspec import structs
 
 from stepbus_orchestrator.scenario.earlier import upgraded
-from stepbus_orchestrator.scenario.files import is_file, is_folder
 from stepbus_orchestrator.scenario.packages import participant_classes
+from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
 from stepbus_participant import extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 

@@ -5,6 +5,7 @@ import re
 import sys
 from typing import Any
 
+import msgspec
 from ruamel.yaml import YAML
 from ruamel.yaml.nodes import ScalarNode
 from ruamel.yaml.representer import SafeRepresenter
@@ -83,40 +84,23 @@ def _participant(spec: ParticipantSpec) -> dict[str, Any]:
         "participant": spec.participant,
         "exec": list(spec.exec),
         "files": list(spec.files),
-        "bridge": {} if spec.bridge is None else _bridge(spec.bridge),
+        "bridge": spec.bridge and _written(spec.bridge),
         "every": spec.every,
         "publishes": spec.publishes,
-        "inputs": {name: _input(item) for name, item in spec.inputs.items()},
-        "outputs": {name: _output(item) for name, item in spec.outputs.items()},
+        "inputs": {name: _written(item) for name, item in spec.inputs.items()},
+        "outputs": {name: _written(item) for name, item in spec.outputs.items()},
         "params": dict(spec.params),
-        "on_fault": {} if spec.hold is None else _on_fault(spec.hold),
+        "on_fault": spec.hold and _on_fault(spec.hold),
     }
-    return {key: value for key, value in content.items() if value not in ({}, [], "")}
-
-
-def _bridge(bridge: BridgeSpec) -> Any:
-    if not bridge.describe:
-        return bridge.format
-    describe = {port: dict(row) for port, row in bridge.describe.items()}
-    return {"format": bridge.format, "describe": describe}
+    return {key: value for key, value in content.items() if value not in (None, {}, [], "")}
 
 
 def _on_fault(hold: HoldSpec) -> dict[str, Any]:
-    safe = {"safe": {port: dict(message) for port, message in hold.safe.items()}}
-    return {
-        "hold": format_duration(hold.hold_ns),
-        "keep": format_duration(hold.keep_ns),
-        **(safe if hold.safe else {}),
-    }
+    times = {"hold": format_duration(hold.hold_ns), "keep": format_duration(hold.keep_ns)}
+    return {**times, "safe": hold.safe} if hold.safe else times
 
 
-def _input(item: InputSpec) -> Any:
-    origin = f"{item.source}.{item.port}"
-    more: dict[str, Any] = {"delay": item.delay} if item.delay else {}
-    if item.type is not None:
-        more["type"] = item.type
-    return {"from": origin, **more} if more else origin
-
-
-def _output(item: OutputSpec) -> Any:
-    return {"type": item.type, "bulk": True} if item.bulk else item.type
+def _written(settings: InputSpec | OutputSpec | BridgeSpec) -> Any:
+    """Return the keys that are no defaults; the short form where that says it all."""
+    keys = msgspec.to_builtins(settings)
+    return keys[settings.short] if set(keys) == {settings.short} else keys

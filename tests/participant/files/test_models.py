@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from support.runs.scenario import changed, load_text, write
 
-from stepbus_orchestrator.scenario import files
 from stepbus_participant import read_urdf_text
 from stepbus_schemas import WiringError
 
@@ -87,5 +86,5 @@ def test_a_file_that_is_not_there_is_refused(tmp_path, name):
 def test_included_files_become_part_of_a_recording(tmp_path):
     xacro(tmp_path, '<xacro:include filename="arm.xacro"/>', "parts/all.xacro")
     xacro(tmp_path, "", "parts/arm.xacro")
-    found = files(load_text(tmp_path, changed("law: pd", "model: parts/all.xacro")))
+    found = load_text(tmp_path, changed("law: pd", "model: parts/all.xacro")).files
     assert list(found) == ["parts/all.xacro", "parts/arm.xacro"]

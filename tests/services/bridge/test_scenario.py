@@ -6,7 +6,7 @@ import sys
 import pytest
 from support.runs.scenario import changed, load_text, problem_of
 
-from stepbus_orchestrator.scenario import BridgeSpec, command, files, resolved, start_command
+from stepbus_orchestrator.scenario import BridgeSpec, command, resolved, start_command
 from stepbus_schemas import WiringError
 
 OWN = "exec: [python, -c, pass]\n    inputs: {joint_state: plant.joint_state, reference"
@@ -64,7 +64,7 @@ def test_what_a_script_in_javascript_imports_is_attached(tmp_path):
     (tmp_path / "law.mjs").write_text("export const kp = 1;\n")
     (tmp_path / "main.mjs").write_text('import { kp } from "./law.mjs";\n')
     exec_ = "controller.exec=[python, main.mjs]"
-    assert list(files(load_text(tmp_path, BRIDGED, exec_))) == ["law.mjs", "main.mjs"]
+    assert list(load_text(tmp_path, BRIDGED, exec_).files) == ["law.mjs", "main.mjs"]
 
 
 def test_the_bridge_by_hand_does_not_load_the_other_commands(tmp_path):
