@@ -25,8 +25,8 @@ class Check:
     clause: str
     summary: str
     run: Run
-    inputs: bool
-    plain: bool
+    inputs: bool = False
+    plain: bool = False
 
 
 def check(
@@ -35,7 +35,7 @@ def check(
     """Make a function a `Check`, which has its name."""
 
     def make(run: Run) -> Check:
-        name = run.__name__.replace("_", "-")
+        name = run.__name__.strip("_").replace("_", "-")
         return Check(name=name, clause=clause, summary=summary, run=run, inputs=inputs, plain=plain)
 
     return make

@@ -1,44 +1,11 @@
-"""Reads what a program sends with a second codec: what only one understands is no MessagePack."""
+"""What the sources of a participant publish, and other forms of the same."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from typing import Any
 
 import msgspec
-from msgpack import ExtType
 
-from stepbus_orchestrator.recording import raw_map
-from stepbus_schemas import (
-    SHIPPED,
-    UNDECODABLE,
-    Description,
-    MessageError,
-    Types,
-    encode,
-    json_schema,
-)
-
-
-def _extension(code: int, data: memoryview) -> Any:
-    return ExtType(code, bytes(data))
-
-
-_decode = msgspec.msgpack.Decoder(ext_hook=_extension).decode
-
-
-def disagreement(data: bytes) -> str:
-    """Return how msgpack and msgspec differ in what they make of a message; empty: they agree."""
-    try:
-        theirs = raw_map(data)
-    except MessageError as exc:
-        return f"msgpack reads {exc}"
-    try:
-        ours = _decode(data)
-    except UNDECODABLE as exc:
-        return f"msgspec reads no MessagePack: {exc}"
-    # As text: NaN equals NaN there, 1 is not 1.0, and the order of the fields counts.
-    different = [name for name in theirs if repr(theirs[name]) != repr(ours.get(name))]
-    return f"msgpack and msgspec read {different[0]!r} differently" if different else ""
-
+from stepbus_schemas import SHIPPED, Description, Types, encode, json_schema
 
 Ports = Mapping[str, bytes]
 """Output port → encoded message."""
@@ -46,51 +13,51 @@ Ports = Mapping[str, bytes]
 Feed = Mapping[str, Mapping[int, Ports]]
 """Source → step → what it publishes."""
 
-Edit = Callable[[str, str, int, bytes], bytes]
-"""Returns another message for (source, port, step, message)."""
+Edit = Callable[[str, str, bytes], bytes]
+"""Returns another message for (source, port, message)."""
 
 
 def edited(feed: Feed, edit: Edit) -> Feed:
     """Return a feed with every message replaced by `edit`."""
+    return each_step(
+        feed,
+        lambda source, _, row: {port: edit(source, port, data) for port, data in row.items()},
+    )
+
+
+def each_step(feed: Feed, change: Callable[[str, int, Ports], Ports]) -> Feed:
+    """Return a feed with other outputs: `change` gets source, step and outputs."""
     return {
-        source: {
-            step: {port: edit(source, port, step, data) for port, data in ports.items()}
-            for step, ports in rows.items()
-        }
+        source: {step: change(source, step, row) for step, row in rows.items()}
         for source, rows in feed.items()
     }
 
 
-def shifted(feed: Feed, ports: set[tuple[str, str]], delay: int) -> Feed:
+def thinned(feed: Feed, every: Mapping[str, int]) -> Feed:
+    """Return a feed in which sources publish at multiples of a step only, and nothing between."""
+    return each_step(feed, lambda source, step, row: {} if step % every[source] else row)
+
+
+def shifted(feed: Feed, ports: Collection[tuple[str, str]], delay: int) -> Feed:
     """Return a feed in which some ports, as (source, port), come `delay` steps later."""
-    return {
-        source: {
-            step: {
-                **{p: data for p, data in row.items() if (source, p) not in ports},
-                **{
-                    p: data
-                    for p, data in rows.get(step - delay, {}).items()
-                    if (source, p) in ports
-                },
-            }
-            for step, row in rows.items()
-        }
-        for source, rows in feed.items()
-    }
+
+    def change(source: str, step: int, row: Ports) -> Ports:
+        earlier = feed[source].get(step - delay, {})
+        own = {port: data for port, data in row.items() if (source, port) not in ports}
+        return own | {port: data for port, data in earlier.items() if (source, port) in ports}
+
+    return each_step(feed, change)
 
 
 def repeated(feed: Feed) -> Feed:
     """Return a feed in which a step without a port has the message of the step before."""
-    return {source: _filled(rows) for source, rows in feed.items()}
+    held: dict[str, dict[str, bytes]] = {source: {} for source in feed}
 
+    def change(source: str, _: int, row: Ports) -> Ports:
+        held[source] = {**held[source], **row}
+        return held[source]
 
-def _filled(rows: Mapping[int, Ports]) -> dict[int, Ports]:
-    held: dict[str, bytes] = {}
-    filled: dict[int, Ports] = {}
-    for step, row in rows.items():
-        held = {**held, **row}
-        filled[step] = held
-    return filled
+    return each_step(feed, change)
 
 
 # --- messages and their vectors --------------------------------------------------------------

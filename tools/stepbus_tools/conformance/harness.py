@@ -21,6 +21,12 @@ from stepbus_tools.conformance.feeds import Feed, Ports
 from stepbus_tools.conformance.outcome import Failed
 from stepbus_tools.conformance.session import Session
 
+Hook = Callable[["Harness", int], None]
+"""What is done at a step, beside what a plain run does."""
+
+
+def _nothing(_harness: "Harness", _step: int) -> None: ...
+
 
 class Harness(Session):
     """The run around one program: plays its orchestrator and all of its peers.
@@ -33,35 +39,25 @@ class Harness(Session):
 
     # --- sending -----------------------------------------------------------------------------
 
+    def _send(self, put: Callable[..., None], data: bytes, **options: bytes) -> None:
+        with self._watchdog.watching():
+            put(data, **options)
+        if self._watchdog.fired:
+            limit_s = self.spec.deadlines.step_s
+            raise Failed(f"it read nothing for {limit_s:g} s, and messages to it piled up")
+
+    def send_control(self, key: str, data: bytes) -> None:
+        """Publish bytes on `start`, `trigger` or `stop`."""
+        self._send(self._control[key], data)
+
     def send_handshake(self) -> None:
         """Send the handshake of every peer, also on its bulk ports."""
-        for put in self._peers.values():
-            self._send(put, encode(Outputs(token=self.token, step=HANDSHAKE_STEP, t_ns=0)))
         for source, puts in self._bulk.items():
+            self.publish_bytes(
+                source, encode(Outputs(token=self.token, step=HANDSHAKE_STEP, t_ns=0))
+            )
             for port in puts:
                 self.publish_content(source, port, HANDSHAKE_STEP, b"")
-
-    def meet(self) -> None:
-        """Start the program, and play its peers until it is ready."""
-        self.open_bus()
-        if self._setup.own_peers:
-            self.open_peers()
-        self.start_program()
-        self.await_join()
-        self.await_ready()
-
-    def await_join(self) -> None:
-        """Wait until it has asked to join."""
-        limits = self.spec.deadlines
-        self.until(
-            lambda: self.transcript.asked, "a request to join", limits.spawn_s + limits.join_s
-        )
-
-    def await_ready(self) -> None:
-        """Exchange handshakes with it until it is ready."""
-        self.send_handshake()
-        limit_s = self.spec.deadlines.ready_s
-        self.until(lambda: self.transcript.readies, "Ready", limit_s, self.send_handshake)
 
     def start(self, descriptions: Mapping[str, Description] | None = None) -> None:
         """Send `Start`, with the descriptions of the participant's inputs."""
@@ -83,13 +79,8 @@ class Harness(Session):
 
     def stop(self, at_step: int) -> None:
         """Send `Stop`."""
-        self.send_control(
-            "stop", encode(Stop(token=self.token, reason="the check ends", at_step=at_step))
-        )
-
-    def send_control(self, key: str, data: bytes) -> None:
-        """Publish bytes on `start`, `trigger` or `stop`."""
-        self._send(self._control[key], data)
+        stop = Stop(token=self.token, reason="the check ends", at_step=at_step)
+        self.send_control("stop", encode(stop))
 
     def publish(self, source: str, step: int, ports: Ports) -> None:
         """Publish the outputs of a source at a step."""
@@ -124,13 +115,6 @@ class Harness(Session):
         """Publish bytes on behalf of a source."""
         self._send(self._peers[source], data)
 
-    def _send(self, put: Callable[..., None], data: bytes, **options: bytes) -> None:
-        with self._watchdog.watching():
-            put(data, **options)
-        if self._watchdog.fired:
-            limit_s = self.spec.deadlines.step_s
-            raise Failed(f"it read nothing for {limit_s:g} s, and messages to it piled up")
-
     def feed(self, feed: Feed, step: int) -> None:
         """Publish the outputs of all sources at a step."""
         for source, rows in feed.items():
@@ -138,6 +122,19 @@ class Harness(Session):
                 self.publish(source, step, rows[step])
 
     # --- stepping ----------------------------------------------------------------------------
+
+    def await_join(self) -> None:
+        """Wait until it has asked to join."""
+        limits = self.spec.deadlines
+        self.until(
+            lambda: self.transcript.asked, "a request to join", limits.spawn_s + limits.join_s
+        )
+
+    def await_ready(self) -> None:
+        """Exchange handshakes with it until it is ready."""
+        self.send_handshake()
+        limit_s = self.spec.deadlines.ready_s
+        self.until(lambda: self.transcript.readies, "Ready", limit_s, self.send_handshake)
 
     def await_output(self, step: int, *, repeating: bool = True) -> None:
         """Wait until it has published the newest step it fires at, up to `step`.
@@ -166,13 +163,23 @@ class Harness(Session):
         )
 
     def walk(
-        self, feed: Feed, first: int, end: int, more: Callable[[int], None] = lambda _step: None
+        self,
+        feed: Feed,
+        first: int,
+        end: int,
+        *,
+        before: Hook = _nothing,
+        after: Hook = _nothing,
     ) -> None:
-        """Do the steps from `first` to below `end` in lockstep; more: is done behind the inputs."""
+        """Do the steps from `first` to below `end` in lockstep.
+
+        before, after: are done before and behind the inputs of a step.
+        """
         for step in range(first, end):
             self.release(step + 1)
+            before(self, step)
             self.feed(feed, step)
-            more(step)
+            after(self, step)
             self.await_output(step)
 
     def follow(self, feed: Feed) -> None:

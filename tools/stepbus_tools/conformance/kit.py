@@ -7,32 +7,19 @@ import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 from stepbus_orchestrator.analysis.divergence import PortComparison
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_participant import make_new_folder
 from stepbus_schemas import Description
-from stepbus_tools.conformance.feeds import Feed, Ports
-from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.feeds import Feed
+from stepbus_tools.conformance.harness import Harness, Hook
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 from stepbus_tools.conformance.transcript import Transcript
 
 Play = Callable[[Harness], None]
-
-
-@dataclass(frozen=True)
-class Trace:
-    """The result of one run: its transcript, and step → port → bytes."""
-
-    transcript: Transcript
-    ports: Mapping[int, Ports]
-
-    @classmethod
-    def of(cls, transcript: Transcript) -> Trace:
-        """Return the trace of a finished run."""
-        return cls(transcript, transcript.ports())
 
 
 @dataclass(kw_only=True)
@@ -56,12 +43,13 @@ class Kit:
     is_plain_checked: bool = True
     check: str = ""
     _count: int = 0
-    _traces: dict[str, Trace | Failed] = field(default_factory=dict)
+    _plain: dict[str, Transcript | Failed] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.spec = self.material.spec
         self.feed = self.material.feed
         self.steps = self.material.steps
+        self.types = self.material.scenario.types
 
     @property
     def middle(self) -> int:
@@ -104,23 +92,23 @@ class Kit:
             yield harness
 
     @contextlib.contextmanager
-    def ready(self, setup: Setup | None = None) -> Iterator[Harness]:
-        """Yield a harness whose program is ready."""
-        with self.harness(setup) as harness:
-            harness.meet()
-            yield harness
-
-    @contextlib.contextmanager
     def running(
         self,
-        end: int = 0,
+        end: int | None = 0,
         setup: Setup | None = None,
         descriptions: Mapping[str, Description] | None = None,
     ) -> Iterator[Harness]:
-        """Yield a harness whose program has done the steps below `end`."""
-        with self.ready(setup) as harness:
-            harness.start(descriptions)
-            harness.walk(self.feed, 0, end)
+        """Yield a harness whose program has done the steps below `end`; None: it is ready."""
+        with self.harness(setup) as harness:
+            harness.open_bus()
+            if setup is not None and setup.own_peers:
+                harness.open_peers()
+            harness.start_program()
+            harness.await_join()
+            harness.await_ready()
+            if end is not None:
+                harness.start(descriptions)
+                harness.walk(self.feed, 0, end)
             yield harness
 
     # --- runs to compare ---------------------------------------------------------------------
@@ -132,14 +120,15 @@ class Kit:
         setup: Setup | None = None,
         descriptions: Mapping[str, Description] | None = None,
         play: Play | None = None,
-    ) -> Trace:
-        """Run all steps in lockstep, or `play` instead, and return what was published.
+        **hooks: Hook,
+    ) -> Transcript:
+        """Run all steps in lockstep, with hooks as of `walk`, or `play`; return what was published.
 
         Raises as `reference` where even a plain run fails.
         """
         self.reference()
         rows = self.feed if feed is None else feed
-        walk = play or (lambda harness: harness.walk(rows, 0, self.steps))
+        walk = play or (lambda harness: harness.walk(rows, 0, self.steps, **hooks))
         return self._play(walk, setup, descriptions)
 
     def _play(
@@ -147,40 +136,31 @@ class Kit:
         play: Play,
         setup: Setup | None = None,
         descriptions: Mapping[str, Description] | None = None,
-    ) -> Trace:
+    ) -> Transcript:
         with self.running(0, setup, descriptions) as harness:
             play(harness)
             harness.await_output(self.steps - 1)
-            return Trace.of(harness.transcript)
+            return harness.transcript
 
-    def unchanged(
-        self,
-        what: str,
-        feed: Feed | None = None,
-        *,
-        setup: Setup | None = None,
-        descriptions: Mapping[str, Description] | None = None,
-        play: Play | None = None,
-    ) -> Trace:
+    def unchanged(self, what: str, feed: Feed | None = None, **options: Any) -> str:
         """Run as `play` does and compare with the plain run; what, raises: as of `same`."""
-        trace = self.play(feed, setup=setup, descriptions=descriptions, play=play)
-        self.same(trace, what)
-        return trace
+        self.same(self.play(feed, **options), what)
+        return "the same outputs"
 
-    def plain(self, which: str = "plain run") -> Trace:
+    def plain(self, which: str = "plain run") -> Transcript:
         """Return an undisturbed run, made once for each `which`.
 
         Raises Failed when the participant cannot do it.
         """
-        if which not in self._traces:
+        if which not in self._plain:
             try:
-                self._traces[which] = self._play(self._walk_and_log)
+                self._plain[which] = self._play(self._walk_and_log)
             except Failed as exc:
-                self._traces[which] = exc
-        trace = self._traces[which]
-        if isinstance(trace, Failed):
-            raise Failed(str(trace))
-        return trace
+                self._plain[which] = exc
+        made = self._plain[which]
+        if isinstance(made, Failed):
+            raise Failed(str(made))
+        return made
 
     def _walk_and_log(self, harness: Harness) -> None:
         harness.walk(self.feed, 0, self.steps)
@@ -188,30 +168,28 @@ class Kit:
         with contextlib.suppress(Failed):
             harness.await_logged()
 
-    def reference(self) -> Trace:
+    def reference(self) -> Transcript:
         """Return the plain run; raises Skipped, or Failed, where there is none to compare with."""
         try:
-            trace = self.plain()
-            problem = trace.transcript.step_problem
+            transcript = self.plain()
+            problem = transcript.step_problem
         except Failed as exc:
             problem = str(exc)
         if problem:
             wrong = Skipped if self.is_plain_checked else Failed
             raise wrong(f"needs a plain run, and `steps` fails: {problem}")
-        return trace
+        return transcript
 
-    def same(self, trace: Trace, what: str, expected: Trace | None = None) -> None:
+    def same(self, given: Transcript, what: str, expected: Transcript | None = None) -> None:
         """Compare with the plain run, or another; what: this run, for the failure's sentence.
 
         Raises Failed where they differ, Skipped where any two runs do.
         """
-        pair = [(expected or self.reference()).ports, trace.ports]
+        pair = [(expected or self.reference()).ports(), given.ports()]
         for step in range(0, self.steps, self.spec.every):
             for port, output in self.spec.outputs.items():
                 topic = f"{self.spec.name}/{port}"
-                comparison = PortComparison(
-                    topic, output.type, Tolerance(), self.material.scenario.types
-                )
+                comparison = PortComparison(topic, output.type, Tolerance(), self.types)
                 comparison.take(step, *(rows.get(step, {}).get(port) for rows in pair))
                 if comparison.divergence is not None:
                     self.differ(comparison.divergence.text("expected", what))
@@ -224,5 +202,5 @@ class Kit:
     def skip_if_varies(self) -> None:
         """Raise Skipped where two plain runs differ."""
         with contextlib.suppress(Failed):
-            if self.plain().ports != self.plain("second plain run").ports:
+            if self.plain().ports() != self.plain("second plain run").ports():
                 raise Skipped("its outputs differ from run to run anyway; see `determinism`")

@@ -20,7 +20,7 @@ from stepbus_participant import Endpoint, ZenohBus
 from stepbus_schemas import encode, encoding_of
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
-from stepbus_tools.conformance.transcript import Recorder
+from stepbus_tools.conformance.transcript import Transcript
 
 _DRAIN_S = 5.0
 _TICK_S = 0.02
@@ -34,8 +34,8 @@ class Session:
     """One started program, and both ends of the bus; a context that ends whatever it started.
 
     material: what is played. command: the program's command line. cwd: where it is started. logs:
-    gets its log. Every wait raises Failed when its deadline is over, when the program has ended,
-    or when it reports a fault that the check does not expect.
+    gets its log. transcript: what it has sent. Every wait raises Failed when its deadline is over,
+    when the program has ended, or when it reports a fault that the check does not expect.
     """
 
     def __init__(
@@ -52,18 +52,19 @@ class Session:
         self.material = material
         self.scenario = setup.scenario(material.scenario, material.spec.name)
         self.spec = self.scenario.participant(material.spec.name)
+        self.transcript = Transcript(
+            self.spec, self.token, self.scenario.step_ns, self.scenario.types
+        )
         self._setup = setup
         self._command, self._cwd, self._logs = command, cwd, logs
         self._interrupt = interrupt
         self._run = new_token()
-        self._recorder = Recorder(self.spec, self.token, self.scenario.step_ns, self.scenario.types)
-        self.transcript = self._recorder.transcript
-        self._inbox: SimpleQueue[tuple[Callable[[Any], None], Any]] = SimpleQueue()
+        self._inbox: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._stack = contextlib.ExitStack()
-        self._bus: ZenohBus | None = None
         self._peers: dict[str, Callable[..., None]] = {}
         self._bulk: dict[str, dict[str, Callable[..., None]]] = {}
         self._control: dict[str, Callable[..., None]] = {}
+        self._bus: ZenohBus | None = None
         self._child: Child | None = None
 
     # --- opening and closing -----------------------------------------------------------------
@@ -83,22 +84,32 @@ class Session:
         return self
 
     def __exit__(self, *_error: object) -> None:
-        if self._child is not None:
-            self._child.signal(signal.SIGKILL)
+        self.signal(signal.SIGKILL)
         self._stack.close()
 
     def open_bus(self) -> None:
         """Open the orchestrator's end of the bus."""
         bus = self._bus = self._open(self._mesh.orchestrator)
-        name = self.spec.name
-        bus.answer("join", self._to(self._take_join))
+        name, transcript, put = self.spec.name, self.transcript, self._inbox.put
+
+        def record(channel: str, sample: Any) -> None:
+            content = bus.payload(sample), bus.encoding(sample)
+            put(partial(transcript.add, channel, *content))
+
+        def record_bulk(port: str, sample: Any) -> None:
+            content = bus.attachment(sample), bus.payload(sample), bus.encoding(sample)
+            put(partial(transcript.add_bulk, port, *content))
+
+        bus.answer("join", lambda request: put(partial(self._admit, request)))
         for channel in ("out", "log", "ready", "fault"):
-            bus.subscribe(f"{channel}/{name}", self._to(partial(self._take, channel)))
+            bus.subscribe(f"{channel}/{name}", partial(record, channel))
         for port, output in self.spec.outputs.items():
             if output.bulk:
-                bus.subscribe(f"bulk/{name}/{port}", self._to(partial(self._take_bulk, port)))
-        alive = self._to(self._take_alive)
-        bus.watch_alive(f"alive/{name}", lambda _key, is_alive: alive(is_alive))
+                bus.subscribe(f"bulk/{name}/{port}", partial(record_bulk, port))
+        bus.watch_alive(
+            f"alive/{name}",
+            lambda _, is_alive: put(partial(setattr, transcript, "alive", is_alive)),
+        )
         for channel in ("start", "trigger", "stop"):
             self._control[channel] = bus.publisher(channel, encoding_of(f"{channel.title()}/1"))
         bus.declare_alive("alive/orchestrator")
@@ -144,39 +155,21 @@ class Session:
         if self._child is not None:
             self._child.signal(number)
 
-    # --- listening ---------------------------------------------------------------------------
+    # --- waiting -----------------------------------------------------------------------------
 
-    def _to(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        put = self._inbox.put
-        return lambda item: put((take, item))
-
-    def _take(self, channel: str, sample: Any) -> None:
-        if self._bus is not None:
-            self._recorder.add(channel, self._bus.payload(sample), self._bus.encoding(sample))
-
-    def _take_bulk(self, port: str, sample: Any) -> None:
-        if (bus := self._bus) is not None:
-            stamp, content = bus.attachment(sample), bus.payload(sample)
-            self._recorder.add_bulk(port, stamp, content, bus.encoding(sample))
-
-    def _take_alive(self, is_alive: bool) -> None:
-        self.transcript.alive = is_alive
-
-    def _take_join(self, request: Any) -> None:
-        self._recorder.add_hello(request.payload)
+    def _admit(self, request: Any) -> None:
+        self.transcript.add_hello(request.payload)
         answer = self._setup.answer(self.scenario, self.spec, self.token)
         request.reply(encode(answer), encoding_of(f"{type(answer).__name__}/1"))
 
     def poll(self, timeout_s: float = _TICK_S) -> bool:
         """Process what has arrived; return whether anything did within a time [s]."""
         try:
-            take, item = self._inbox.get(timeout=timeout_s)
+            self._inbox.get(timeout=timeout_s)()
         except Empty:
             return False
-        take(item)
         for _ in range(self._inbox.qsize()):
-            take, item = self._inbox.get()  # no time-out: it is not empty
-            take(item)
+            self._inbox.get()()  # no time-out: it is not empty
         return True
 
     def idle(self, duration_s: float) -> None:
@@ -184,6 +177,20 @@ class Session:
         end = time.monotonic() + duration_s
         while (left_s := end - time.monotonic()) > 0:
             self.poll(left_s)
+
+    def _wait(
+        self, condition: Callable[[], object], timeout_s: float, tick: Callable[[], None] | None
+    ) -> None:
+        """Wait for a condition, or until a time is over; tick: repeated meanwhile."""
+        waited_s, checked = 0.0, time.monotonic()
+        while not condition() and waited_s <= timeout_s:
+            if self._interrupt.is_set():
+                raise Interrupted("interrupted")
+            if not self.poll() and tick is not None:
+                tick()
+            now = time.monotonic()
+            waited_s += min(now - checked, _LONGEST_TICK_S)
+            checked = now
 
     def until(
         self,
@@ -195,42 +202,25 @@ class Session:
         faults: bool = False,
     ) -> None:
         """Wait for a condition; tick: repeated meanwhile. faults: whether it may report one."""
-        waited_s, checked = 0.0, time.monotonic()
-        while not condition():
-            self._check(what, waited_s, timeout_s, condition, faults=faults)
-            if not self.poll() and tick is not None:
-                tick()
-            now = time.monotonic()
-            waited_s += min(now - checked, _LONGEST_TICK_S)
-            checked = now
+        transcript = self.transcript
 
-    def _check(
-        self,
-        what: str,
-        waited_s: float,
-        timeout_s: float,
-        condition: Callable[[], object],
-        *,
-        faults: bool,
-    ) -> None:
-        if self._interrupt.is_set():
-            raise Interrupted("interrupted")
-        if self.transcript.faults and not faults:
-            fault = self.transcript.faults[0]
+        def is_over() -> bool:
+            return self.exit_code() is not None or bool(transcript.faults and not faults)
+
+        self._wait(lambda: condition() or is_over(), timeout_s, tick)
+        while not condition() and self.exit_code() is not None and self.poll(_LAST_LINES_S):
+            continue
+        if condition():
+            return
+        if transcript.faults and not faults:
+            fault = transcript.faults[0]
             raise Failed(f"it reported a fault at step {fault.step}: {fault.message}")
+        how = f" within {timeout_s:g} s{self._last_wait()}"
         if self.exit_code() is not None:
-            while self.poll(_LAST_LINES_S):
-                continue
-            if not condition():
-                ended = f"it {self.how_it_ended()}{self.last_error()}"
-                raise Failed(f"{what} did not come: {ended}{self._problem()}")
-        elif waited_s > timeout_s:
-            late = f"{what} did not come within {timeout_s:g} s"
-            raise Failed(f"{late}{self._last_wait()}{self._problem()}")
-
-    def _problem(self) -> str:
-        """Return what else is wrong, which may be the cause, as the end of a sentence."""
-        return next((f"; {text} ({c})" for c, text in self.transcript.problems.items()), "")
+            how = f": it {self.how_it_ended()}{self.last_error()}"
+        # What else is wrong may be the cause.
+        problem = next((f"; {text} ({c})" for c, text in transcript.problems.items()), "")
+        raise Failed(f"{what} did not come{how}{problem}")
 
     def _last_wait(self) -> str:
         waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None
@@ -256,18 +246,11 @@ class Session:
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
         """Return the exit code once the program has ended; what: after which event."""
-        started = time.monotonic()
-        while self.exit_code() is None:
-            if self._interrupt.is_set():
-                raise Interrupted("interrupted")
-            if time.monotonic() - started > timeout_s:
-                raise Failed(f"it did not end within {timeout_s:g} s of {what}")
-            if not self.poll() and tick is not None:
-                tick()
+        self._wait(lambda: self.exit_code() is not None, timeout_s, tick)
+        if self.exit_code() is None:
+            raise Failed(f"it did not end within {timeout_s:g} s of {what}")
         # Its liveliness token disappears behind the last of what it sent, on the same link.
-        ended = time.monotonic()
-        while self.transcript.alive and time.monotonic() - ended < _DRAIN_S:
-            self.poll()
+        self._wait(lambda: not self.transcript.alive, _DRAIN_S, None)
         while self.poll(0.0):
             continue
         return self.exit_code() or 0

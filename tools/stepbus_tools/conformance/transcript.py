@@ -1,14 +1,17 @@
-"""Everything a participant sent on the bus, in the order it arrived."""
+"""Everything a participant sent on the bus, in the order it arrived, and what was wrong with it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any
 
+import msgspec
+from msgpack import ExtType
+
+from stepbus_orchestrator.recording import raw_map
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
-    SHIPPED,
+    UNDECODABLE,
     Decoder,
     Fault,
     Hello,
@@ -18,7 +21,6 @@ from stepbus_schemas import (
     Ready,
     Types,
 )
-from stepbus_tools.conformance.feeds import disagreement
 
 _DECODERS: Mapping[str, Decoder[Any]] = {
     "out": Decoder(Outputs),
@@ -27,62 +29,64 @@ _DECODERS: Mapping[str, Decoder[Any]] = {
     "fault": Decoder(Fault),
 }
 _decode_hello = Decoder(Hello)
+_decode = msgspec.msgpack.Decoder(ext_hook=lambda code, data: ExtType(code, bytes(data))).decode
 
 
-@dataclass
 class Transcript:
-    """All messages of a participant.
+    """All messages of a participant, and the clauses that it breaks with them.
 
-    alive: whether its liveliness token exists. asked: number of its
-    requests to join. hello: its newest `Hello`. outputs: the published ones by step, handshakes
-    excepted; packed: their bytes in the order they came. logged: bytes of the logged ones, in
-    their order. encodings: first part of the key → encodings. problems: clause → how it was broken.
-    content: of its bulk ports, by step and port. bulk_handshakes: its bulk ports with a handshake.
+    alive: whether its liveliness token exists. asked: number of its requests to join. hello: its
+    newest `Hello`. outputs: the published ones by step, handshakes excepted; packed: their bytes in
+    the order they came. logged: bytes of the logged ones, in their order. encodings: channel, such
+    as `out` or `bulk/<port>` → encodings. problems: clause → how it was broken first. content: of
+    its bulk ports, by step and port. bulk_handshakes: its bulk ports with a handshake.
     """
 
-    alive: bool = False
-    alive_before_hello: bool = False
-    asked: int = 0
-    hello: Hello | None = None
-    handshakes: int = 0
-    outputs: dict[int, Outputs] = field(default_factory=dict)
-    packed: list[bytes] = field(default_factory=list)
-    logs: list[Log] = field(default_factory=list)
-    logged: list[bytes] = field(default_factory=list)
-    log_before_ready: bool = False
-    readies: list[Ready] = field(default_factory=list)
-    faults: list[Fault] = field(default_factory=list)
-    encodings: dict[str, set[str]] = field(default_factory=dict)
-    problems: dict[str, str] = field(default_factory=dict)
-    content: dict[tuple[int, str], bytes] = field(default_factory=dict)
-    bulk_handshakes: set[str] = field(default_factory=set)
+    def __init__(self, spec: ParticipantSpec, token: str, step_ns: int, types: Types) -> None:
+        self._spec = spec
+        self._token = token
+        self._step_ns = step_ns
+        self._bulk = {port for port, output in spec.outputs.items() if output.bulk}
+        self._decoders = {
+            port: Decoder(types[output.type]) for port, output in spec.outputs.items()
+        }
+        self.alive = self.alive_before_hello = False
+        self.asked = 0
+        self.hello: Hello | None = None
+        self.handshakes = 0
+        self.outputs: dict[int, Outputs] = {}
+        self.packed: list[bytes] = []
+        self.logs: list[Log] = []
+        self.logged: list[bytes] = []
+        self.log_before_ready = False
+        self.readies: list[Ready] = []
+        self.faults: list[Fault] = []
+        self.encodings: dict[str, set[str]] = {}
+        self.problems: dict[str, str] = {}
+        self.content: dict[tuple[int, str], bytes] = {}
+        self.bulk_handshakes: set[str] = set()
+
+    # --- what is in it -----------------------------------------------------------------------
 
     @property
     def awaited(self) -> set[tuple[int, str]]:
         """Return the bulk content, as step and port, that is announced and has not arrived."""
-        return {
-            (step, port)
-            for step, outputs in self.outputs.items()
-            for port in outputs.bulk
-            if (step, port) not in self.content
-        }
+        announced = {(step, port) for step, out in self.outputs.items() for port in out.bulk}
+        return announced - self.content.keys()
 
     @property
     def newest(self) -> int:
         """Return the newest step published; −1 before the first."""
         return max(self.outputs, default=-1)
 
-    @property
-    def drops(self) -> Mapping[str, int]:
-        """Return cause → number of messages it reports as dropped."""
-        return self.logs[-1].drops if self.logs else {}
+    def problem(self, *clauses: str) -> str:
+        """Return how the first of some clauses that is broken was broken; empty: none is."""
+        return next((self.problems[c] for c in clauses if c in self.problems), "")
 
     @property
-    def step_problem(self) -> str | None:
-        """Return what is wrong with the steps, names or tokens of the outputs; None: nothing."""
-        return next(
-            (self.problems[c] for c in ("P7.1", "P3.5", "P3.1") if c in self.problems), None
-        )
+    def step_problem(self) -> str:
+        """Return what is wrong with the steps, names or tokens of the outputs; empty: nothing."""
+        return self.problem("P7.1", "P3.5", "P3.1")
 
     def waits(self, step: int, sources: set[str]) -> bool:
         """Return whether it reported to wait for these sources at a step; none: for the trigger."""
@@ -99,149 +103,145 @@ class Transcript:
             for step, outputs in sorted(self.outputs.items())
         }
 
+    # --- what comes --------------------------------------------------------------------------
 
-class Recorder:
-    """Records what a participant sends, and which clauses it breaks."""
-
-    def __init__(
-        self, spec: ParticipantSpec, token: str, step_ns: int, types: Types = SHIPPED
-    ) -> None:
-        self.transcript = Transcript()
-        self._spec = spec
-        self._token = token
-        self._step_ns = step_ns
-        self._bulk = {port for port, output in spec.outputs.items() if output.bulk}
-        self._decoders = {
-            port: Decoder(types[output.type]) for port, output in spec.outputs.items()
-        }
+    def add_hello(self, data: bytes) -> None:
+        """Record one request to join."""
+        self.asked += 1
+        self.alive_before_hello |= self.alive
+        self._check_codecs("its Hello", data)
+        try:
+            self.hello = _decode_hello(data)
+        except MessageError as exc:
+            self._break("P4.2", f"its request to join is {exc}")
 
     def add(self, channel: str, data: bytes, encoding: str) -> None:
         """Record one message; channel: the first part of its key."""
-        self.transcript.encodings.setdefault(channel, set()).add(encoding)
+        self.encodings.setdefault(channel, set()).add(encoding)
         where = f"{channel}/{self._spec.name}"
         self._check_codecs(f"a message on {where}", data)
         try:
             message = _DECODERS[channel](data)
         except MessageError as exc:
-            self._add_problem("P3.4", f"on {where} came {exc}")
+            self._break("P3.4", f"on {where} came {exc}")
             return
         name = getattr(message, "name", self._spec.name)
         if message.token != self._token:
-            self._add_problem("P3.5", f"a message on {where} has another token")
-        if name != self._spec.name:
-            self._add_problem("P3.1", f"a message on {where} is from {name!r}")
-        if message.token == self._token and name == self._spec.name:
+            self._break("P3.5", f"a message on {where} has another token")
+        elif name != self._spec.name:
+            self._break("P3.1", f"a message on {where} is from {name!r}")
+        else:
             self._add(message, data)
 
     def _add(self, message: Outputs | Log | Ready | Fault, data: bytes) -> None:
         match message:
             case Outputs(step=step) if step == HANDSHAKE_STEP:
-                self._add_handshake(message)
+                self.handshakes += 1
+                if message.t_ns or message.ports or message.bulk:
+                    self._break(
+                        "P4.6", f"its handshake is not empty, or has t_ns {message.t_ns}, not 0"
+                    )
             case Outputs():
                 self._check_order(message)
                 self._check_ports(message)
-                self.transcript.outputs.setdefault(message.step, message)
-                self.transcript.packed.append(data)
+                self.outputs.setdefault(message.step, message)
+                self.packed.append(data)
             case Log():
                 self._add_log(message)
             case Ready():
-                self.transcript.readies.append(message)
+                self.readies.append(message)
             case Fault():
-                self.transcript.faults.append(message)
+                self.faults.append(message)
 
     def add_bulk(self, port: str, stamped: bytes, content: bytes, encoding: str) -> None:
         """Record one bulk sample; stamped: its attachment (P7.5)."""
-        transcript = self.transcript
-        transcript.encodings.setdefault(f"bulk/{port}", set()).add(encoding)
+        self.encodings.setdefault(f"bulk/{port}", set()).add(encoding)
         step = read_stamp(stamped, self._token)
         if step is None:
-            self._add_problem("P7.5", f"bulk content on {port} has no attachment with the token")
+            self._break("P7.5", f"bulk content on {port} has no attachment with the token")
         elif step == HANDSHAKE_STEP:
-            transcript.bulk_handshakes.add(port)
+            self.bulk_handshakes.add(port)
             if content:
-                self._add_problem("P4.6", f"its handshake on bulk port {port} is not empty")
-        elif (step, port) in transcript.content:
-            self._add_problem("P7.5", f"step {step}: {port} has bulk content twice")
+                self._break("P4.6", f"its handshake on bulk port {port} is not empty")
+        elif (step, port) in self.content:
+            self._break("P7.5", f"step {step}: {port} has bulk content twice")
         else:
-            transcript.content[step, port] = content
+            self.content[step, port] = content
             self._check_codecs(f"the content of {port} at step {step}", content)
-            if step in transcript.outputs:
-                self._check_content(transcript.outputs[step], port)
+            if step in self.outputs:
+                self._check_content(self.outputs[step], port)
 
-    def _check_content(self, outputs: Outputs, port: str) -> None:
-        content, size = self.transcript.content.get((outputs.step, port)), outputs.bulk[port]
-        if content is None:
-            return
-        if len(content) != size:
-            text = f"step {outputs.step}: {port} has {len(content)} bytes, announced were {size}"
-            self._add_problem("P7.3", text)
-        try:
-            self._decoders[port](content)
-        except MessageError as exc:
-            self._add_problem("P7.2", f"step {outputs.step}: {port} is {exc}")
+    # --- what is wrong with it ---------------------------------------------------------------
 
-    def add_hello(self, data: bytes) -> None:
-        """Record one request to join."""
-        self.transcript.asked += 1
-        self.transcript.alive_before_hello |= self.transcript.alive
-        self._check_codecs("its Hello", data)
-        try:
-            self.transcript.hello = _decode_hello(data)
-        except MessageError as exc:
-            self._add_problem("P4.2", f"its request to join is {exc}")
+    def _break(self, clause: str, text: str) -> None:
+        self.problems.setdefault(clause, text)
 
     def _check_codecs(self, what: str, data: bytes) -> None:
-        if problem := disagreement(data):
-            self._add_problem("P3.3", f"{what}: {problem}")
+        if problem := _disagreement(data):
+            self._break("P3.3", f"{what}: {problem}")
 
-    def _add_problem(self, clause: str, text: str) -> None:
-        self.transcript.problems.setdefault(clause, text)
-
-    def _add_handshake(self, outputs: Outputs) -> None:
-        self.transcript.handshakes += 1
-        if outputs.t_ns or outputs.ports or outputs.bulk:
-            self._add_problem(
-                "P4.6", f"its handshake is not empty, or has t_ns {outputs.t_ns}, not 0"
-            )
+    def _check_type(self, step: int, port: str, data: bytes | msgspec.Raw) -> None:
+        try:
+            self._decoders[port](data)
+        except MessageError as exc:
+            self._break("P7.2", f"step {step}: {port} is {exc}")
 
     def _check_order(self, outputs: Outputs) -> None:
-        transcript, every, step = self.transcript, self._spec.every, outputs.step
-        wanted = transcript.newest + every if transcript.outputs else 0
-        if step in transcript.outputs:
-            self._add_problem("P7.1", f"step {step} was published twice")
+        step, right_ns = outputs.step, outputs.step * self._step_ns
+        wanted = self.newest + self._spec.every if self.outputs else 0
+        if step in self.outputs:
+            self._break("P7.1", f"step {step} was published twice")
         elif step != wanted:
-            self._add_problem("P7.1", f"step {step} was published where {wanted} is due")
-        if outputs.t_ns != step * self._step_ns:
-            right = step * self._step_ns
-            self._add_problem("P7.1", f"t_ns of step {step} is {outputs.t_ns}, not {right}")
+            self._break("P7.1", f"step {step} was published where {wanted} is due")
+        if outputs.t_ns != right_ns:
+            self._break("P7.1", f"t_ns of step {step} is {outputs.t_ns}, not {right_ns}")
 
     def _check_ports(self, outputs: Outputs) -> None:
         where = f"step {outputs.step}"
         for port, raw in outputs.ports.items():
-            decode = self._decoders.get(port)
-            if decode is None:
-                self._add_problem("P7.2", f"{where} has {port!r}, which is no port of the scenario")
-                continue
-            try:
-                decode(raw)
-            except MessageError as exc:
-                self._add_problem("P7.2", f"{where}: {port} is {exc}")
+            if port not in self._decoders:
+                self._break("P7.2", f"{where} has {port!r}, which is no port of the scenario")
+            elif port in self._bulk:
+                self._break("P7.3", f"{where} has the bulk port {port!r} in `ports`")
+            else:
+                self._check_type(outputs.step, port, raw)
         for port in outputs.bulk:
             if port not in self._bulk:
-                text = f"{where} announces bulk content on {port!r}, which is no bulk port"
-                self._add_problem("P7.3", text)
-            else:
+                self._break(
+                    "P7.3", f"{where} announces bulk content on {port!r}, which is no bulk port"
+                )
+            elif (outputs.step, port) in self.content:
                 self._check_content(outputs, port)
-        for port in self._bulk & outputs.ports.keys():
-            self._add_problem("P7.3", f"{where} has the bulk port {port!r} in `ports`")
+
+    def _check_content(self, outputs: Outputs, port: str) -> None:
+        content, size = self.content[outputs.step, port], outputs.bulk[port]
+        if len(content) != size:
+            text = f"{port} has {len(content)} bytes, announced were {size}"
+            self._break("P7.3", f"step {outputs.step}: {text}")
+        self._check_type(outputs.step, port, content)
 
     def _add_log(self, log: Log) -> None:
-        self.transcript.log_before_ready |= not self.transcript.readies
-        self.transcript.logs.append(log)
-        self.transcript.logged += [bytes(raw) for raw in log.outputs]
+        self.log_before_ready |= not self.readies
+        self.logs.append(log)
+        self.logged += [bytes(raw) for raw in log.outputs]
         known = {item.source for item in self._spec.inputs.values()}
         strange = set(log.waiting.sources) - known if log.waiting else set()
         if strange:
-            self._add_problem(
+            self._break(
                 "P9.3", f"it reports to wait for {sorted(strange)}, which are no sources of it"
             )
+
+
+def _disagreement(data: bytes) -> str:
+    """Return how msgpack and msgspec differ in what they make of a message; empty: they agree."""
+    try:
+        theirs = raw_map(data)
+    except MessageError as exc:
+        return f"msgpack reads {exc}"
+    try:
+        ours = _decode(data)
+    except UNDECODABLE as exc:
+        return f"msgspec reads no MessagePack: {exc}"
+    # As text: NaN equals NaN there, 1 is not 1.0, and the order of the fields counts.
+    different = [name for name in theirs if repr(theirs[name]) != repr(ours.get(name))]
+    return f"msgpack and msgspec read {different[0]!r} differently" if different else ""

@@ -6,11 +6,11 @@ from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.conformance.check import Check
 
-from . import bulk, encodings, faults, inputs, join, noise, ready, steps, stop
+from . import admission, encodings, endings, inputs, noise, steps
 
 CHECKS = tuple(
     item
-    for module in (join, ready, steps, inputs, encodings, noise, faults, bulk, stop)
+    for module in (admission, steps, inputs, encodings, noise, endings)
     for item in vars(module).values()
     if isinstance(item, Check)
 )

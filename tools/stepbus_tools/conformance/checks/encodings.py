@@ -16,31 +16,35 @@ from stepbus_tools.conformance.feeds import (
     reverse_description,
     vectors_of,
 )
-from stepbus_tools.conformance.kit import Kit, Trace
+from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Skipped
+from stepbus_tools.conformance.transcript import Transcript
 
 _BY_NAME = FieldTolerance(abs=1e-9, rel=1e-9)
 
 
 @check("P3.4", "it ignores unknown fields in messages", inputs=True)
-def unknown_fields(kit: Kit) -> str:
-    """Add a field that nobody knows to every message."""
-    extra = msgspec.msgpack.encode({"x": [1, {"y": None}]})
+def _unknown_fields(kit: Kit) -> str:
+    extra = msgspec.Raw(msgspec.msgpack.encode({"x": [1, {"y": None}]}))
 
-    def edit(_source: str, _port: str, _step: int, data: bytes) -> bytes:
+    def edit(_source: str, _port: str, data: bytes) -> bytes:
         fields = msgspec.msgpack.decode(data)
-        return msgspec.msgpack.encode({**fields, "stepbus_conformance": msgspec.Raw(extra)})
+        return msgspec.msgpack.encode({**fields, "stepbus_conformance": extra})
 
     kit.unchanged("with unknown fields", edited(kit.feed, edit))
     return "ignored"
 
 
 @check("P3.4", "it accepts float32 and integers for float64", inputs=True)
-def numbers(kit: Kit) -> str:
-    """Write every float as a float32, or as an integer where it is whole."""
-    rounded = edited(kit.feed, _each_float(_to_float32, kit))
-    expected = kit.play(rounded)
-    given = kit.play(edited(rounded, lambda _s, _p, _t, data: _pack(msgspec.msgpack.decode(data))))
+def _numbers(kit: Kit) -> str:
+    def rounded(source: str, port: str, data: bytes) -> bytes:
+        type_name = kit.material.scenario.participant(source).outputs[port].type
+        fields = _map_floats(plain(type_name, data, kit.types), _to_float32)
+        return encode(msgspec.convert(fields, kit.types[type_name]))
+
+    feed = edited(kit.feed, rounded)
+    expected = kit.play(feed)
+    given = kit.play(edited(feed, lambda _s, _p, data: _pack(msgspec.msgpack.decode(data))))
     kit.same(given, "with float32 and integers", expected)
     return "float32 and integers are the same as float64"
 
@@ -51,16 +55,6 @@ def _to_float32(value: float) -> float:
         return float(round(value))
     rounded: float = struct.unpack("<f", struct.pack("<f", value))[0]
     return rounded
-
-
-def _each_float(change: Callable[[float], float], kit: Kit) -> Callable[..., bytes]:
-    def edit(source: str, port: str, _step: int, data: bytes) -> bytes:
-        type_name = kit.material.scenario.participant(source).outputs[port].type
-        types = kit.material.scenario.types
-        fields = _map_floats(plain(type_name, data, types), change)
-        return encode(msgspec.convert(fields, types[type_name]))
-
-    return edit
 
 
 def _map_floats(value: Any, change: Callable[[float], float]) -> Any:
@@ -78,56 +72,50 @@ def _pack(value: Any) -> bytes:
         return b"\xdf" + len(value).to_bytes(4, "big") + items
     if isinstance(value, list):
         return b"\xdd" + len(value).to_bytes(4, "big") + b"".join(map(_pack, value))
-    if isinstance(value, float):
-        integral = value.is_integer() and str(value) != "-0.0"
-        return (
-            msgspec.msgpack.encode(int(value)) if integral else b"\xca" + struct.pack(">f", value)
-        )
-    return msgspec.msgpack.encode(value)
+    if isinstance(value, float) and (not value.is_integer() or str(value) == "-0.0"):
+        return b"\xca" + struct.pack(">f", value)
+    return msgspec.msgpack.encode(int(value) if isinstance(value, float) else value)
 
 
 @check("P4.8", "joints in reverse order give the same values by name", inputs=True)
-def joint_order(kit: Kit) -> str:
+def _joint_order(kit: Kit) -> str:
     """Give the joints of each input, then of all, in the reverse order."""
-    reference = kit.reference()
-    if "P7.2" in reference.transcript.problems:
+    if "P7.2" in kit.reference().problems:
         raise Skipped("its outputs are not of their types; see `content`")
+    descriptions = kit.material.descriptions
     items = {
         name: (item.source, item.port)
         for name, item in kit.spec.inputs.items()
-        if len(kit.material.descriptions[name].names) > 1
+        if len(descriptions[name].names) > 1
     }
     if not items:
         raise Skipped("no input has more than one name")
-    nameless = [name for name, d in kit.material.descriptions.items() if not d.names]
+    nameless = [name for name, d in descriptions.items() if not d.names]
     if nameless:
         raise Skipped(f"input {nameless[0]} has no names, so its order is unknown")
     whole = set(items.values())
     sets = [{pair} for pair in dict.fromkeys(items.values())] if kit.knows_names else []
     for pairs in [*sets, *([whole] if len(sets) != 1 else [])]:
-        _turned(kit, reference, pairs)
+        _check_turned(kit, pairs)
     together = "" if kit.knows_names else " together, as raw carries no names"
     return f"{', '.join(items)} in reverse order{together}: the same values by name"
 
 
-def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:
-    inputs = kit.spec.inputs
+def _check_turned(kit: Kit, pairs: set[tuple[str, str]]) -> None:
+    """Raise Failed where some ports, as (source, port), in reverse order give other values."""
+    inputs, descriptions = kit.spec.inputs, kit.material.descriptions
     turned = {
         name: reverse_description(d) if (inputs[name].source, inputs[name].port) in pairs else d
-        for name, d in kit.material.descriptions.items()
+        for name, d in descriptions.items()
     }
 
-    def edit(source: str, port: str, _step: int, data: bytes) -> bytes:
-        scenario = kit.material.scenario
-        output = scenario.participant(source).outputs[port]
-        return reverse(output.type, data, scenario.types) if (source, port) in pairs else data
+    def edit(source: str, port: str, data: bytes) -> bytes:
+        output = kit.material.scenario.participant(source).outputs[port]
+        return reverse(output.type, data, kit.types) if (source, port) in pairs else data
 
-    given = kit.play(edited(kit.feed, edit), descriptions=turned)
-    one, other = (
-        _by_name(kit, trace, names)
-        for trace, names in ((reference, kit.material.descriptions), (given, turned))
-    )
-    beyond = [item for item in differences("step", one, other, _BY_NAME) if item.beyond]
+    expected = _by_name(kit, kit.reference(), descriptions)
+    given = _by_name(kit, kit.play(edited(kit.feed, edit), descriptions=turned), turned)
+    beyond = [d for d in differences("step", expected, given, _BY_NAME) if d.beyond]
     if beyond:
         which = ", ".join(f"{source}.{port}" for source, port in sorted(pairs))
         kit.differ(
@@ -136,22 +124,25 @@ def _turned(kit: Kit, reference: Trace, pairs: set[tuple[str, str]]) -> None:
         )
 
 
-def _by_name(kit: Kit, trace: Trace, inputs: Mapping[str, Description]) -> dict[str, Any]:
+def _by_name(
+    kit: Kit, transcript: Transcript, inputs: Mapping[str, Description]
+) -> dict[str, dict[str, Any]]:
     """Return all outputs as step → port → field → name → value."""
-    described = trace.transcript.readies[0].outputs
-    named: dict[str, Any] = {}
-    for step, ports in trace.ports.items():
-        for port, data in ports.items():
-            type_name = kit.spec.outputs[port].type
-            item = described.get(port, Description())
-            names = item.names if item.like is None else inputs[item.like].names
-            types = kit.material.scenario.types
-            fields = plain(type_name, data, types)
-            vectors = vectors_of(type_name, types)
-            named.setdefault(str(step), {})[port] = {
-                key: dict(zip(names, value, strict=True))
-                if key in vectors and value and len(value) == len(names)
-                else value
-                for key, value in fields.items()
-            }
-    return named
+    described = transcript.readies[0].outputs
+
+    def named(port: str, data: bytes) -> dict[str, Any]:
+        type_name = kit.spec.outputs[port].type
+        item = described.get(port, Description())
+        names = item.names if item.like is None else inputs[item.like].names
+        vectors = vectors_of(type_name, kit.types)
+        return {
+            key: dict(zip(names, value, strict=True))
+            if key in vectors and value and len(value) == len(names)
+            else value
+            for key, value in plain(type_name, data, kit.types).items()
+        }
+
+    return {
+        str(step): {port: named(port, data) for port, data in ports.items()}
+        for step, ports in transcript.ports().items()
+    }

@@ -2,42 +2,54 @@
 
 import random
 from collections.abc import Callable
-from functools import partial
 
 import msgspec
 
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode
 from stepbus_tools.conformance.check import check
-from stepbus_tools.conformance.feeds import Feed, Ports
-from stepbus_tools.conformance.harness import Harness
+from stepbus_tools.conformance.feeds import Ports, each_step
+from stepbus_tools.conformance.harness import Harness, Hook
 from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.outcome import Skipped
 
 _OTHER_RUN = "1234567890abcdef"
 _LAST_LOG_S = 0.05
-Noise = Callable[[Harness, int], None]
+_LATE_S = 0.1
 
 
-def _undisturbed(kit: Kit, noise: Noise, what: str) -> str:
-    """Make noise before and after the inputs of some steps; the outputs stay the same."""
+@check("P8.1", "duplicate messages change nothing", inputs=True)
+def _duplicate(kit: Kit) -> str:
+    return kit.unchanged("with duplicates", after=lambda h, step: h.feed(kit.feed, step))
+
+
+@check("P8.1", "messages of older steps change nothing", inputs=True)
+def _stale(kit: Kit) -> str:
+    def send_older(harness: Harness, step: int) -> None:
+        for source, rows in kit.feed.items():
+            older = [s for s in rows if s < step]
+            for s in older[-3:-1]:
+                harness.publish(source, s, rows[s])
+
+    return kit.unchanged("with stale messages", after=send_older)
+
+
+def _undisturbed(kit: Kit, noise: Hook, what: str) -> str:
+    """Make noise before and after the inputs of all steps; the outputs stay the same."""
 
     def play(harness: Harness) -> None:
-        for step in range(kit.steps):
-            harness.release(step + 1)
-            noise(harness, step)
-            harness.feed(kit.feed, step)
-            noise(harness, step)
-            harness.await_output(step)
+        harness.walk(kit.feed, 0, kit.steps, before=noise, after=noise)
         # What it says to have dropped comes with its last log; nobody demands it.
         harness.idle(_LAST_LOG_S)
 
-    drops = kit.unchanged(what, play=play).transcript.drops
+    transcript = kit.play(play=play)
+    kit.same(transcript, what)
+    drops = transcript.logs[-1].drops if transcript.logs else {}
     counted = ", ".join(f"{cause} {count}" for cause, count in drops.items())
     return f"the same outputs; it counts as dropped: {counted or 'nothing'}"
 
 
-def _to_all(make: Callable[[Harness, str, int], bytes | None]) -> Noise:
+def _from_all(make: Callable[[Harness, str, int], bytes | None]) -> Hook:
     """Return noise that each source makes."""
 
     def noise(harness: Harness, step: int) -> None:
@@ -52,50 +64,23 @@ def _to_all(make: Callable[[Harness, str, int], bytes | None]) -> Noise:
 def _outputs(harness: Harness, source: str, step: int, token: str | None = None) -> bytes | None:
     """Return what a source publishes at a step, None where it does not fire."""
     ports = harness.material.feed[source].get(step)
-    if ports is None:
-        return None
-    return harness.outputs(source, step, ports, token)[0]
-
-
-@check("P8.1", "duplicate messages change nothing", inputs=True)
-def duplicate(kit: Kit) -> str:
-    """Send each message of the sources once more."""
-    return _with_more(kit, "with duplicates", lambda harness, step: harness.feed(kit.feed, step))
-
-
-@check("P8.1", "messages of older steps change nothing", inputs=True)
-def stale(kit: Kit) -> str:
-    """Send messages of older steps again."""
-
-    def more(harness: Harness, step: int) -> None:
-        for source, rows in kit.feed.items():
-            older = [s for s in rows if s < step]
-            for s in older[-3:-1]:
-                harness.publish(source, s, rows[s])
-
-    return _with_more(kit, "with stale messages", more)
-
-
-def _with_more(kit: Kit, what: str, more: Noise) -> str:
-    """Send more behind the inputs of each step."""
-    kit.unchanged(what, play=lambda h: h.walk(kit.feed, 0, kit.steps, partial(more, h)))
-    return "the same outputs"
+    return None if ports is None else harness.outputs(source, step, ports, token)[0]
 
 
 @check("P8.1", "bytes without the token change nothing", inputs=True)
-def garbage(kit: Kit) -> str:
+def _garbage(kit: Kit) -> str:
     """Send bytes that are no map with the token; also right ones cut off, or with more behind."""
-    pieces = _garbage()
+    pieces = _pieces()
 
     def make(harness: Harness, source: str, step: int) -> bytes | None:
         right = _outputs(harness, source, step) or b""
         spoiled = [right[:-1], right + b"\x00", right + right]
         return [*spoiled, *pieces][step % (len(pieces) + len(spoiled))]
 
-    return _undisturbed(kit, _to_all(make), "with garbage")
+    return _undisturbed(kit, _from_all(make), "with garbage")
 
 
-def _garbage() -> list[bytes]:
+def _pieces() -> list[bytes]:
     chance = random.Random(0)  # noqa: S311
     return [
         b"",
@@ -112,20 +97,18 @@ def _garbage() -> list[bytes]:
 
 
 @check("P8.1", "messages with another token change nothing", inputs=True)
-def unauthenticated(kit: Kit) -> str:
-    """Send right outputs with another run's token, with other content."""
-    noise = _to_all(lambda harness, source, step: _outputs(harness, source, step, _OTHER_RUN))
+def _unauthenticated(kit: Kit) -> str:
+    noise = _from_all(lambda harness, source, step: _outputs(harness, source, step, _OTHER_RUN))
     return _undisturbed(kit, noise, "with messages of another run")
 
 
 @check("P8.4", "unauthenticated or malformed `Stop`, `Start`, `Trigger` change nothing")
-def control_noise(kit: Kit) -> str:
-    """Send Stop, Start and Trigger with another token, and garbage on their keys."""
+def _control_noise(kit: Kit) -> str:
     messages: list[tuple[str, bytes]] = [
         ("stop", encode(Stop(token=_OTHER_RUN, reason="another run", at_step=-1))),
         ("trigger", encode(Trigger(token=_OTHER_RUN, step_limit=1 << 40))),
         ("start", encode(Start(token=_OTHER_RUN, inputs={}))),
-        *((key, data) for data in _garbage() for key in ("stop", "trigger", "start")),
+        *((key, data) for data in _pieces() for key in ("stop", "trigger", "start")),
     ]
 
     def noise(harness: Harness, step: int) -> None:
@@ -135,28 +118,19 @@ def control_noise(kit: Kit) -> str:
     return _undisturbed(kit, noise, "with an unauthenticated Stop, Trigger and Start")
 
 
-def _with_ports(kit: Kit, ports: Ports) -> Feed:
-    return {
-        source: {step: {**ports, **row} for step, row in rows.items()}
-        for source, rows in kit.feed.items()
-    }
-
-
 @check("P8.2", "ports it does not read change nothing, whatever they contain", inputs=True)
-def unread_ports(kit: Kit) -> str:
-    """Add ports that it does not read, with anything in them."""
-    strange = {
+def _unread_ports(kit: Kit) -> str:
+    strange: Ports = {
         "conformance_map": msgspec.msgpack.encode({"position": "many"}),
         "conformance_nil": b"\xc0",
         "conformance_list": msgspec.msgpack.encode([1.5, None, b"\x00\xff"]),
     }
-    kit.unchanged("with more ports", _with_ports(kit, strange))
+    kit.unchanged("with more ports", each_step(kit.feed, lambda _s, _k, row: {**strange, **row}))
     return "ignored"
 
 
 @check("P3.7", "messages as large as the bus allows change nothing", inputs=True)
-def oversize(kit: Kit) -> str:
-    """Make each message of the sources as large as the bus allows."""
+def _oversize(kit: Kit) -> str:
     scenario = kit.material.scenario
     bulk = {n: {p for p, o in scenario.participant(n).outputs.items() if o.bulk} for n in kit.feed}
     own = max(
@@ -169,5 +143,56 @@ def oversize(kit: Kit) -> str:
     if room < 1:
         raise Skipped(f"its inputs of {own} bytes are as large as the bus allows already")
     filler = {"conformance_filler": msgspec.msgpack.encode(bytes(room))}
-    kit.unchanged("with large messages", _with_ports(kit, filler))
+    kit.unchanged("with large messages", each_step(kit.feed, lambda _s, _k, row: {**filler, **row}))
     return f"messages of {limit - 500} bytes and more: the same outputs"
+
+
+# --- bulk content ------------------------------------------------------------------------------
+
+
+def bulk_inputs(kit: Kit) -> dict[str, set[str]]:
+    """Return source → its bulk ports that the participant reads; raises Skipped without any."""
+    ports: dict[str, set[str]] = {}
+    for item in kit.spec.inputs.values():
+        if kit.material.scenario.participant(item.source).outputs[item.port].bulk:
+            ports.setdefault(item.source, set()).add(item.port)
+    if not ports:
+        raise Skipped("it has no bulk inputs")
+    return ports
+
+
+@check("P6.5", "bulk content that comes after its `Outputs` changes nothing", inputs=True)
+def _bulk_late(kit: Kit) -> str:
+    bulk, late = bulk_inputs(kit), {1, kit.middle}
+    in_time = {
+        source: {s: row for s, row in rows.items() if source not in bulk or s not in late}
+        for source, rows in kit.feed.items()
+    }
+
+    def send_late(harness: Harness, step: int) -> None:
+        rows = {source: kit.feed[source][step] for source in bulk if step in kit.feed[source]}
+        if step not in late:
+            return
+        packed = {source: harness.outputs(source, step, ports) for source, ports in rows.items()}
+        for source, (outputs, _) in packed.items():
+            harness.publish_bytes(source, outputs)
+        harness.idle(_LATE_S)
+        for source, (_, content) in packed.items():
+            for port, data in content.items():
+                harness.publish_content(source, port, step, data)
+
+    kit.unchanged("with late bulk content", in_time, after=send_late)
+    return "waited for the content: the same outputs"
+
+
+@check("P8.3", "bulk content of another run, or of another step, changes nothing", inputs=True)
+def _bulk_noise(kit: Kit) -> str:
+    ports = [(source, port) for source, ports in bulk_inputs(kit).items() for port in ports]
+
+    def noise(harness: Harness, step: int) -> None:
+        for source, port in ports:
+            harness.publish_content(source, port, step, b"\xc1", token=_OTHER_RUN)
+            if step > 1:
+                harness.publish_content(source, port, step - 2, b"\x80")
+
+    return kit.unchanged("with bulk content of another run and step", before=noise)

@@ -11,64 +11,55 @@ from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed
 
-WINDOWS = (1, 2, 7, 64)
-_TYPES = {"out": "Outputs/1", "log": "Log/1", "ready": "Ready/1"}
+_WINDOWS = (1, 2, 7, 64)
+_BATCH = 4
 
 
 @check("P7.1", "one `Outputs` for each step it fires at, in order, with the right time and token")
-def steps(kit: Kit) -> str:
-    """Do all steps in lockstep."""
-    trace = kit.plain()
-    if trace.transcript.step_problem:
-        raise Failed(trace.transcript.step_problem)
-    return f"{len(trace.ports)} Outputs, one for each step it fires at"
+def _steps(kit: Kit) -> str:
+    transcript = kit.plain()
+    if transcript.step_problem:
+        raise Failed(transcript.step_problem)
+    return f"{len(transcript.outputs)} Outputs, one for each step it fires at"
 
 
 @check("P7.2", "its messages are on ports of the scenario and of their types")
-def content(kit: Kit) -> str:
-    """Check what it published in the plain run."""
-    trace = kit.reference()
-    for clause in ("P3.4", "P7.2", "P7.3", "P7.5"):
-        if clause in trace.transcript.problems:
-            raise Failed(trace.transcript.problems[clause])
-    silent = [port for port in kit.spec.outputs if not any(port in p for p in trace.ports.values())]
+def _content(kit: Kit) -> str:
+    transcript = kit.reference()
+    if problem := transcript.problem("P3.4", "P7.2", "P7.3", "P7.5"):
+        raise Failed(problem)
+    rows = transcript.ports().values()
+    silent = [port for port in kit.spec.outputs if not any(port in row for row in rows)]
     tail = f"; nothing on {', '.join(silent)}" if silent else ""
     return f"all messages are of their port's type{tail}"
 
 
 @check("P3.2", "the Zenoh encoding of each of its messages names the type")
-def encodings(kit: Kit) -> str:
-    """Check the Zenoh encodings of the plain run."""
-    transcript = kit.reference().transcript
-    for channel, type_name in _TYPES.items():
-        wrong = transcript.encodings.get(channel, set()) - {encoding_of(type_name)}
-        if wrong:
-            raise Failed(f"on {channel}/: {min(wrong)!r}, not {encoding_of(type_name)!r}")
-    for port, output in kit.spec.outputs.items():
-        wrong = transcript.encodings.get(f"bulk/{port}", set()) - {encoding_of(output.type)}
-        if wrong:
-            raise Failed(f"on bulk/…/{port}: {min(wrong)!r}, not {encoding_of(output.type)!r}")
+def _encodings(kit: Kit) -> str:
+    bulk = {f"bulk/{port}": output.type for port, output in kit.spec.outputs.items()}
+    channels = {"out": "Outputs/1", "log": "Log/1", "ready": "Ready/1", **bulk}
+    encodings = kit.reference().encodings
+    for channel, type_name in channels.items():
+        if wrong := encodings.get(channel, set()) - {encoding_of(type_name)}:
+            raise Failed(f"on {channel}: {min(wrong)!r}, not {encoding_of(type_name)!r}")
     return "each names its type"
 
 
 @check("P3.3", "two independent codecs read the same in each of its messages")
-def codecs(kit: Kit) -> str:
-    """Decode what it sent in the plain run with msgpack too."""
-    transcript = kit.reference().transcript
-    if "P3.3" in transcript.problems:
-        raise Failed(transcript.problems["P3.3"])
+def _codecs(kit: Kit) -> str:
+    if problem := kit.reference().problem("P3.3"):
+        raise Failed(problem)
     return "msgpack and msgspec read the same"
 
 
 @check("P9.1", "its log has each of its `Outputs` once, in order, byte for byte")
-def log(kit: Kit) -> str:
-    """Compare log and outputs of the plain run."""
-    transcript = kit.reference().transcript
+def _log(kit: Kit) -> str:
+    transcript = kit.reference()
     logged, published = transcript.logged, transcript.packed
     if logged == published:
         return f"{len(logged)} entries in {len(transcript.logs)} logs, byte for byte"
-    if "P9.3" in transcript.problems:
-        raise Failed(transcript.problems["P9.3"])
+    if problem := transcript.problem("P9.3"):
+        raise Failed(problem)
     if len(logged) > len(published):
         raise Failed(f"{len(logged)} entries were logged of {len(published)} Outputs")
     pairs = enumerate(zip(published, logged, strict=False))
@@ -77,40 +68,36 @@ def log(kit: Kit) -> str:
 
 
 @check("P9.2", "no `Log` has more entries than `batch`, and none is withheld")
-def batch(kit: Kit) -> str:
-    """Let it fill batches, and wait with one that is not full."""
-    size = 4
-
+def _batch(kit: Kit) -> str:
     def play(harness: Harness) -> None:
         harness.follow(kit.feed)
         harness.await_logged()
 
-    transcript = kit.play(setup=Setup(window=2 * size * kit.spec.every), play=play).transcript
+    transcript = kit.play(setup=Setup(window=2 * _BATCH * kit.spec.every), play=play)
     largest = max((len(item.outputs) for item in transcript.logs), default=0)
-    if largest > size:
-        raise Failed(f"a Log has {largest} entries, the Welcome allows {size} (batch)")
-    return f"at most {largest} entries in a Log, {size} allowed; none stayed behind"
+    if largest > _BATCH:
+        raise Failed(f"a Log has {largest} entries, the Welcome allows {_BATCH} (batch)")
+    return f"at most {largest} entries in a Log, {_BATCH} allowed; none stayed behind"
 
 
 @check("P5.4", "the same inputs give the same bytes")
-def determinism(kit: Kit) -> str:
-    """Do the plain run twice."""
-    first = kit.reference()
-    second = kit.plain("second plain run")
-    for step, ports in first.ports.items():
-        for port in (*ports, *second.ports.get(step, {})):
-            if ports.get(port) != second.ports.get(step, {}).get(port):
+def _determinism(kit: Kit) -> str:
+    first, second = kit.reference().ports(), kit.plain("second plain run").ports()
+    for step, ports in first.items():
+        other = second.get(step, {})
+        for port in {**ports, **other}:
+            if ports.get(port) != other.get(port):
                 raise Failed(f"two runs with the same inputs differ: step {step}: {port}")
     return f"two runs over {kit.steps} steps: the same bytes"
 
 
 @check("P5.1", "it starts no step before its trigger, and reports that it waits")
-def waits_for_trigger(kit: Kit) -> str:
-    """Give it the inputs of a step that is not released."""
+def _waits_for_trigger(kit: Kit) -> str:
     held = kit.middle
 
     def play(harness: Harness) -> None:
         harness.walk(kit.feed, 0, held)
+        # Its inputs are there.
         harness.feed(kit.feed, held)
         transcript = harness.transcript
         harness.until(
@@ -129,9 +116,7 @@ def waits_for_trigger(kit: Kit) -> str:
 
 
 @check("P5.2", "repeated and late triggers, and skipped numbers, change nothing")
-def triggers(kit: Kit) -> str:
-    """Repeat triggers, send old ones late, skip numbers."""
-
+def _triggers(kit: Kit) -> str:
     def play(harness: Harness) -> None:
         for step in range(kit.steps):
             if step % 3 == 0:
@@ -142,22 +127,19 @@ def triggers(kit: Kit) -> str:
             harness.feed(kit.feed, step)
             harness.await_output(step, repeating=False)
 
-    kit.unchanged("with repeated and late triggers", play=play)
-    return "the same outputs"
+    return kit.unchanged("with repeated and late triggers", play=play)
 
 
 @check("P5.4", "windows of 1, 2, 7 and 64 steps change nothing")
-def windows(kit: Kit) -> str:
-    """Run it with several windows, as the orchestrator does."""
-    for window in WINDOWS:
+def _windows(kit: Kit) -> str:
+    for window in _WINDOWS:
         setup = Setup(window=window)
         kit.unchanged(f"with window {window}", setup=setup, play=lambda h: h.follow(kit.feed))
-    return f"{', '.join(map(str, WINDOWS))}: the same outputs"
+    return f"{', '.join(map(str, _WINDOWS))}: the same outputs"
 
 
 @check("P13.1", "it runs under the real orchestrator, and equals its own recording")
-def replayed_log(kit: Kit) -> str:
-    """Record it under the real orchestrator, then replay that recording."""
+def _replayed_log(kit: Kit) -> str:
     new = kit.log_folder() / "new.mcap"
     try:
         _replay(kit, kit.material.recording, new)

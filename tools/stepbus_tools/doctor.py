@@ -1,0 +1,286 @@
+"""Checks this machine for what stepbus needs: packages, the bus, ports, disk, extras."""
+
+import contextlib
+import os
+import re
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from importlib.metadata import PackageNotFoundError, requires, version
+from pathlib import Path
+from queue import Empty, SimpleQueue
+from typing import Any, Literal
+
+import msgspec
+
+from stepbus_orchestrator.processes.credentials import certificates, passwords
+from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
+
+Verdict = Literal["ok", "warn", "fail"]
+
+EXTRAS = {
+    "sim": "physics and dynamics: the plant and the controller that ship",
+    "report": "the plots of a run, report.png",
+    "export": "tables, video, and files for ROS 2 and Foxglove",
+    "view": "3D: `stepbus view`, `run --view`, `export --scene`",
+    "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
+    "gym": "environments of Gymnasium",
+    "docs": "the documentation site",
+    "dev": "the tests, the type checker and the linter",
+}
+"""Extra of stepbus → what it is for."""
+
+_NATIVE = {"pin": "pinocchio", "pybullet": "pybullet"}
+"""Package → its module, of those that only participants load."""
+
+_OLDEST_PYTHON = (3, 11)
+_REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
+_LOAD_DEADLINE_S = 30.0
+_KILL_S = 5.0
+_BUS_DEADLINE_S = 5.0
+_AGAIN_S = 0.01
+_DISK_WARN_BYTES = 1 << 30
+_DISK_FAIL_BYTES = 16 << 20
+# As the folder of a run and its longest socket: `stepbus-` and eight random letters.
+_SOCKET_NAME = "stepbus-01234567/10.sock"
+_SOCKET_PATH_BYTES = 107
+_PORTS = 8
+
+
+class Finding(msgspec.Struct, frozen=True):
+    """The result of one check.
+
+    warn: runs are slower, or something is missing that not everybody needs. fail: runs do not work.
+    """
+
+    what: str
+    verdict: Verdict
+    text: str
+
+
+def examine() -> list[Finding]:
+    """Return all findings, the ones that others depend on first."""
+    return [
+        *versions(),
+        *loads(),
+        cores(),
+        *disk(),
+        socket_path(),
+        ports(),
+        link("unix"),
+        link("tcp"),
+        *extras(),
+    ]
+
+
+# --- packages ----------------------------------------------------------------------------------
+
+
+def needed(extra: str = "") -> list[tuple[str, str]]:
+    """Return what stepbus, or one of its extras, needs: packages and the oldest versions that work.
+
+    Raises PackageNotFoundError when stepbus itself is not installed.
+    """
+    wanted = f'extra == "{extra}"' if extra else ""
+    rows = (row.partition(";") for row in requires("stepbus") or [])
+    named = (row for row, _, marker in rows if marker.replace("'", '"').strip() == wanted)
+    matches = [match for match in map(_REQUIREMENT.match, named) if match]
+    # An extra may include another one: `stepbus[sim]`.
+    return [(match[1], match[2] or "") for match in matches if match[1] != "stepbus"]
+
+
+def versions() -> Iterator[Finding]:
+    """Check Python, stepbus and its dependencies."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    if sys.version_info < _OLDEST_PYTHON:
+        yield Finding("python", "fail", f"{python}; stepbus needs 3.11 or newer")
+    else:
+        yield Finding("python", "ok", python)
+    try:
+        yield Finding("stepbus", "ok", version("stepbus"))
+        yield from (_package(*row) for row in needed())
+    except PackageNotFoundError:
+        text = "is not installed, only found; run `pip install -e .` in its clone"
+        yield Finding("stepbus", "fail", text)
+
+
+def _package(name: str, oldest: str = "") -> Finding:
+    install = f"run `pip install '{name}{oldest and f'>={oldest}'}'`"
+    try:
+        have = version(name)
+    except PackageNotFoundError:
+        return Finding(name, "fail", f"is not installed; {install}")
+    if _numbers(have) < _numbers(oldest):
+        return Finding(name, "fail", f"{have} is too old; {install}")
+    return Finding(name, "ok", have)
+
+
+def _numbers(text: str) -> list[int]:
+    """Return the leading numbers of a version: `3.2.7rc1` is 3, 2, 7."""
+    return [int(part) for part in re.findall(r"(?:^|\.)(\d+)", text)]
+
+
+def loads() -> Iterator[Finding]:
+    """Load compiled packages, where they are installed, in processes of their own.
+
+    A broken one may end its process.
+    """
+    children = {
+        name: subprocess.Popen(
+            [sys.executable, "-c", f"import {module}"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for name, module in _NATIVE.items()
+        if _package(name).verdict == "ok"
+    }
+    for name, child in children.items():
+        yield _loaded(name, child)
+
+
+def _loaded(name: str, child: subprocess.Popen[str]) -> Finding:
+    what = f"load {name}"
+    try:
+        _, output = child.communicate(timeout=_LOAD_DEADLINE_S)
+    except subprocess.TimeoutExpired:
+        child.kill()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            # What it has started may still hold the pipe.
+            child.communicate(timeout=_KILL_S)
+        text = f"takes over {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
+        return Finding(what, "fail", text)
+    if child.returncode:
+        last = (output.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
+        return Finding(what, "fail", f"{last}; run `pip install --force-reinstall {name}`")
+    return Finding(what, "ok", "works")
+
+
+def extras() -> Iterator[Finding]:
+    """Report each extra: what it is for, what is missing, how to install it."""
+    with contextlib.suppress(PackageNotFoundError):
+        for extra, text in EXTRAS.items():
+            lacking = [row[0] for row in needed(extra) if _package(*row).verdict != "ok"]
+            missing = f"; missing {', '.join(lacking)}: `{install_command(extra)}`"
+            verdict: Verdict = "warn" if lacking else "ok"
+            yield Finding(f"extra {extra}", verdict, text + (missing if lacking else ""))
+
+
+# --- the machine -------------------------------------------------------------------------------
+
+
+def cores() -> Finding:
+    """Count the cores this process may use."""
+    count = len(os.sched_getaffinity(0))
+    if count > 1:
+        return Finding("cores", "ok", f"{count}")
+    return Finding("cores", "warn", "1: the processes take turns; 2 are better")
+
+
+def disk() -> Iterator[Finding]:
+    """Check the free space for runs and sockets."""
+    for what, find in (("here", os.getcwd), ("temp", tempfile.gettempdir)):
+        try:
+            free = shutil.disk_usage(folder := find()).free
+        except OSError as exc:
+            text = f"cannot be used: {exc.strerror}; go to another folder, or set TMPDIR"
+            yield Finding(f"disk, {what}", "fail", text)
+        else:
+            yield Finding(f"disk, {what}", enough(free), f"{free / 1e9:.1f} GB free in {folder}")
+
+
+def enough(free: int) -> Verdict:
+    """Judge free space [bytes]."""
+    if free < _DISK_FAIL_BYTES:
+        return "fail"
+    return "ok" if free >= _DISK_WARN_BYTES else "warn"
+
+
+def socket_path() -> Finding:
+    """Check that the path of a Unix socket is short enough."""
+    try:
+        path = Path(tempfile.gettempdir()) / _SOCKET_NAME
+    except OSError as exc:
+        text = f"no folder for temporary files: {exc.strerror}; set TMPDIR"
+        return Finding("socket path", "fail", text)
+    length = len(str(path).encode())
+    text = f"{length} of at most {_SOCKET_PATH_BYTES} bytes"
+    if length <= _SOCKET_PATH_BYTES:
+        return Finding("socket path", "ok", text)
+    remedy = "set TMPDIR to a shorter folder, or use `--set bus.transport=tcp`"
+    return Finding("socket path", "fail", f"{text}; {remedy}")
+
+
+def ports() -> Finding:
+    """Check for free TCP ports."""
+    try:
+        free = _free_ports(_PORTS)
+    except OSError as exc:
+        text = f"not {_PORTS} free on loopback: {exc.strerror}; runs over Unix sockets still work"
+        return Finding("ports", "warn", text)
+    return Finding("ports", "ok", f"free on loopback, e.g. {free[0]}")
+
+
+def _free_ports(count: int) -> list[int]:
+    """Return free TCP ports on loopback; raises OSError when there are too few."""
+    with contextlib.ExitStack() as stack:
+        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
+        for item in sockets:
+            item.bind(("127.0.0.1", 0))
+        return [item.getsockname()[1] for item in sockets]
+
+
+# --- the bus -----------------------------------------------------------------------------------
+
+
+def link(transport: Literal["unix", "tcp"]) -> Finding:
+    """Pass a message between two sessions, linked as those of a run are."""
+    what = f"bus, {transport}"
+    try:
+        with tempfile.TemporaryDirectory(prefix="stepbus-") as folder:
+            took_s = _pass_message(*_endpoints(transport, Path(folder)))
+    except (BusError, Empty, OSError) as exc:
+        reason = str(exc) or f"silence for {_BUS_DEADLINE_S:g} s; does a firewall cut loopback?"
+        return Finding(what, "fail", f"no message came through: {reason}")
+    return Finding(what, "ok", f"a message came through {took_s:.2f} s after start")
+
+
+def _endpoints(transport: str, folder: Path) -> list[Endpoint]:
+    names = ("one", "other")
+    places = [f"unixsock-stream/{folder}/{name}.sock" for name in names]
+    settings: dict[str, dict[str, Any]] = {name: {} for name in names}
+    if transport == "tcp":
+        places = [f"tls/127.0.0.1:{port}" for port in _free_ports(2)]
+        settings = certificates(names, folder)
+    users = passwords(names)
+    return [
+        Endpoint(
+            listen=[places[index]],
+            connect=places[:index],
+            user=name,
+            password=users[name],
+            users=users,
+            settings=settings[name],
+        )
+        for index, name in enumerate(names)
+    ]
+
+
+def _pass_message(one: Endpoint, other: Endpoint) -> float:
+    """Return how long it took from the first session to the message [s]."""
+    began = time.monotonic()
+    inbox: SimpleQueue[Any] = SimpleQueue()
+    with closing(ZenohBus(one, "doctor")) as sender, closing(ZenohBus(other, "doctor")) as receiver:
+        receiver.subscribe("hello", inbox.put)
+        put = sender.publisher("hello", "text/plain")
+        while time.monotonic() - began < _BUS_DEADLINE_S:
+            put(b"hello")
+            with contextlib.suppress(Empty):
+                inbox.get(timeout=_AGAIN_S)
+                return time.monotonic() - began
+    raise Empty
