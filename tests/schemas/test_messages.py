@@ -23,7 +23,6 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls
-from stepbus_orchestrator.run.host import NoPeers
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import load
@@ -48,12 +47,6 @@ class Child:
         return False
 
 
-class AllStarted:
-    """A strategy that plays nobody, and has nobody to start."""
-
-    peers = NoPeers()
-
-
 class Stand:
     """A run loop that gets its messages by hand; `state` is all that they might change."""
 
@@ -65,7 +58,7 @@ class Stand:
         self.timing = TimingRecorder(folder / "timing.mcap", time)
         self.session = Session(scenario, self.bus, TOKEN)
         self.loop = Run(
-            self.session, AllStarted(), self.recorder, self.timing, out=folder, extensions=[Calls()]
+            self.session, None, self.recorder, self.timing, out=folder, extensions=[Calls()]
         )
         self.loop.state.participants = {
             spec.name: ParticipantState(spec, Child()) for spec in specs

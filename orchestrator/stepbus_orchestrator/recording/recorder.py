@@ -1,13 +1,13 @@
-"""The seam between a run and what becomes of its outputs."""
+"""What becomes of the outputs of a run: they are put in order, and recorded."""
 
 import contextlib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple, Protocol
 
 import msgspec
 
-from stepbus_orchestrator.errors import ParticipantFault
+from stepbus_orchestrator.errors import ParticipantFault, RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
@@ -22,7 +22,6 @@ from stepbus_schemas import (
     Description,
     Event,
     Message,
-    Outputs,
     Types,
     encode,
     json_schema,
@@ -32,8 +31,34 @@ Descriptions = Mapping[str, Mapping[str, Description]]
 """Participant → output → its description."""
 
 
-class Sink(Protocol):
-    """Takes the outputs of participants: a recorder, or a comparison with a recording."""
+class Reviser(Protocol):
+    """Sees all that is about to be recorded, and may put something else in its place."""
+
+    def revise(
+        self, step: int, published: Sequence[Published], closing: Collection[str] | None
+    ) -> Sequence[Published]:
+        """Return what is recorded of a step, in schedule order.
+
+        closing: at the closing step, who publishes at it. A RunFailure that it raises ends the
+        recording before the step.
+        """
+
+    def revise_call(self, call: CallRecord) -> CallRecord:
+        """Return what is recorded of a call."""
+
+
+class Sink(StepOrder):
+    """Takes what a run has to keep, in whatever order it arrives, and writes it in order (P13.1).
+
+    order: the participants in schedule order. reviser: sees each step before it is written.
+
+    This one checks bulk content, and writes nothing; a `Recorder` does. Methods raise
+    ParticipantFault for bulk content of another length than announced.
+    """
+
+    def __init__(self, order: Sequence[ParticipantSpec]) -> None:
+        super().__init__({spec.name: list(spec.outputs) for spec in order})
+        self.reviser: Reviser | None = None
 
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
@@ -41,28 +66,53 @@ class Sink(Protocol):
         """Take how the participants describe their outputs, and what they run on."""
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Take a fact about the run that is no message."""
+        """Write a fact about the run that is no message."""
 
     def add_call(self, call: CallRecord) -> None:
-        """Take a call that changed something; all steps before its own are written."""
+        """Write a call that changed something; all steps before its own are written (P15.5)."""
+        self.write_call(call if self.reviser is None else self.reviser.revise_call(call))
 
-    def offer(self, name: str, outputs: Outputs) -> None:
-        """Take the outputs of one participant, which come in the order of their steps."""
-
-    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Take the content of a bulk port, before or after the outputs that announce it."""
-
-    def bulk_complete(self) -> bool:
-        """Return whether all announced bulk content has arrived."""
-
-    def write_below(self, step: int) -> None:
-        """Process all steps below `step`: they are complete."""
+    def write_call(self, call: CallRecord) -> None:
+        """Write a call as it is."""
 
     def flush(self) -> None:
-        """Keep what is processed safe from a kill; called by the wall clock, changes no result."""
+        """Keep what is written safe from a kill; called by the wall clock, changes no result."""
+
+    def write_below(self, step: int) -> None:
+        """Write all steps below `step`, up to the first that lacks bulk content."""
+        for complete in self.complete_below(step):
+            self.write_step(complete)
 
     def finish(self, closing_step: int, closing: Sequence[str]) -> None:
-        """End at `closing_step`; closing: who published once more at it."""
+        """Write what is left: up to `closing_step`, and at that the outputs of those named.
+
+        What a participant published behind the closing step is no part of the run and is dropped.
+        """
+        self.write_below(closing_step)
+        self.drop_behind(closing_step, closing)
+        self.write_step(closing_step, closing)
+
+    def abort(self) -> None:
+        """Write whatever has arrived, in order; harmless when repeated."""
+        for step in self.steps():
+            self.write_step(step)
+
+    def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
+        """Write the outputs of a step; closing: at the last one, who publishes at it."""
+        for published in self.revised(step, closing):
+            if published.fault is not None:
+                raise published.fault
+
+    def revised(self, step: int, closing: Collection[str] | None = None) -> Iterable[Published]:
+        """Return the outputs of a step that are to be written, and forget them."""
+        if self.reviser is None:
+            return self.take(step)
+        try:
+            return self.reviser.revise(step, list(self.take(step)), closing)
+        except RunFailure:
+            # Nothing follows a step that is not there.
+            self.drop_behind(-1, ())
+            raise
 
 
 OnEvent = Callable[[str, str, int, Event], None]
@@ -75,11 +125,10 @@ class _Port(NamedTuple):
     on_event: Callable[[str, str, int, Any], None] | None
 
 
-class Recorder:
+class Recorder(Sink):
     """Writes outputs by (step, schedule order, port), and the hash chains (P13).
 
-    order: the participants in schedule order. on_event: gets every Event that is written. types:
-    those of the scenario.
+    on_event: gets every Event that is written. types: those of the scenario.
     Its methods raise RecordingFailed when the disk is full or the recording is closed, and
     ParticipantFault when a message is not of its port's type.
     """
@@ -92,13 +141,13 @@ class Recorder:
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
     ) -> None:
+        super().__init__(order)
         self._types = types
         self._file = file
         self._add = file.add_all
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
-        self._order = StepOrder({spec.name: list(spec.outputs) for spec in order})
         self._chains = {spec.name: HashChain() for spec in order}
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
         self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
@@ -135,8 +184,8 @@ class Recorder:
         """Write a metadata record."""
         self._file.add_metadata(name, content)
 
-    def add_call(self, call: CallRecord) -> None:
-        """Write a call that changed something, before the outputs of its step (P15.5)."""
+    def write_call(self, call: CallRecord) -> None:
+        """Write a call, before the outputs of its step."""
         if self._calls_channel is None:
             self._calls_channel = self._file.add_channel(layout.CALLS_TOPIC, layout.CALLS_TYPE, {})
         self._add([(self._calls_channel, encode(call))], call.step * self._step_ns, call.step)
@@ -151,36 +200,14 @@ class Recorder:
         """Return the ports without a message, as (participant, port)."""
         return frozenset(self._silent)
 
-    def offer(self, name: str, outputs: Outputs) -> None:
-        """Keep the outputs of one participant until their step is written."""
-        self._order.offer(name, outputs)
-
-    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Keep the content of a bulk port until its step is written."""
-        self._order.offer_bulk(name, port, step, content)
-
-    def bulk_complete(self) -> bool:
-        """Return whether all announced bulk content has arrived."""
-        return self._order.bulk_complete()
-
-    def write_below(self, step: int) -> None:
-        """Write all steps below `step`, up to the first that lacks bulk content."""
-        for complete in self._order.complete_below(step):
-            self._write_step(complete, is_last=False)
-
     def flush(self) -> None:
         """Let the file have all that is written, even if this process is killed."""
         self._file.flush()
 
     def finish(self, closing_step: int, closing: Sequence[str]) -> None:
-        """Write the closing outputs of those named, the last chain, and close the file.
-
-        What a participant published behind the closing step is no part of the run and is dropped.
-        """
+        """Write what is left, with the last chain, and close the file."""
         try:
-            self.write_below(closing_step)
-            self._order.end(closing_step, closing)
-            self._write_step(closing_step, is_last=True)
+            super().finish(closing_step, closing)
         finally:
             self.abort()
 
@@ -188,35 +215,41 @@ class Recorder:
         """Write whatever has arrived, in order, and close the file; harmless when repeated."""
         if self._file.closed:
             return
-        steps = self._order.steps()
+        steps = self.steps()
         try:
             for step in steps:
-                self._write_what_is_valid(step)
+                self._write_outputs(step, collect=self._collect_what_is_valid)
                 self._write_chain(step, is_last=step == steps[-1])
         finally:
             self._file.close()
 
-    def _write_what_is_valid(self, step: int) -> None:
-        # A second broken message must not hide the first, which ended the run.
-        is_complete = False
-        while not is_complete:
-            with contextlib.suppress(ParticipantFault):
-                self._write_outputs(step)
-                is_complete = True
+    def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
+        """Write the outputs of a step, and the chain behind them where it is due."""
+        self._write_outputs(step, closing)
+        self._write_chain(step, is_last=closing is not None)
 
-    def _write_step(self, step: int, *, is_last: bool) -> None:
-        self._write_outputs(step)
-        self._write_chain(step, is_last=is_last)
-
-    def _write_outputs(self, step: int) -> None:
+    def _write_outputs(
+        self,
+        step: int,
+        closing: Collection[str] | None = None,
+        collect: Callable[[Published, list[tuple[int, bytes]]], None] | None = None,
+    ) -> None:
         """Write the outputs of one step, up to the first broken one; the chains have the same."""
         self._last_chain = b""
         messages: list[tuple[int, bytes]] = []
+        collect = collect or self._collect
         try:
-            for published in self._order.take(step):
-                self._collect(published, messages)
+            for published in self.revised(step, closing):
+                collect(published, messages)
         finally:
             self._add(messages, step * self._step_ns, step)
+
+    def _collect_what_is_valid(
+        self, published: Published, messages: list[tuple[int, bytes]]
+    ) -> None:
+        # A second broken message must not hide the first, which ended the run.
+        with contextlib.suppress(ParticipantFault):
+            self._collect(published, messages)
 
     def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
         """Check what one participant has published, and append it as (channel, content)."""

@@ -93,7 +93,7 @@ class StepOrder:
             while buffer.waiting and buffer.waiting[0].step == step:
                 yield buffer.take()
 
-    def end(self, closing_step: int, closing: Sequence[str]) -> None:
+    def drop_behind(self, closing_step: int, closing: Sequence[str]) -> None:
         """Drop what does not belong to the run: all behind its closing step.
 
         closing: those who publish at the closing step; of all others nothing is left to write.

@@ -1,42 +1,39 @@
-"""The strategy of a replay: one participant is started, its peers are played."""
+"""Replays one participant against its recording: it is started, all others are played."""
 
-import contextlib
+import dataclasses
 import threading
-import time
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.divergence import fields_of, in_order
-from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.processes.endpoints import (
-    Mesh,
-    make_mesh,
-    new_token,
-    private_folder,
-)
-from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.recording import Descriptions, Recorder, Recording, TimingRecorder, layout
+from stepbus_orchestrator.recording import Recording, Sink
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.check import Check, new_reference
-from stepbus_orchestrator.replay.peers import Peer, Peers
+from stepbus_orchestrator.replay.check import Check, all_but
+from stepbus_orchestrator.replay.prefix import Repetition
 from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
-from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.replay.recorded import (
+    recorded_descriptions,
+)
+from stepbus_orchestrator.replay.reference import new_reference
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.replay.work_tree import find_work_tree
-from stepbus_orchestrator.run.bus import Session, open_bus
+from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
-from stepbus_orchestrator.run.folder import scratch_folder
-from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Process
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, scratch_folder
+from stepbus_orchestrator.run.host import Opening
+from stepbus_orchestrator.run.hosts import Processes
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
+from stepbus_orchestrator.run.run_files import NoTiming
 from stepbus_orchestrator.scenario import (
     Overrides,
     ParticipantSpec,
@@ -44,57 +41,64 @@ from stepbus_orchestrator.scenario import (
     Schedule,
     override_texts,
     replaced_program,
-    start_command,
 )
-from stepbus_participant import Bus, make_new_folder
+from stepbus_participant import make_new_folder
 from stepbus_schemas import BridgeFormat, Decoder, MessageError, Outputs
 
 _decode_outputs = Decoder(Outputs)
 
 
-class Replay:
-    """Starts one participant, and plays the others from a recording.
+class _Replayed(Repetition):
+    """Plays all participants of a recording but one.
 
-    start: starts its process. recorded: the descriptions of all outputs. mesh: of the replay.
+    folder: where that is started; None: in the folder of the scenario.
     """
+
+    comparison: Check
 
     def __init__(
         self,
-        spec: ParticipantSpec,
-        start: Callable[[], Process],
-        peers: Peers,
-        recorded: Descriptions,
-        *,
-        bus: Bus,
-        mesh: Mesh,
+        recording: Recording,
+        scenario: Scenario,
+        participant: str,
+        tolerance: Tolerance,
+        folder: Path | None,
     ) -> None:
-        self.peers = peers
-        self.mesh = mesh
-        self._spec = spec
-        self._start = start
-        self._recorded = recorded
-        self._bus = bus
+        super().__init__(recording, all_but(participant, scenario))
+        self.participant = participant
+        self._tolerance = tolerance
+        self._folder = folder
         self._newest: Any = None
+
+    def attach(self, run: Run) -> None:
+        """Let the run know how all outputs were described, and watch the participant."""
+        super().attach(run)
+        run.descriptions = recorded_descriptions(self.recording)
         # Nobody waits for it, so that only its outputs themselves show how far it has come.
-        bus.subscribe(f"out/{spec.name}", self._see)
+        run.session.bus.subscribe(f"out/{self.participant}", self._see)
+
+    def compared(self) -> Check:
+        """Return what counts the differences."""
+        sink, scenario = self.run.recorder, self.run.state.scenario
+        return Check(sink, self.recording, scenario, self.participant, self._tolerance)
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return where the participant is started."""
+        return {} if self._folder is None else {"folder": self._folder}
+
+    def started(self, participant: ParticipantState) -> None:
+        """Let the failures of the participant name the step it was seen to publish."""
+        participant.newest = self._newest_step
 
     def _see(self, sample: Any) -> None:
         self._newest = sample
 
-    def newest_step(self) -> int:
-        """Return the newest step the participant was seen to publish; −1 before the first."""
+    def _newest_step(self) -> int:
+        bus = self.run.session.bus
         try:
-            return _decode_outputs(self._bus.payload(self._newest)).step if self._newest else -1
+            return _decode_outputs(bus.payload(self._newest)).step if self._newest else -1
         except MessageError:
             return -1
-
-    def launch(self, run: Run) -> None:
-        """Start the participant."""
-        run.started(ParticipantState(self._spec, self._start(), self.newest_step))
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Return how all outputs were described when they were recorded."""
-        return self._recorded
 
 
 WINDOW = 256
@@ -154,27 +158,30 @@ def replay(
             trusted=trusted,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
-        with new_reference(target, opened, prepared) as reference:
-            check = Check(
-                opened,
-                scenario.participant(participant),
-                tolerance,
-                step_ns=scenario.step_ns,
-                reference=reference,
+        started = _with_program(scenario, participant, program, bridge)
+        start_folder = None if program is None else Path.cwd()
+        extension = _Replayed(opened, scenario, participant, tolerance, start_folder)
+        with new_reference(target, opened, prepared) as sink:
+            run = _run(
+                started, extension, sink, folder=folder, observer=observer, interrupt=interrupt
             )
-            run = _Replay(opened, participant, program, bridge, folder, observer, interrupt)
-            wall_s, steps = run.execute(scenario, check, reference)
+    check, state = extension.comparison, run.state
+    # From here on, nothing is expected of the participant.
+    end = scenario.steps or 0
+    check.miss_below(end + Schedule.of(scenario).closing(participant, end))
+    if state.end is not None:
+        check.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = check.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
         equal=divergence is None,
-        steps=steps,
+        steps=state.steps,
         divergence=divergence,
         inputs=inputs_of(opened, scenario, participant, divergence.step) if divergence else {},
         ports=in_order(check.results()),
-        wall_s=wall_s,
+        wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
         source="" if tree is None else tree.shown(),
         changes=prepared.notes,
@@ -183,7 +190,7 @@ def replay(
 
 
 def _copy_notes(recording: Recording, participant: str) -> list[str]:
-    """Return a sentence where the copy is tested of a program that somebody may be working on."""
+    """Return a sentence where the copy is tested of a program that the user may be working on."""
     if not programs_of(recording, participant).files:
         return []
     note = (
@@ -194,85 +201,54 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
     return [note]
 
 
-@dataclass
-class _Replay:
-    """One replay. folder: gets the unpacked scenario and the participant's log."""
+def _with_program(
+    scenario: Scenario, name: str, program: Sequence[str] | None, bridge: BridgeFormat | None
+) -> Scenario:
+    specs = [
+        replaced_program(spec, program or (), bridge) if spec.name == name else spec
+        for spec in scenario.participants
+    ]
+    return dataclasses.replace(scenario, participants=tuple(specs))
 
-    recording: Recording
-    participant: str
-    program: Sequence[str] | None
-    bridge: BridgeFormat | None
-    folder: Path
-    observer: Observer | None
-    interrupt: threading.Event | None
-    token: str = field(default_factory=new_token)
 
-    def execute(
-        self, scenario: Scenario, check: Check, reference: Recorder | None
-    ) -> tuple[float, int]:
-        """Return how long it took [s], and how many steps it were; close whatever happens."""
-        run, folder, logs = new_token(), private_folder(), self.folder / "logs"
-        spec = scenario.participant(self.participant)
-        with contextlib.ExitStack() as stack:
-            launcher = Launcher(run=run, token=self.token, folder=folder, logs=logs)
-            stack.callback(launcher.end_all)
-            make_new_folder(logs)
-            timing = TimingRecorder(self.folder / layout.TIMING_FILE, time)
-            stack.callback(timing.close)
-            mesh = make_mesh(alone(scenario, spec.name), folder, run)
-            bus = open_bus(mesh.orchestrator, run)
-            stack.callback(bus.close)
-            session = Session(scenario, bus, self.token, spec.deadlines.step_s)
-            stack.callback(session.announcer.close)
-            start = partial(self._start, launcher, mesh, spec, scenario.folder)
-            strategy = self._strategy(session, spec, start, reference, mesh)
-            loop = Run(
-                session,
-                strategy,
-                check,
-                timing,
-                out=self.folder,
-                observer=self.observer,
-                interrupt=self.interrupt,
-                extensions=[Calls(recorded_calls(self.recording, spec.name))],
-            )
-            run_phases(loop)
-        # From here on, nothing is expected of the participant.
-        end = scenario.steps or 0
-        check.miss_below(end + Schedule.of(scenario).closing(spec.name, end))
-        return loop.ended_at - loop.state.started_at, loop.state.steps
+def _run(
+    scenario: Scenario,
+    extension: _Replayed,
+    sink: Sink,
+    *,
+    folder: Path,
+    observer: Observer | None,
+    interrupt: threading.Event | None,
+) -> Run:
+    """Run one participant, and return the run once it has ended, whatever happens.
 
-    def _strategy(
-        self,
-        session: Session,
-        spec: ParticipantSpec,
-        start: Callable[[], Process],
-        reference: Recorder | None,
-        mesh: Mesh,
-    ) -> Replay:
-        sources = {item.source for item in spec.inputs.values()}
-        peers = Peers(
-            [
-                Peer(
-                    other,
-                    Recorded(self.recording, other),
-                    session.announcer,
-                    is_read=other.name in sources,
-                )
-                for other in session.scenario.participants
-                if other.name != spec.name
-            ],
-            token=self.token,
-            step_ns=session.scenario.step_ns,
-            take=None if reference is None else reference.offer,
+    folder: gets the participant's log.
+    """
+    name, recording = extension.participant, extension.recording
+    extensions = [extension, Calls(recorded_calls(recording, name))]
+    opening = Opening(
+        scenario=alone(scenario, name),
+        out=folder,
+        logs=folder / LOGS_FOLDER,
+        run=new_token(),
+        token=new_token(),
+        extensions=extensions,
+        interrupt=interrupt or threading.Event(),
+        warn=lambda _name, _text: None,
+        result=bytes,
+    )
+    make_new_folder(opening.logs)
+    with Processes(start_order=[name]).open(opening) as (bus, strategy):
+        longest_s = scenario.participant(name).deadlines.step_s
+        run = Run(
+            Session(scenario, bus, opening.token, longest_s),
+            strategy,
+            sink,
+            NoTiming(),
+            out=folder,
+            observer=observer,
+            interrupt=interrupt,
+            extensions=extensions,
         )
-        recorded = recorded_descriptions(self.recording)
-        return Replay(spec, start, peers, recorded, bus=session.bus, mesh=mesh)
-
-    def _start(
-        self, launcher: Launcher, mesh: Mesh, spec: ParticipantSpec, folder: Path
-    ) -> Process:
-        own_folder = folder if self.program is None else Path.cwd()
-        started = replaced_program(spec, self.program or (), self.bridge)
-        argv = start_command(started, own_folder)
-        return launcher.start(spec, argv, mesh.participants[spec.name], own_folder)
+        run_phases(run)
+    return run

@@ -1,27 +1,94 @@
-"""The prefix of a run from a recording: each participant repeats what is recorded of it."""
+"""A run that begins with the steps of a recording: they are played to it, and compared.
+
+A branch repeats the steps below one, and is live from there on; a replay repeats all steps of one
+participant, and plays the others.
+"""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from stepbus_orchestrator.processes.endpoints import Mesh
-from stepbus_orchestrator.recording import Descriptions, Recording, SavedState, Sink, layout
-from stepbus_orchestrator.replay.relay import Relay
-from stepbus_orchestrator.replay.sink import Expected, PrefixSink
+from stepbus_orchestrator.errors import Diverged, argument
+from stepbus_orchestrator.recording import Recording, SavedState, layout
+from stepbus_orchestrator.replay.comparison import Comparison
+from stepbus_orchestrator.replay.player import Player
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.extensions.calls import recorded_calls
-from stepbus_orchestrator.run.host import Strategy
-from stepbus_orchestrator.run.kernel.participants import Participants
+from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.run.kernel.failures import at as at_step
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
+from stepbus_schemas import CallRecord
 
 WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""
+_CHUNK = 1024
+"""How many steps are read from the recording before those that are complete are written."""
 
 
-class RecordedPrefix(RunExtension):
+class Repetition(RunExtension):
+    """The recorded steps of a run: plays recorded outputs, and compares what comes.
+
+    starts_at: as of `Comparison`. at: the first step that nothing is played for.
+    """
+
+    player: Player
+    comparison: Comparison
+
+    def __init__(self, recording: Recording, starts_at: Mapping[str, int], at: int = FAR) -> None:
+        self.recording = recording
+        self.starts_at = starts_at
+        self.at = at
+        self._fed = 0
+
+    def attach(self, run: Run) -> None:
+        """Let each participant start where it does."""
+        super().attach(run)
+        run.state.is_repeating = True
+        for name, step in self.starts_at.items():
+            run.state.barrier.start_at(name, step)
+        self.comparison = run.recorder.reviser = self.compared()
+        self.player = Player(run.session, self.comparison.outputs, self.starts_at)
+
+    def compared(self) -> Comparison:
+        """Return what compares the run with the recording."""
+        raise NotImplementedError
+
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Prove the connection of those that are played, again and again."""
+        if self.run.state.phase is RunPhase.START_UP:
+            self.player.send_handshake()
+
+    def ready(self) -> None:
+        """Compare how the participants describe their outputs."""
+        self.comparison.check_descriptions(self.run.descriptions)
+
+    def act(self) -> None:
+        """Publish the recorded outputs of all steps that may be worked on; compare what came."""
+        state = self.run.state
+        complete, limit = state.barrier.completed, min(state.barrier.step_limit, self.at)
+        while self._fed < limit:
+            self._fed = min(self._fed + _CHUNK, limit)
+            self.player.publish_below(self._fed)
+            # A participant that starts at 100,000 would else keep all below it in memory.
+            self.run.recorder.write_below(min(self._fed, complete, state.last_step))
+        self.run.recorder.write_below(min(complete, state.last_step))
+
+
+_WHY = (
+    "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "
+    "see docs/guide/testing/branch.md"
+)
+_WHY_RESTORED = (
+    "it started from its checkpoint before step {step}, which does not have all of its state, or "
+    "it is not the program that was recorded; branch with {without}"
+)
+
+
+class RecordedPrefix(Repetition):
     """The steps of a recording below `at`, as the beginning of a run.
 
     counts_from: participants that are not those of the recording, each with the step (at most
@@ -30,6 +97,8 @@ class RecordedPrefix(RunExtension):
     took_s: how long the run took to get to `at` [s], 0 until it is there.
     """
 
+    is_star = True
+
     def __init__(
         self,
         recording: Recording,
@@ -37,13 +106,10 @@ class RecordedPrefix(RunExtension):
         counts_from: Mapping[str, int],
         restored: Mapping[str, SavedState] = MappingProxyType({}),
     ) -> None:
-        self.at = at
+        super().__init__(recording, {name: saved.step for name, saved in restored.items()}, at)
         self.counts_from = counts_from
         self.restored = restored
         self.took_s = 0.0
-        self._recording = recording
-
-    is_star = True
 
     def adapt(self, scenario: Scenario) -> Scenario:
         """Return the scenario without the faults that the recording has the outcome of."""
@@ -56,33 +122,22 @@ class RecordedPrefix(RunExtension):
             return {}
         return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
 
-    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
-        """Return the strategy that plays the recording first, and the sink that compares."""
-        scenario = run.state.scenario
-        expected = Expected(self._recording, scenario.participants, self.at)
-        compared = PrefixSink(
-            sink,
-            self._recording,
-            scenario,
-            expected,
-            at=self.at,
-            counts_from=self.counts_from,
-            restored=self.restored,
-            calls=recorded_calls(self._recording),
-        )
-        self._relay = Relay(
-            run.session,
-            expected,
-            compared,
-            at=self.at,
-            restored={name: item.step for name, item in self.restored.items()},
-            on_live=lambda: self._record_live(run),
-        )
-        return _Branch(strategy, self, self._relay), compared
+    def attach(self, run: Run) -> None:
+        """Let participants be further apart, and end the run only from where they count."""
+        super().attach(run)
+        run.state.barrier.window = max(WINDOW, run.state.scenario.window)
+        run.state.ends_from = self.counts_from
 
-    def limit(self, released: int) -> int:
-        """Return the first live step, until all have repeated what is below."""
-        return self._relay.limit(released)
+    def compared(self) -> Comparison:
+        """Return what ends the run at the first difference."""
+        return _Unchanged(
+            self.run.recorder,
+            self.recording,
+            self.run.state.scenario,
+            until=self.at,
+            starts_at=self.starts_at,
+            counts_from=self.counts_from,
+        )
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return the checkpoint that a participant starts from."""
@@ -93,34 +148,63 @@ class RecordedPrefix(RunExtension):
         order = CheckpointOrder(every=every, step=saved.step, state=str(saved.path))
         return {"checkpoint": order}
 
-    def _record_live(self, run: Run) -> None:
-        self.took_s = run.clock.monotonic() - run.state.started_at
-        run.timing.event("live", text=f"from step {self.at}")
+    def limit(self, released: int) -> int:
+        """Return the first live step, until all have repeated what is below."""
+        return FAR if self.player.is_live else self.at
+
+    def act(self) -> None:
+        """Publish what is recorded below `at`; be live once all is repeated.
+
+        Raises Diverged where the run ends in what is recorded.
+        """
+        run, state = self.run, self.run.state
+        if self.player.is_live:
+            return
+        super().act()
+        if self.comparison.reached >= self.at:
+            self.player.is_live = True
+            run.recorder.reviser = None
+            state.is_repeating = False
+            state.barrier.window = state.scenario.window
+            self.took_s = run.clock.monotonic() - state.started_at
+            run.timing.event("live", text=f"from step {self.at}")
+        elif state.is_complete:
+            raise Diverged(
+                f"{state.at(state.last_step)}: {state.reason}; the recording goes on there",
+                step=state.last_step,
+            )
 
 
-class _Branch:
-    """The strategy of a run that begins with recorded steps: all are started."""
+class _Unchanged(Comparison):
+    """Raises Diverged with the first difference, and the participant that made it."""
 
-    def __init__(self, live: Strategy, prefix: RecordedPrefix, relay: Relay) -> None:
-        self.peers = relay
-        self._live = live
-        self._prefix = prefix
+    def _describes_otherwise(self, name: str, port: str) -> None:
+        if name not in self._counts_from:
+            raise Diverged(
+                f"before the first step: {name} describes {port} (names, units, limits) not as "
+                f"recorded; it is not the program that was recorded",
+                participant=name,
+            )
 
-    def launch(self, run: Run) -> None:
-        """Start the participants, as for a run, and let them be further apart than in one."""
-        state = self.peers.state = run.state
-        state.is_repeating = True
-        state.ends_from = self._prefix.counts_from
-        for name, checkpoint in self._prefix.restored.items():
-            state.barrier.start_at(name, checkpoint.step)
-        state.barrier.window = max(WINDOW, state.scenario.window)
-        self._live.launch(run)
+    def _differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
+        divergence = self._comparisons[name][port].divergence
+        text = "" if divergence is None else divergence.text("recording", "now")
+        why = _WHY
+        if name in self._starts_at:
+            without = argument("--no-checkpoints", "checkpoints=False")
+            why = _WHY_RESTORED.format(without=without, step=self._starts_at[name])
+        raise Diverged(
+            f"{at_step(step, self._scenario.step_ns)}: {name} does not repeat the recording: "
+            f"{text.removeprefix(f'step {step}: ')}; {why}",
+            participant=name,
+            step=step,
+        )
 
-    @property
-    def mesh(self) -> Mesh | None:
-        """Return the endpoints of its processes."""
-        return self._live.mesh
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Return how the participants describe their outputs."""
-        return self._live.descriptions(participants)
+    def _answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
+        raise Diverged(
+            f"{at_step(call.step, self._scenario.step_ns)}: {call.participant} answers the call "
+            f"{call.method} with {call.error or call.value!r}, recorded is "
+            f"{recorded.error or recorded.value!r}; {_WHY}",
+            participant=call.participant,
+            step=call.step,
+        )

@@ -1,14 +1,23 @@
 """What a recording says a participant published, to be taken step by step."""
 
-from collections.abc import Collection, Mapping
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 import msgspec
 import numpy as np
 
 from stepbus_orchestrator.recording import Recording, upgraded
-from stepbus_orchestrator.recording.layout import BRANCH_METADATA, CHAIN_TOPIC, topic_of
+from stepbus_orchestrator.recording.layout import (
+    BRANCH_METADATA,
+    CHAIN_TOPIC,
+    topic_of,
+    versions_owner,
+)
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Outputs
+
+Ports = dict[str, bytes]
+"""Port → the bytes of its message, or of its bulk content."""
 
 
 class Track:
@@ -32,26 +41,50 @@ class Track:
         return None
 
 
-class Recorded:
-    """The outputs of one participant. step: that of the next ones."""
+class RecordedOutputs:
+    """The outputs of participants, read once and taken twice: to be published, and to compare."""
 
-    def __init__(self, recording: Recording, spec: ParticipantSpec) -> None:
-        self.name = spec.name
-        self.step = 0
-        self._every = spec.every
-        self._tracks = [
-            (port, Track(recording, topic_of(spec.name, port))) for port in spec.outputs
-        ]
+    def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec]) -> None:
+        self._tracks: dict[str, dict[str, Track]] = {}
+        self._every: dict[str, int] = {}
+        for spec in specs:
+            topics = {port: topic_of(spec.name, port) for port in spec.outputs}
+            self._tracks[spec.name] = {p: Track(recording, topic) for p, topic in topics.items()}
+            self._every[spec.name] = spec.every
+        self._next = dict.fromkeys(self._every, 0)
+        self._read: dict[str, deque[tuple[int, Ports]]] = {name: deque() for name in self._every}
 
-    def take(self) -> dict[str, bytes]:
-        """Return the next outputs by port, and advance to the step after them."""
-        content = {}
-        for port, track in self._tracks:
-            data = track.take(self.step)
-            if data is not None:
-                content[port] = data
-        self.step += self._every
-        return content
+    def ahead(self, name: str, end: int) -> Iterator[tuple[int, Ports]]:
+        """Yield step and outputs of a participant: those of steps below `end`, each only once."""
+        while self._next[name] < end:
+            step = self._next[name]
+            self._next[name] += self._every[name]
+            messages = ((port, track.take(step)) for port, track in self._tracks[name].items())
+            read = step, {port: data for port, data in messages if data is not None}
+            self._read[name].append(read)
+            yield read
+
+    def take(self, name: str, step: int) -> Ports:
+        """Return the outputs of a step, in the order of steps, and forget them."""
+        for _ in self.ahead(name, step + 1):
+            pass
+        read = self._read[name]
+        while read and read[0][0] < step:
+            read.popleft()
+        return read.popleft()[1] if read and read[0][0] == step else {}
+
+
+def outputs_of(
+    step: int, ports: Ports, bulk_ports: Collection[str], *, token: str, step_ns: int
+) -> tuple[Outputs, Ports]:
+    """Return what a participant publishes at a step, and apart from it the content of bulk ports.
+
+    The outputs announce that content (P7.3). ports: all that it publishes.
+    """
+    bulk = {port: data for port, data in ports.items() if port in bulk_ports}
+    plain = {port: msgspec.Raw(data) for port, data in ports.items() if port not in bulk}
+    sizes = {port: len(data) for port, data in bulk.items()}
+    return Outputs(token=token, step=step, t_ns=step * step_ns, ports=plain, bulk=sizes), bulk
 
 
 def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Description]]:
@@ -68,24 +101,13 @@ def counts_from_of(recording: Recording) -> dict[str, int]:
     return {name: int(step) for name, step in rows.items()}
 
 
-def recorded_versions(recording: Recording) -> dict[str, dict[str, str]]:
-    """Return what the participants, and the orchestrator, ran on."""
-    names = {name.partition("/")[2]: dict(text) for name, text in recording.metadata.items()}
-    return {name: versions for name, versions in names.items() if name}
-
-
-def envelope(token: str, step: int, step_ns: int, ports: Mapping[str, bytes]) -> Outputs:
-    """Return what a participant published at a step, as it is published in this run."""
-    raw = {port: msgspec.Raw(data) for port, data in ports.items()}
-    return Outputs(token=token, step=step, t_ns=step * step_ns, ports=raw)
-
-
-def without_bulk(outputs: Outputs, bulk_ports: Collection[str]) -> tuple[Outputs, dict[str, bytes]]:
-    """Return outputs that announce the content of bulk ports (P7.3), and that content by port."""
-    content = {port: bytes(raw) for port, raw in outputs.ports.items() if port in bulk_ports}
-    ports = {port: raw for port, raw in outputs.ports.items() if port not in content}
-    sizes = {port: len(data) for port, data in content.items()}
-    return msgspec.structs.replace(outputs, ports=ports, bulk=sizes), content
+def recorded_versions(recording: Recording) -> dict[str, Mapping[str, str]]:
+    """Return what the participants, and the orchestrator, ran on: name → library → version."""
+    return {
+        owner: versions
+        for name, versions in recording.metadata.items()
+        if (owner := versions_owner(name)) is not None
+    }
 
 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:

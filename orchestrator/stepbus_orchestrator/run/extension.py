@@ -12,10 +12,8 @@ from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
 from stepbus_schemas import error_text
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.recording import Sink
     from stepbus_orchestrator.run.result import Result
 
-    from .host import Strategy
     from .kernel.participants import ParticipantState
     from .run import Run
 
@@ -58,19 +56,15 @@ class RunExtension:
         """Return facts to record before the first message: name → content."""
         return {}
 
-    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
-        """Return how the run gets its participants, and who gets their outputs.
-
-        run: has its bus and its state, and nothing else yet.
-        """
-        return strategy, sink
-
     def attach(self, run: Run) -> None:
         """Take the run: its bus is open, and no participant has been started."""
         self.run = run
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
-        """Return options for the start of a participant, as `Launcher.start` takes them."""
+        """Return options for the start of a participant, as `Launcher.start` takes them.
+
+        folder: where it is started; default: that of the scenario.
+        """
         return {}
 
     def started(self, participant: ParticipantState) -> None:
@@ -150,12 +144,6 @@ class Extensions:
         self.completions = overriding(items, "completed")
         self.releases = overriding(items, "released")
         self._waits = overriding(items, "wait_s")
-
-    def wrap(self, strategy: Strategy, sink: Sink, run: Run) -> tuple[Strategy, Sink]:
-        """Return how the run gets its participants, and who gets their outputs."""
-        for item in self._items:
-            strategy, sink = item.wrap(strategy, sink, run)
-        return strategy, sink
 
     def attach(self, run: Run) -> None:
         """Hand them the run."""

@@ -5,71 +5,30 @@ a replay starts one and plays the others.
 """
 
 import threading
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from stepbus_orchestrator.processes.endpoints import Mesh
-from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario import Scenario
 from stepbus_participant import Bus, Clock, Disk
 
 from .extension import RunExtension
-from .kernel.participants import Participants
 
 if TYPE_CHECKING:
     from .run import Run
 
 
-class Peers(Protocol):
-    """Participants whose messages the orchestrator publishes, from a recording."""
-
-    @property
-    def names(self) -> Collection[str]:
-        """Return who they are."""
-
-    def send_handshake(self) -> None:
-        """Prove their links; called again and again until all participants are ready (P4.6)."""
-
-    def publish_below(self, step: int, reported: dict[str, int]) -> None:
-        """Publish all outputs of steps below `step`; reported: gets the newest of each."""
-
-    def close(self, step: int, names: Iterable[str], reported: dict[str, int]) -> None:
-        """Publish the closing outputs of those named; reported: gets the newest of each."""
-
-
-class NoPeers:
-    """The peers of a run whose participants are all started."""
-
-    names: Collection[str] = ()
-
-    def send_handshake(self) -> None:
-        """Do nothing."""
-
-    def publish_below(self, step: int, reported: dict[str, int]) -> None:
-        """Do nothing."""
-
-    def close(self, step: int, names: Iterable[str], reported: dict[str, int]) -> None:
-        """Do nothing."""
-
-
 class Strategy(Protocol):
     """How a run gets its participants."""
 
-    @property
-    def peers(self) -> Peers:
-        """Return the participants that are played instead of started."""
-
     def launch(self, run: "Run") -> None:
-        """Start the others, and hand each to `run.started`.
+        """Start them, and hand each to `run.started`.
 
         Raises StartFailed when one cannot be started.
         """
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Return how all outputs are described, once all participants are ready."""
 
     @property
     def mesh(self) -> Mesh | None:
@@ -121,9 +80,3 @@ class Host(Protocol):
 
     def open(self, opening: Opening) -> AbstractContextManager[tuple[Bus, Strategy]]:
         """Open the bus of a run, and return how it gets its participants; end them all."""
-
-
-def ready_descriptions(participants: Participants) -> Descriptions:
-    """Return how participants that are ready describe their own outputs."""
-    ready = ((name, participant.ready) for name, participant in participants.items())
-    return {name: item.outputs if item else {} for name, item in ready}

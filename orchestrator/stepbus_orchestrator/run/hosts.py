@@ -11,10 +11,9 @@ from typing import Any, ClassVar
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.bus import open_bus
-from stepbus_orchestrator.run.host import NoPeers, Opening, Strategy, ready_descriptions
-from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
+from stepbus_orchestrator.run.host import Opening, Strategy
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
@@ -58,10 +57,9 @@ class Processes:
 
 
 class LiveRun:
-    """The strategy of a run in which none is played."""
+    """The strategy of a run in processes."""
 
     def __init__(self, launcher: Launcher, mesh: Mesh, start_order: Sequence[str] | None) -> None:
-        self.peers = NoPeers()
         self.mesh = mesh
         self._launcher = launcher
         self._start_order = start_order
@@ -75,7 +73,7 @@ class LiveRun:
             run.started(start(spec, run, run.extensions.start_options(spec)))
 
     def _start(self, spec: ParticipantSpec, run: Run, options: dict[str, Any]) -> ParticipantState:
-        folder = run.state.scenario.folder
+        folder = options.pop("folder", run.state.scenario.folder)
         argv, endpoint = start_command(spec, folder), self.mesh.participants[spec.name]
         child = self._launcher.start(spec, argv, endpoint, folder, **options)
         run.timing.event("spawn", spec.name, f"pid {child.pid}")
@@ -88,10 +86,6 @@ class LiveRun:
         self.mesh.tickets[spec.name] = external.ticket.path
         run.timing.event("external", spec.name)
         return ParticipantState(spec, external, external=external)
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Return how the participants describe their outputs."""
-        return ready_descriptions(participants)
 
 
 # A run in processes of their own is quicker to start without what is imported below.

@@ -110,8 +110,6 @@ def _close(run: Run) -> RunPhase:
     end = state.last_step
     schedule = Schedule.of(state.scenario)
     closing = [name for name in schedule.order if schedule.closing(name, end)]
-    peers = run.strategy.peers
-    peers.close(end, [name for name in closing if name in peers.names], state.barrier.reported)
     run.stop(state.reason, at_step=end)
     _await_outputs(run, closing)
     _await_bulk(run)

@@ -66,10 +66,9 @@ class Run:
         self.descriptions: Descriptions = {}
         self.ended_at = 0.0
         self.is_recorded = False
-        self.strategy, self.recorder = self.extensions.wrap(strategy, recorder, self)
-        messages = MessageHandler(
-            self.state, session.token, self.recorder, timing, replayed=self.strategy.peers.names
-        )
+        self.strategy = strategy
+        self.recorder = recorder
+        messages = MessageHandler(self.state, session.token, recorder, timing)
         self.safe_stop = SafeStop(session, self.state, messages)
         self._newest = Newest(self.state)
         self._liveness = Liveness(self.state, self.receive_for)
@@ -150,7 +149,6 @@ class Run:
             act()
         if self.extensions.completions:
             self._look_at_completed()
-        self.strategy.peers.publish_below(state.barrier.step_limit, state.barrier.reported)
         self._send_trigger()
         self.safe_stop.follow(state.released)
         self.recorder.write_below(min(state.barrier.completed, state.last_step))

@@ -1,22 +1,22 @@
 """What a run writes, run.mcap and timing.mcap, and what stands in for them in one that does not."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
-from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, TimingRecorder, layout
+from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import attach
 from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.reports import Events
 from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
 from stepbus_participant import is_shared
-from stepbus_schemas import CallRecord, Decoder, Event, MessageError, Outputs, type_name
+from stepbus_schemas import Decoder, Event, MessageError, Outputs, type_name
 
 _EVENT = type_name(Event)
 
 
-class NoRecorder:
+class NoRecorder(Sink):
     """A sink that keeps nothing; events are reported all the same.
 
     order: the participants. on_event: gets every Event.
@@ -30,27 +30,17 @@ class NoRecorder:
         order: Sequence[ParticipantSpec],
         on_event: Callable[[str, str, int, Event], None],
     ) -> None:
+        super().__init__(order)
         self._on_event = on_event
-        self._ports = {
+        self._events = {
             spec.name: [port for port, row in spec.outputs.items() if row.type == _EVENT]
             for spec in order
         }
         self._decode = Decoder(Event)
 
-    def open_channels(
-        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
-    ) -> None:
-        """Do nothing."""
-
-    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Do nothing."""
-
-    def add_call(self, call: CallRecord) -> None:
-        """Do nothing."""
-
     def offer(self, name: str, outputs: Outputs) -> None:
         """Report the events among the outputs of one participant."""
-        for port in self._ports[name]:
+        for port in self._events[name]:
             if port in outputs.ports:
                 self._on_event(name, port, outputs.step, self._event(name, port, outputs))
 
@@ -64,20 +54,7 @@ class NoRecorder:
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
         """Do nothing."""
 
-    def bulk_complete(self) -> bool:
-        """Return True: nobody waits for it."""
-        return True
-
     def write_below(self, step: int) -> None:
-        """Do nothing."""
-
-    def flush(self) -> None:
-        """Do nothing."""
-
-    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
-        """Do nothing."""
-
-    def abort(self) -> None:
         """Do nothing."""
 
 

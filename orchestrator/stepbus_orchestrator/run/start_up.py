@@ -61,19 +61,22 @@ def _start(run: Run) -> RunPhase:
     run.strategy.launch(run)
     mesh = run.strategy.mesh
     while not state.is_ready:
-        run.strategy.peers.send_handshake()
         run.extensions.awaiting(state.participants.values())
         if mesh is not None:
             mesh.users.look()
         run.turn(lambda elapsed_s: check_start(state.participants, elapsed_s))
     if mesh is not None:
         _check_links(mesh)
-    run.descriptions = run.strategy.descriptions(state.participants)
+    ready = {name: participant.ready for name, participant in state.participants.items()}
+    run.descriptions = {
+        **run.descriptions,
+        **{name: dict(item.outputs) for name, item in ready.items() if item is not None},
+    }
     inputs = input_descriptions(state.scenario, run.descriptions)
     check_descriptions(state.participants, inputs)
-    _open_channels(run)
-    is_live = not run.strategy.peers.names and not state.is_repeating
-    batches = batches_of(state.scenario, state.participants) if is_live else {}
+    versions = {name: dict(item.versions) for name, item in ready.items() if item is not None}
+    run.recorder.open_channels(run.descriptions, versions)
+    batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
     message = encode(Start(token=run.session.token, inputs=inputs, batches=batches))
     state.check_size("the descriptions of all inputs", message)
     run.extensions.ready()
@@ -92,11 +95,3 @@ def _check_links(mesh: Mesh) -> None:
     users = mesh.users.look()
     if users:
         raise BusFailed(f"before the first step: {users}, and may stand in a link; {_USE_UNIX}")
-
-
-def _open_channels(run: Run) -> None:
-    ready = {name: participant.ready for name, participant in run.state.participants.items()}
-    run.recorder.open_channels(
-        {name: dict(item.outputs) for name, item in ready.items() if item is not None},
-        {name: dict(item.versions) for name, item in ready.items() if item is not None},
-    )

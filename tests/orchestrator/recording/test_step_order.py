@@ -76,5 +76,5 @@ def test_a_step_is_complete_once():
 def test_at_the_end_only_those_who_close_are_kept_and_nothing_behind_the_closing_step():
     ahead = [(name, outputs(step, "state", "goal")) for name in PORTS for step in (5, 6, 7)]
     found = order(*ahead)
-    found.end(5, ["plant"])
+    found.drop_behind(5, ["plant"])
     assert (found.steps(), text(found, [5])) == ([5], "plant.state@5")

@@ -6,9 +6,9 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import Recording, Sink
 from stepbus_orchestrator.replay.check import Check
-from stepbus_orchestrator.scenario import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario import OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import BytesMessage, Outputs, Scalars, encode
 
 STEP_NS = 10_000_000
@@ -19,7 +19,7 @@ CONTENT = {step: encode(BytesMessage(data=data)) for step, data in PICTURES.item
 
 
 @pytest.fixture
-def check(tmp_path):
+def sink(tmp_path):
     pictures = [BytesMessage(data=PICTURES[s]) if s in PICTURES else None for s in range(STEPS)]
     numbers = [Scalars(values=[float(step)]) for step in range(STEPS)]
     path = write(
@@ -32,22 +32,29 @@ def check(tmp_path):
             "picture": OutputSpec(type="Bytes/1", bulk=True), "number": OutputSpec(type="Scalars/1"),
         },
     )  # fmt: skip
-    return Check(Recording(path), spec, Tolerance(), step_ns=STEP_NS, reference=None)
+    scenario = Scenario(
+        name="test", step_ns=STEP_NS, steps=STEPS, seed=0, window=64, participants=(spec,),
+        folder=tmp_path, file=tmp_path / "scenario.yaml",
+    )  # fmt: skip
+    sink = Sink([spec])
+    sink.reviser = Check(sink, Recording(path), scenario, "plant", Tolerance())
+    return sink
 
 
-def offer(check, *steps):
+def offer(sink, *steps):
     for step in steps:
         number = msgspec.Raw(encode(Scalars(values=[float(step)])))
         bulk = {"picture": len(CONTENT[step])} if step in CONTENT else {}
-        check.offer(
+        sink.offer(
             "plant",
             Outputs(token="t", step=step, t_ns=step * STEP_NS, ports={"number": number}, bulk=bulk),
         )
+        sink.write_below(step + 1)
 
 
-def content(check, *steps):
+def content(sink, *steps):
     for step in steps:
-        check.offer_bulk("plant", "picture", step, CONTENT[step])
+        sink.offer_bulk("plant", "picture", step, CONTENT[step])
 
 
 def counts(check):
@@ -67,24 +74,28 @@ def counts(check):
     ],
     ids=["late", "early", "mixed", "backwards"],
 )
-def test_the_order_in_which_bulk_content_arrives_is_no_difference(check, arrival):
+def test_the_order_in_which_bulk_content_arrives_is_no_difference(sink, arrival):
     for act, steps in arrival:
-        act(check, *steps)
-    check.miss_below(STEPS)
-    assert (check.divergence, check.bulk_complete()) == (None, True)
-    assert counts(check) == {"plant/picture": (3, 0, 0, 0), "plant/number": (6, 0, 0, 0)}
+        act(sink, *steps)
+    sink.write_below(STEPS)
+    sink.reviser.miss_below(STEPS)
+    assert (sink.reviser.divergence, sink.bulk_complete()) == (None, True)
+    assert counts(sink.reviser) == {"plant/picture": (3, 0, 0, 0), "plant/number": (6, 0, 0, 0)}
 
 
-def test_content_that_never_comes_is_missing_at_its_step(check):
-    offer(check, *range(STEPS))
-    content(check, 0, 4)
-    assert not check.bulk_complete()
+def test_content_that_never_comes_is_missing_at_its_step(sink):
+    offer(sink, *range(STEPS))
+    content(sink, 0, 4)
+    assert not sink.bulk_complete()
+    sink.abort()
+    check = sink.reviser
     check.miss_below(STEPS)
     assert (check.divergence.step, check.divergence.type) == (2, "missing")
     assert counts(check) == {"plant/picture": (2, 0, 1, 0), "plant/number": (6, 0, 0, 0)}
 
 
-def test_content_of_another_length_than_announced_is_a_fault(check):
-    offer(check, 0)
+def test_content_of_another_length_than_announced_is_a_fault(sink):
+    offer(sink, 0)
+    sink.offer_bulk("plant", "picture", 0, b"")
     with pytest.raises(ParticipantFault, match=r"announced .* bytes on bulk port 'picture'"):
-        check.offer_bulk("plant", "picture", 0, b"")
+        sink.write_below(1)

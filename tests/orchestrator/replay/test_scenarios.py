@@ -11,9 +11,11 @@ from support.runs.joints import PROGRAM, SCENARIO, fault, run_joints, write_scen
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.replay import replay
+from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import load
+from stepbus_schemas import CallRecord
 
 SELDOM = """
 name: seldom
@@ -92,6 +94,19 @@ def test_an_update_with_bulk_ports_is_the_recording_byte_for_byte(seldom, tmp_pa
     assert (tmp_path / "new.mcap").read_bytes() == seldom.read_bytes()
 
 
+@pytest.mark.parametrize("participant", ["plant", "controller"])
+def test_an_update_has_the_calls_to_whoever_is_played_or_started(participant, tmp_path):
+    scenario = load(write_scenario(tmp_path / "source"), ["duration=110ms"])
+    calls = [
+        CallRecord(step=step, participant="plant", method="put", args=[0, value])
+        for step, value in ((5, 0.5), (12, -0.5))
+    ]
+    options = Options(out=tmp_path / "out", extensions=[Calls(calls)], host=InProcess())
+    recording = run(scenario, options).recording
+    replay(recording, participant, update=tmp_path / "new.mcap")
+    assert (tmp_path / "new.mcap").read_bytes() == recording.read_bytes()
+
+
 def test_a_run_that_its_controller_ended_is_equal(tmp_path):
     recording = recorded(tmp_path, fault("controller", "end", 9))
     result = replay(recording, "controller")
@@ -154,4 +169,4 @@ def test_programs_of_the_peers_need_not_be_there(joints):
 
 def test_an_end_asked_for_too_early_is_noted(joints):
     result = replay(joints, "controller", set=[fault("controller", "end", 9)])
-    assert result.notes == ["controller ended the run after step 9: the goal is reached"]
+    assert result.notes == ["the run ended after step 9: controller: the goal is reached"]

@@ -9,7 +9,6 @@ import msgspec
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.recording.step_order import StepOrder
 from stepbus_orchestrator.run.bus import Session
-from stepbus_orchestrator.run.host import NoPeers, ready_descriptions
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
@@ -171,7 +170,7 @@ class Transcript:
 
     def finish(self, closing_step, closing):
         self.write_below(closing_step)
-        self._order.end(closing_step, closing)
+        self._order.drop_behind(closing_step, closing)
         self._write(closing_step)
         self.ends.append("finish")
 
@@ -256,7 +255,6 @@ class Bus:
 class Launched:
     """A strategy that starts the processes of a bus in memory."""
 
-    peers = NoPeers()
     mesh = None
 
     def __init__(self, bus):
@@ -266,9 +264,6 @@ class Launched:
         for spec in run.state.scenario.participants:
             run.started(ParticipantState(spec, self._bus.processes[spec.name]))
         self._bus.launched()
-
-    def descriptions(self, participants):
-        return ready_descriptions(participants)
 
 
 class RunInMemory:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 
 import msgspec
 
-from stepbus_orchestrator.replay.recorded import envelope, without_bulk
+from stepbus_orchestrator.replay.recorded import outputs_of
 from stepbus_participant import stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
@@ -101,8 +101,13 @@ class Harness(Session):
 
         token: another one than that of the run.
         """
-        outputs = envelope(token or self.token, step, self.scenario.step_ns, ports)
-        outputs, content = without_bulk(outputs, self._bulk.get(source, {}))
+        outputs, content = outputs_of(
+            step,
+            ports,
+            self._bulk.get(source, {}),
+            token=token or self.token,
+            step_ns=self.scenario.step_ns,
+        )
         return encode(outputs), content
 
     def publish_content(

@@ -11,7 +11,7 @@ from msgspec import structs
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.recorded import Recorded, recorded_descriptions
+from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descriptions
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -154,5 +154,4 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
 
 def _rows(recording: Recording, scenario: Scenario, name: str) -> dict[int, Ports]:
     source = scenario.participant(name)
-    track = Recorded(recording, source)
-    return {step: track.take() for step in range(0, scenario.steps or 0, source.every)}
+    return dict(RecordedOutputs(recording, [source]).ahead(name, scenario.steps or 0))

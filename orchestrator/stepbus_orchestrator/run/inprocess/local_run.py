@@ -15,9 +15,8 @@ from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.reaping import Reaper
-from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.host import NoPeers, Opening, ready_descriptions
+from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import (
@@ -27,7 +26,7 @@ from stepbus_orchestrator.run.inprocess.surroundings import (
 )
 from stepbus_orchestrator.run.inprocess.turns import MOST, STAGE, Stage
 from stepbus_orchestrator.run.inprocess.watch import Watch
-from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario import (
@@ -120,7 +119,6 @@ class LocalRun:
     """They need no endpoints."""
 
     def __init__(self, opening: Opening, start_order: Sequence[str] | None, clock: Clock) -> None:
-        self.peers = NoPeers()
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -292,10 +290,6 @@ class LocalRun:
         if self._reaper is None:
             self._reaper = Reaper(private_folder())
         self._reaper.watch(group)
-
-    def descriptions(self, participants: Participants) -> Descriptions:
-        """Return how the participants describe their outputs."""
-        return ready_descriptions(participants)
 
 
 def _limits(deadlines: Deadlines) -> list[float]:

@@ -1,6 +1,6 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
 import msgspec
@@ -57,24 +57,15 @@ _decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 class MessageHandler:
     """Takes what participants send; unauthenticated and malformed messages are counted (P8.6).
 
-    replayed: names whose messages the orchestrator itself publishes. Methods take the name in the
-    message's key, and raise RunFailure for a message that ends the run.
+    Methods take the name in the message's key, and raise RunFailure for a message that ends the
+    run.
     """
 
-    def __init__(
-        self,
-        state: RunState,
-        token: str,
-        recorder: Sink,
-        timing: TimingRecorder,
-        *,
-        replayed: Collection[str] = (),
-    ) -> None:
+    def __init__(self, state: RunState, token: str, recorder: Sink, timing: TimingRecorder) -> None:
         self._state = state
         self._token = token
         self._recorder = recorder
         self._timing = timing
-        self._replayed = replayed
         self._step_ns = state.scenario.step_ns
         specs = state.scenario.participants
         self._ports = {spec.name: _Ports(spec) for spec in specs}
@@ -234,8 +225,6 @@ class MessageHandler:
 
     def take_bulk(self, name: str, port: str, stamp: bytes, data: bytes) -> None:
         """Take bulk content; stamp: step and token, from its attachment (P7.5, P8.3)."""
-        if name in self._replayed:
-            return
         step = read_stamp(stamp, self._token)
         participant = self._state.participants.get(name)
         output = participant.spec.outputs.get(port) if participant is not None else None
