@@ -75,7 +75,7 @@ class RecordedOutputs:
 
 
 def outputs_of(
-    step: int, ports: Ports, bulk_ports: Collection[str], *, token: str, step_ns: int
+    step: int, ports: Mapping[str, bytes], bulk_ports: Collection[str], *, token: str, step_ns: int
 ) -> tuple[Outputs, Ports]:
     """Return what a participant publishes at a step, and apart from it the content of bulk ports.
 
