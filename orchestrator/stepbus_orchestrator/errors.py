@@ -110,7 +110,8 @@ class RunFailure(RunError):
     """A run failed.
 
     participant: the one that caused it, if any. step: where the run was; −1 before the first.
-    code: where it is not that of the class.
+    code: where it is not that of the class. cause: the message without what only this machine
+    knows, where it has such.
     """
 
     code = ExitCode.INTERNAL
@@ -122,12 +123,14 @@ class RunFailure(RunError):
         participant: str | None = None,
         step: int = -1,
         code: int | None = None,
+        cause: str = "",
     ) -> None:
         super().__init__(message)
         if code is not None:
             self.code = ExitCode(code)
         self.participant = participant
         self.step = step
+        self.cause = cause or message
 
 
 class StartFailed(RunFailure):

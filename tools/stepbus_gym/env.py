@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import math
 import os
-import re
 import threading
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike
@@ -17,11 +16,9 @@ import msgspec
 import numpy as np
 from gymnasium.error import ResetNeeded
 from gymnasium.spaces import Box
-from msgspec import structs
 
 import stepbus
 from stepbus.runs import AnyScenario
-from stepbus_gym.policy.loaded import checked_action
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.episode import Episode
 from stepbus_orchestrator.run.result import Result
@@ -30,17 +27,13 @@ from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .episodes import Folders
-from .fields import Field
-from .interface import Interface, PortTypes, Vector, bounds, check_limits, default_action, selected
-from .policy.params import Params
-from .policy.participant import PolicyParticipant
+from .interface import Interface, Params, PolicyPorts, Vector, bounds
+from .policy import PolicyParticipant, checked_action
 from .render import Camera, Renderer
 
 Mode = Literal["torque", "velocity", "position"]
 Limits = Mapping[str, tuple[float, float]]
 _METADATA: dict[str, Any] = {"render_modes": ["rgb_array"]}
-_ALONE = "an environment runs in one process"
-_LOG = re.compile(r"; its log: \S+")
 
 
 class Moment(msgspec.Struct, frozen=True, kw_only=True):
@@ -101,23 +94,24 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         render_mode: str | None = None,
         camera: Camera | None = None,
     ) -> None:
-        self._pid, self._thread = os.getpid(), threading.get_ident()
+        for name, function in (("reward", reward), ("terminated", terminated), ("vary", vary)):
+            if function is not None and not callable(function):
+                raise WiringError(f"{name} is no function, but {type(function).__name__}")
+        if render_mode not in {None, "rgb_array"}:
+            raise WiringError(f"render_mode {render_mode!r}: there is only 'rgb_array'")
+        self._place = os.getpid(), threading.get_ident()
+        self._reward, self._terminated, self._vary = reward, terminated, vary
+        self.render_mode = render_mode
+        self._renderer = Renderer(camera or Camera())
+        self._frame: Any = None
+        self._folders = Folders(record)
         self._episode: Episode | None = None
         self._participant: PolicyParticipant | None = None
         self._observation: Vector = np.zeros(0)
         self._inputs: Mapping[str, Any] = {}
-        self._folders, self._temporary = Folders(record), Folders("none")
-        self._reward, self._terminated, self._vary = reward, terminated, vary
-        _check_functions(reward=reward, terminated=terminated, vary=vary)
-        if render_mode not in {None, "rgb_array"}:
-            raise WiringError(f"render_mode {render_mode!r}: there is only 'rgb_array'")
-        self.render_mode = render_mode
-        self._renderer = Renderer(camera or Camera())
-        self._frame: Any = None
-        self._given = scenario
+        self.result: Result | None = None
+        self._given, self._faults, self._name = scenario, list(faults), participant
         self._settings = [*override_texts(set), *([f"duration={duration}"] if duration else [])]
-        self._faults = list(faults)
-        self._name = participant
         params = {
             "policy": policy,
             "observe": list(observe),
@@ -129,9 +123,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         self._params = {key: value for key, value in params.items() if value}
         self._scenario = self._load([])
         self._seeded = False
-        self.result: Result | None = None
-        self.observation_fields: list[Field] = []
-        self.action_fields: list[Field] = []
         self._learn_spaces()
 
     # --- Gymnasium ------------------------------------------------------------------------
@@ -145,13 +136,19 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         episode has that of the scenario. options: `set`, settings for this episode.
         """
         self._end("reset")
-        episode_seed = self._next_seed(seed)
-        more = override_texts(_known(options).get("set", ()))
+        unknown = [key for key in options or {} if key != "set"]
+        if unknown:
+            raise WiringError(f"reset has no option {unknown[0]!r}; it has `set`")
+        if seed is None and not self._seeded:
+            seed = self._scenario.seed
+        super().reset(seed=seed)
+        self._seeded = True
+        episode_seed = seed if seed is not None else int(self.np_random.integers(2**31))
+        more = override_texts((options or {}).get("set", ()))
         if self._vary is not None:
             more = [*override_texts(self._vary(self.np_random)), *more]
         scenario = self._load(more) if more else self._scenario
-        scenario = dataclasses.replace(scenario, seed=episode_seed)
-        step = self._begin(scenario, is_recorded=self._folders.is_recorded)
+        step = self._begin(dataclasses.replace(scenario, seed=episode_seed), self._folders)
         return self._observation, self._info(step)
 
     def step(self, action: Vector) -> tuple[Vector, float, bool, bool, dict[str, Any]]:
@@ -171,9 +168,9 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
             action=given,
             inputs=self._inputs,
         )
-        reward = _number(self._called("reward", self._reward, moment), step.index)
+        reward = _number(_called("reward", self._reward, moment), step.index)
         ends = self._terminated is not None and bool(
-            self._called("terminated", self._terminated, moment)
+            _called("terminated", self._terminated, moment)
         )
         steps = self._scenario.steps
         is_late = steps is not None and step.index >= steps
@@ -199,10 +196,10 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         try:
             self._end("closed")
         finally:
-            self._temporary.drop()
+            self._folders.drop()
 
     def __del__(self) -> None:
-        is_ours = (os.getpid(), threading.get_ident()) == (self._pid, self._thread)
+        is_ours = (os.getpid(), threading.get_ident()) == self.__dict__.get("_place")
         if is_ours and self.__dict__.get("_episode") is not None:
             with contextlib.suppress(Exception):
                 self.close()
@@ -215,45 +212,43 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
 
     def _learn_spaces(self) -> None:
         """Run to the first observation, which says what all of them hold."""
+        temporary = Folders("none")
         try:
-            self._begin(self._scenario, is_recorded=False)
+            self._begin(self._scenario, temporary)
             interface = self._interface()
-            self.observation_fields, self.action_fields = interface.observation, interface.action
-            self.observation_space = Box(*bounds(self.observation_fields), dtype=np.float64)
-            self.action_space = Box(
-                np.array([field.low for field in self.action_fields]),
-                np.array([field.high for field in self.action_fields]),
-                dtype=np.float64,
-            )
-            fields = {"observation": self.observation_fields, "action": self.action_fields}
-            rows = {
-                space: {field.name: field.unit for field in own} for space, own in fields.items()
-            }
-            frames = {"render_fps": round(1e9 / (self._scenario.step_ns * self._every()))}
-            self.metadata = {**type(self).metadata, **frames, "units": rows}
         except RunFailure as exc:
-            # Nobody finds the log: its folder goes now.
-            exc.args = (_LOG.sub("", str(exc)),)
+            # The logs are lost: their folder goes now.
+            exc.args = (exc.cause,)
             raise
         finally:
-            self.close()
+            self._end("closed")
+            temporary.drop()
         self.result = None
+        self.observation_fields, self.action_fields = interface.observation, interface.action
+        low, high = bounds(interface.observation)
+        self.observation_space = Box(low, high, dtype=np.float64)
+        ends = [(field.low, field.high) for field in interface.action]
+        self.action_space = Box(*np.array(ends).reshape(-1, 2).T, dtype=np.float64)
+        fields = {"observation": interface.observation, "action": interface.action}
+        every = self._scenario.participant(self._name).every
+        self.metadata = {
+            **type(self).metadata,
+            "render_fps": round(1e9 / (self._scenario.step_ns * every)),
+            "units": {
+                space: {field.name: field.unit for field in own} for space, own in fields.items()
+            },
+        }
 
-    def _every(self) -> int:
-        return self._scenario.participant(self._name).every
-
-    def _begin(self, scenario: Scenario, *, is_recorded: bool) -> Step:
-        folders = self._folders if is_recorded else self._temporary
+    def _begin(self, scenario: Scenario, folders: Folders) -> Step:
         with self._renderer.watching() if self.render_mode else contextlib.nullcontext():
-            episode = Episode(
-                scenario, self._name, self._make, folders.make(), is_recorded=is_recorded
+            self._episode = episode = Episode(
+                scenario, self._name, self._make, folders.make(), is_recorded=folders.is_recorded
             )
             try:
-                step = episode.start()
-            except WiringError as exc:
-                raise WiringError(str(exc).replace("leave out `in_process`", _ALONE)) from exc
-        self._episode = episode
-        return step
+                return episode.start()
+            except BaseException:
+                self._episode = None
+                raise
 
     def _make(self, config: Config, answer: Callable[[Step], Any]) -> PolicyParticipant:
         def act(observation: Vector, inputs: Mapping[str, Any], step: Step) -> Vector:
@@ -269,15 +264,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         if episode is not None and episode.step is not None:
             self.result = episode.end(f"the episode is {reason}")
 
-    def _next_seed(self, seed: int | None) -> int:
-        if seed is None and not self._seeded:
-            seed = self._scenario.seed
-        super().reset(seed=seed)
-        self._seeded = True
-        return seed if seed is not None else int(self.np_random.integers(2**31))
-
-    # --- what a step has ------------------------------------------------------------------
-
     def _interface(self) -> Interface:
         if self._participant is None or self._participant.interface is None:
             raise ResetNeeded("no episode has begun")
@@ -288,11 +274,12 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         recording = str(episode.recording) if episode and self._folders.is_recorded else ""
         return {"step": step.index, "t": step.t, "recording": recording}
 
-    def _called(self, what: str, function: Callable[[Moment], Any], moment: Moment) -> Any:
-        try:
-            return function(moment)
-        except Exception as exc:
-            raise RunError(f"step {moment.step}: `{what}` raised {error_text(exc)}") from exc
+
+def _called(what: str, function: Callable[[Moment], Any], moment: Moment) -> Any:
+    try:
+        return function(moment)
+    except Exception as exc:
+        raise RunError(f"step {moment.step}: `{what}` raised {error_text(exc)}") from exc
 
 
 def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Scenario:
@@ -311,7 +298,7 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
         raise WiringError(
             f"{name} publishes first, before it has read its inputs; a policy answers them"
         )
-    ports = PortTypes(
+    ports = PolicyPorts(
         inputs={
             port: scenario.participant(row.source).outputs[row.port].type
             for port, row in spec.inputs.items()
@@ -320,15 +307,14 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
         types=scenario.types,
     )
     read = {(row.source, row.port) for other in specs.values() for row in other.inputs.values()}
-    act = list(params.get("act", ())) or default_action(
-        ports, [port for port in ports.outputs if (name, port) in read]
+    act = list(params.get("act", ())) or ports.default_action(
+        [port for port in ports.outputs if (name, port) in read]
     )
     if not act:
         raise WiringError(f"{name} has no output with numbers that somebody reads; give `act`")
-    selected(ports, "outputs", act)
     params = {**params, "act": act}
-    check_limits(ports, Params.of(params))
-    changed = structs.replace(
+    ports.check(Params.of(params))
+    changed = msgspec.structs.replace(
         spec,
         participant="stepbus_gym.policy:LoadedPolicy",
         exec=(),
@@ -345,19 +331,6 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
 def _listed(value: Any) -> Any:
     """Return a tuple or an array as a list of plain numbers."""
     return np.asarray(value).tolist() if isinstance(value, tuple | np.ndarray) else value
-
-
-def _check_functions(**functions: object) -> None:
-    for name, function in functions.items():
-        if function is not None and not callable(function):
-            raise WiringError(f"{name} is no function, but {type(function).__name__}")
-
-
-def _known(options: dict[str, Any] | None) -> Mapping[str, Any]:
-    unknown = [key for key in options or {} if key != "set"]
-    if unknown:
-        raise WiringError(f"reset has no option {unknown[0]!r}; it has `set`")
-    return options or {}
 
 
 def _number(value: Any, step: int) -> float:

@@ -1,15 +1,17 @@
 """Which numbers a message type holds: what of it fits into a vector."""
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from msgspec import inspect
 
 from stepbus_schemas import Message
 
 _NUMBERS = (inspect.FloatType, inspect.IntType, inspect.BoolType)
-_SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N"}
+SLIDING = {"rad": "m", "rad/s": "m/s", "rad/s²": "m/s²", "N·m": "N"}
 """Unit of a joint that turns → of one that slides."""
 
 
@@ -44,7 +46,7 @@ class Form:
     is_number: bool
     is_required: bool
     unit: str
-    words: tuple[Any, ...] = ()
+    words: tuple[Any, ...]
 
     @property
     def fits(self) -> bool:
@@ -61,26 +63,7 @@ class Form:
             return self.words[0]
         if not self.is_number:
             return [] if self.sizes else ""
-        return nested([0.0] * size_of(self.shape(count)), self.shape(count))
-
-
-def size_of(shape: tuple[int, ...]) -> int:
-    """Return how many numbers an array of a shape has."""
-    size = 1
-    for n in shape:
-        size *= n
-    return size
-
-
-def nested(values: list[Any], shape: tuple[int, ...]) -> Any:
-    """Return numbers as nested lists of a shape; one number for no shape."""
-    if not shape:
-        return values[0]
-    if len(shape) == 1:
-        return values
-    width = size_of(shape[1:])
-    rows = (values[n * width : (n + 1) * width] for n in range(shape[0]))
-    return [nested(row, shape[1:]) for row in rows]
+        return np.zeros(self.shape(count)).tolist()
 
 
 def forms(cls: type[Message]) -> dict[str, Form]:
@@ -92,18 +75,16 @@ def forms(cls: type[Message]) -> dict[str, Form]:
 
 def _form(field: inspect.Field) -> Form:
     node, extra = _bare(field.type)
-    names = list(extra.get("shape", []))
+    names = iter(extra.get("shape", ()))
     sizes: list[int | str] = []
-    while True:
-        name = names.pop(0) if names else "k"
+    while isinstance(node, inspect.TupleType | inspect.ListType | inspect.VarTupleType):
+        size = next(names, "k")
         if isinstance(node, inspect.TupleType):
             sizes.append(len(node.item_types))
             node, _ = _bare(node.item_types[0])
-        elif isinstance(node, inspect.ListType | inspect.VarTupleType):
-            sizes.append(name)
-            node, _ = _bare(node.item_type)
         else:
-            break
+            sizes.append(size)
+            node, _ = _bare(node.item_type)
     return Form(
         name=field.name,
         sizes=tuple(sizes),
@@ -130,12 +111,7 @@ def entries(shape: tuple[int, ...], names: list[str]) -> Iterator[str]:
     if not shape:
         yield ""
         return
-    width = size_of(shape[1:])
-    for index in range(size_of(shape)):
+    width = math.prod(shape[1:])
+    for index in range(shape[0] * width):
         first = names[index // width] if len(names) == shape[0] else str(index // width)
         yield first if width == 1 else f"{first},{index % width}"
-
-
-def sliding(unit: str) -> str:
-    """Return the unit of a joint that slides, where that of one that turns is given."""
-    return _SLIDING.get(unit, unit)

@@ -59,7 +59,7 @@ class Episode(HostedCaller):
         self._make = make
         self._options = Options(
             out=out,
-            host=InProcess(),
+            host=InProcess(otherwise="an environment runs in one process"),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )

@@ -96,19 +96,21 @@ class InProcess:
     """Has all participants in this process.
 
     start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are nobody else's, and
-    what libraries in C print goes to a log.
+    what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run so;
+    default: to leave out the option.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
     owns_descriptors: bool = False
+    otherwise: str = ""
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
         from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
-        check_scenario(scenario)
+        check_scenario(scenario, self.otherwise)
 
     @contextlib.contextmanager
     def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:

@@ -29,14 +29,15 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended, and where its files are.
 
     outcome: `finished` or `failed`. exit_code: as documented in docs/exit-codes.md. reason: why
-    it ended, in one sentence. participant, at_step: who is to blame and when, where it failed.
-    steps: complete ones. wall_s: from the first trigger to the end [s]. start_s: from the call
-    to the first trigger [s]. real_time_factor: simulated over wall time. sha256: of run.mcap.
-    messages_sha256: of its messages alone, which no version, file or processor name changes.
-    unauthenticated: messages without the run's token; they changed nothing. drops: messages each
-    participant dropped. faults: those that were injected on purpose. warning_count: warnings and
-    errors that participants reported. warnings: the first fifty of each output. file, overrides:
-    of the scenario, on this machine. real_time: how late the steps were, in a run in real time.
+    it ended, in one sentence. cause: the same, without what only this machine knows. participant,
+    at_step: who is to blame and when, where it failed. steps: complete ones. wall_s: from the first
+    trigger to the end [s]. start_s: from the call to the first trigger [s]. real_time_factor:
+    simulated over wall time. sha256: of run.mcap. messages_sha256: of its messages alone, which no
+    version, file or processor name changes. unauthenticated: messages without the run's token; they
+    changed nothing. drops: messages each participant dropped. faults: those that were injected on
+    purpose. warning_count: warnings and errors that participants reported. warnings: the first
+    fifty of each output. file, overrides: of the scenario, on this machine. real_time: how late the
+    steps were, in a run in real time.
     """
 
     scenario: str
@@ -56,6 +57,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
     sha256: str
     folder: str
     messages_sha256: str = ""
+    cause: str = ""
     unauthenticated: int = 0
     drops: Mapping[str, int] = {}
     faults: Sequence[str] = ()
@@ -98,6 +100,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
                 participant=self.participant,
                 step=self.at_step,
                 code=ExitCode(self.exit_code),
+                cause=self.cause,
             )
         return self
 
@@ -157,6 +160,7 @@ def result_of(
         outcome="finished" if failure is None else "failed",
         exit_code=0 if failure is None else int(failure.code),
         reason=str(ending),
+        cause=_cause(str(ending), run, folder),
         participant=failure.participant if failure else None,
         at_step=failure.step if failure else steps,
         steps=steps,
@@ -179,6 +183,13 @@ def result_of(
         overrides=scenario.overrides,
         **fields,
     )
+
+
+def _cause(reason: str, run: "Run | None", folder: Path) -> str:
+    for participant in run.state.participants.values() if run else ():
+        for part in participant.local():
+            reason = reason.replace(part, "")
+    return reason.replace(str(folder), ".")
 
 
 def file_sha256(path: Path) -> str:

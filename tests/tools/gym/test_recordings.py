@@ -8,7 +8,7 @@ import pytest
 
 import stepbus
 from stepbus_gym import StepbusEnv
-from stepbus_gym.policy.loaded import load_policy
+from stepbus_gym.policy import load_policy
 
 PROGRAMS = Path(__file__).parent / "programs"
 

@@ -2,7 +2,7 @@
 
 import sys
 
-from stepbus_gym.policy.loaded import LoadedPolicy
+from stepbus_gym.policy import LoadedPolicy
 from stepbus_participant import main
 
 if __name__ == "__main__":

@@ -1,7 +1,6 @@
 """One run of a sweep, in the process of a worker."""
 
 import contextlib
-import re
 import shutil
 import tempfile
 import time
@@ -28,8 +27,6 @@ from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
 KEEP = ("all", "failed", "none")
 NO_FAULT = "none"
 REPORT_FILE = "report.png"
-_MACHINE = re.compile(r" \(pid \d+\)|; its log: \S+")
-"""What an error has of the machine that it came from."""
 
 
 class Row(msgspec.Struct, frozen=True, kw_only=True):
@@ -81,7 +78,7 @@ class Trials:
         out, began = self._folder / "run", time.monotonic()
         try:
             scenario = self.load(point)
-            row = self._row(point, self._run(scenario, out), out)
+            row = self._row(point, self._run(scenario, out))
             row = msgspec.structs.replace(row, wall_s=time.monotonic() - began)
             return self._kept(row, out)
         except (RunFailure, StepbusError) as exc:
@@ -111,7 +108,7 @@ class Trials:
         options = Options(out=out, host=host_of(in_process=in_process, owns_descriptors=in_process))
         return run(scenario, options)
 
-    def _row(self, point: Point, result: Result, out: Path) -> Row:
+    def _row(self, point: Point, result: Result) -> Row:
         metrics: dict[str, Value] = {"success": result.exit_code == 0}
         error = ""
         if result.steps and result.recording.exists():
@@ -121,7 +118,7 @@ class Trials:
             values=dict(point.values),
             outcome=result.outcome,
             exit_code=result.exit_code,
-            reason=_MACHINE.sub("", result.reason).replace(str(out), "."),
+            reason=result.cause,
             participant=result.participant,
             steps=result.steps,
             sha256=result.sha256,

@@ -54,9 +54,12 @@ _BRIDGE = ("stepbus", "bridge")
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def check_scenario(scenario: Scenario) -> None:
-    """Raise WiringError for a scenario that cannot run in one process, with every reason."""
-    leave_out = f"leave out {argument('--in-process')}"
+def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
+    """Raise WiringError for a scenario that cannot run in one process, with every reason.
+
+    otherwise: the end of each sentence; default: to leave out the option.
+    """
+    leave_out = otherwise or f"leave out {argument('--in-process')}"
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(

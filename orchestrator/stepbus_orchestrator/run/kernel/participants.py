@@ -149,5 +149,9 @@ class ParticipantState:
             return f"its log: {self.process.log}"
         return "its output is where it was started"
 
+    def local(self) -> tuple[str, str]:
+        """Return what of `who` and of `where_it_prints` only this machine knows."""
+        return self.who().removeprefix(self.name), f"; {self.where_it_prints()}"
+
 
 Participants = Mapping[str, ParticipantState]
