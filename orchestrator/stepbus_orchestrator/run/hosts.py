@@ -96,8 +96,8 @@ class InProcess:
     """Has all participants in this process.
 
     start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are nobody else's, and
-    what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run so;
-    default: to leave out the option.
+    what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run
+    so; default: to leave out the option.
     """
 
     clock: ClassVar[Clock] = time
