@@ -67,13 +67,15 @@ def export(
     video: str | PathLike[str] | None = None,
     camera: str = "",
     viewpoint: str = "",
+    **others: str | PathLike[str],
 ) -> dict[str, Exported]:
     """Write a recording for other programs, as `stepbus export`; return form → what was written.
 
     parquet, csv: a folder, which gets a file for each port, or a file that ends in .parquet or
     .csv, which gets a row for each value. scene: an HTML file that opens offline. ros2, foxglove:
     an .mcap. video: .mp4 or .gif of `camera`, a port of images (default: the first), or of the
-    scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m].
+    scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m]. others: forms that other
+    packages add.
 
     What cannot be exported, and the damage of a recording, are sentences in `problems`. Raises
     RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
@@ -83,7 +85,7 @@ def export(
 
     given = {
         "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
-        "video": video,
+        "video": video, **others,
     }  # fmt: skip
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
@@ -107,4 +109,4 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     if not recordings:
         raise WiringError("nothing to report; name a recording")
     target = None if out is None else Path(out)
-    return page.report([recording_file(source) for source in recordings], target)
+    return page.write_page([recording_file(source) for source in recordings], target)

@@ -126,10 +126,10 @@ def run(
     )
     result = run_scenario(loaded, options, observer, interrupt)
     if report and result.steps and result.recording.exists():
-        from stepbus_tools.viewing.page import report as write_report  # noqa: PLC0415  (when asked)
+        from stepbus_tools.viewing.page import write_page  # noqa: PLC0415  (when asked)
 
         try:
-            write_report([result.recording])
+            write_page([result.recording])
         except StepbusError as exc:
             # The run is over, whatever becomes of its page.
             warnings.warn(f"no report: {exc}", stacklevel=2)

@@ -13,16 +13,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.signals import tracking_pieces
 from stepbus_orchestrator.cli.commands import execute
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.replay_result import inputs_of
 from stepbus_orchestrator.replay.rerun import read_origin, unpack
 from stepbus_schemas import StepbusError
+from stepbus_tools.columns import readable
 from stepbus_tools.conformance import material
-from stepbus_tools.report.panels import field_panels
-from stepbus_tools.report.summary import Summary
+from stepbus_tools.report.curves import PortCurves, read_ports
+from stepbus_tools.report.summary import read_joints
 
 from ..sandbox import STEPBUS
 
@@ -103,11 +103,8 @@ def _read_arrays(task: Task) -> None:
 
 def _report(task: Task) -> None:
     recording = Recording(task.path)
-    summary = Summary()
-    for piece in tracking_pieces(recording):
-        summary.take(piece)
-    summary.lines()
-    field_panels(recording)
+    read_joints(recording)
+    read_ports(recording, [PortCurves(table, 8) for table in readable(recording)[0]])
 
 
 def _prepare_replay(task: Task) -> None:

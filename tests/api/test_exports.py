@@ -1,10 +1,13 @@
 """Exports and reports from Python: what the command line writes."""
 
+from types import SimpleNamespace
+
 import polars as pl
 import pytest
 
 import stepbus
 from stepbus_orchestrator.cli import main
+from stepbus_tools.viewing.exports import Exported, Exporter
 
 
 @pytest.fixture(scope="module")
@@ -41,6 +44,22 @@ def test_an_export_to_nowhere_and_of_nothing_is_an_error(result, tmp_path):
         stepbus.export(tmp_path / "no.mcap", csv=tmp_path / "csv")
 
 
+def test_a_package_may_add_a_form(result, tmp_path, monkeypatch):
+    def write_count(recording, target, reached, *, unit=""):
+        target.write_text(f"{recording.last_step} {unit}")
+        return Exported(paths=[target])
+
+    exporter = Exporter(write=write_count, help="how many steps", options={"unit": ("UNIT", "")})
+    monkeypatch.setattr(
+        "stepbus_tools.viewing.exports.exporter.named_points",
+        lambda group: {"count": SimpleNamespace(load=lambda: exporter)},
+    )
+    (done,) = stepbus.export(result, count=tmp_path / "count.txt").values()
+    assert done.paths[0].read_text() == "20 "
+    with pytest.raises(stepbus.WiringError, match="no exporter 'coun'; did you mean 'count'"):
+        stepbus.export(result, coun=tmp_path / "count.txt")
+
+
 def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
     assert not result.recording.with_name("report.html").exists()
     other = stepbus.run(
@@ -61,7 +80,7 @@ def test_a_page_that_cannot_be_written_is_a_warning_and_the_run_has_its_result(
     def fail(paths):
         raise stepbus.errors.RecordingFailed(f"{paths[0]}: no space")
 
-    monkeypatch.setattr("stepbus_tools.viewing.page.report", fail)
+    monkeypatch.setattr("stepbus_tools.viewing.page.write_page", fail)
     with pytest.warns(UserWarning, match=r"no report: .*run\.mcap: no space"):
         done = stepbus.run(
             "two_link", set={"duration": "50ms"}, out=tmp_path / "a", in_process=True, report=True

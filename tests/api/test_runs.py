@@ -10,7 +10,7 @@ import pytest
 import stepbus
 import stepbus_scenarios
 from stepbus import messages
-from stepbus_tools.report.summary import read_lateness
+from stepbus_tools.report.summary import result_of
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 SHORT = {"duration": "100ms"}
@@ -162,8 +162,8 @@ def test_a_run_in_real_time_reports_how_late_its_steps_were_and_plots_it(result,
     timed = stepbus.run("two_link", set=SHORT, out=tmp_path / "out", in_process=True, real_time=20)
     assert timed.sha256 == result.sha256
     assert timed.real_time.factor == 20
-    lateness = read_lateness(tmp_path / "out")
-    assert lateness == timed.real_time
+    with stepbus.Recording(timed) as recording:
+        assert result_of(recording).real_time == timed.real_time
 
 
 @pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf")])
@@ -173,7 +173,8 @@ def test_real_time_takes_a_factor(factor, tmp_path):
 
 
 def test_a_run_that_was_not_in_real_time_has_no_lateness_(result):
-    assert read_lateness(Path(result.folder)) is None
+    with stepbus.Recording(result) as recording:
+        assert result_of(recording).real_time is None
 
 
 def test_a_failed_result_raises_when_checked_and_prints_in_a_line(tmp_path):

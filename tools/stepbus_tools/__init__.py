@@ -6,18 +6,26 @@ from `stepbus`.
 
 from pathlib import Path
 
+from stepbus_schemas import StepbusError
+
 
 def after_run(recording: Path, *, has_plots: bool) -> list[str]:
     """Write report.html and report.png; return what the summary of a run says of its recording.
 
-    has_plots: without it, nothing is written, and the lines have the figures alone.
+    has_plots: without it, nothing is written, and the lines have the figures alone. A page that
+    cannot be written changes no run.
     """
     # What users import from here must not load all tools.
-    from stepbus_tools.report import write_report  # noqa: PLC0415
+    from stepbus_tools.report import draw_report, write_report  # noqa: PLC0415
 
-    lines = write_report(recording, has_plots=has_plots)
     if not has_plots:
-        return lines
-    from stepbus_tools.viewing.page import page_line  # noqa: PLC0415
+        return write_report(recording, has_plots=False)
+    from stepbus_tools.viewing.page import PAGE_FILE, read_run, render_page  # noqa: PLC0415
 
-    return [*lines, page_line(recording, lines)]
+    lines: list[str] = []
+    try:
+        run = read_run(recording)
+        lines = [*run.lines, *draw_report(run.recording, run.joints, run.ports)]
+        return [*lines, f"report    {render_page([run], run.path.with_name(PAGE_FILE))}"]
+    except (StepbusError, OSError) as exc:
+        return [*lines, f"no report {exc}"]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -12,16 +12,14 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need, suggest
-from stepbus_schemas import StepbusError, WiringError
+from stepbus_schemas import WiringError
 from stepbus_tools.sweep.sweep_metrics import builtin_metrics
 
-from .viewing.exports.columns import CLOCK, Column, Table
+from .columns import CLOCK, NUMBERS, Column, Table, readable
 
-_OWN = "stepbus/"
-_NUMBERS = ("double", "int64", "bool")
 _UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 
 
@@ -61,19 +59,23 @@ def result_metrics(result: Result) -> Metrics:
 def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
     """Return signals as a pandas DataFrame; see `Recording.frame`."""
     (pandas,) = need("a DataFrame", "pandas")
-    tables = list(_tables(recording))
-    chosen = {table.port.topic: _chosen(table, signals) for table in tables}
-    _check_signals(recording, signals, chosen)
+    tables, _ = readable(recording)
+    for signal in signals:
+        _check(recording, tables, signal)
+    wanted = tuple(f"{signal.replace('/', '.', 1)}." for signal in signals)
     parts, units = [], dict[str, str]()
     for table in tables:
-        columns = chosen[table.port.topic]
-        if not columns:
-            continue
-        t_ns, values = _read(recording, table, columns)
-        names = {column.name: f"{_dotted(table.port)}.{column.name}" for column in columns}
-        rows = {names[name]: cells for name, cells in values.items()}
-        parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
-        units |= {names[column.name]: column.unit for column in columns if column.unit}
+        names = {column.name: f"{table.name}.{column.name}" for column in _values(table)}
+        chosen = [
+            column
+            for column in _values(table)
+            if not wanted or f"{names[column.name]}.".startswith(wanted)
+        ]
+        if chosen:
+            t_ns, values = _read(recording, table, chosen)
+            rows = {names[column]: cells for column, cells in values.items()}
+            parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
+            units |= {names[column.name]: column.unit for column in chosen if column.unit}
     if not parts:
         raise RecordingFailed(f"{recording.path} has no values for a DataFrame")
     frame = pandas.concat(parts, axis=1).sort_index()
@@ -81,43 +83,18 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
     return frame
 
 
-def _dotted(port: Port) -> str:
-    return f"{port.participant}.{port.name}"
+def _values(table: Table) -> list[Column]:
+    """Return the columns behind the clock, without bytes, such as of pictures."""
+    return [column for column in table.columns[len(CLOCK) :] if column.type != "binary"]
 
 
-def _tables(recording: Recording) -> Iterator[Table]:
-    """Yield the ports with messages of a type that is known."""
-    for port in recording.ports.values():
-        if not port.topic.startswith(_OWN) and port.last_step >= 0:
-            try:
-                yield Table(port, recording.types)
-            except StepbusError:
-                continue
-
-
-def _chosen(table: Table, signals: Sequence[str]) -> list[Column]:
-    """Return the columns that signals name, all without one; never bytes, such as of pictures."""
-    port = _dotted(table.port)
-    wanted = tuple(f"{signal.replace('/', '.', 1)}." for signal in signals)
-    return [
-        column
-        for column in table.columns[len(CLOCK) :]
-        if column.type != "binary" and (not wanted or f"{port}.{column.name}.".startswith(wanted))
-    ]
-
-
-def _check_signals(
-    recording: Recording, signals: Sequence[str], chosen: Mapping[str, Sequence[Column]]
-) -> None:
-    """Raise WiringError for a signal that the recording does not have."""
-    for signal in signals:
-        parts = signal.replace("/", ".", 1).split(".", 2)
-        port = recording[".".join(parts[:2])]
-        if len(parts) > 2 and not any(
-            f"{column.name}.".startswith(f"{parts[2]}.") for column in chosen.get(port.topic, ())
-        ):
-            known = [column.name for column in Table(port, recording.types).columns[len(CLOCK) :]]
-            raise WiringError(f"{port.topic} has no values {parts[2]!r}{suggest(parts[2], known)}")
+def _check(recording: Recording, tables: Sequence[Table], signal: str) -> None:
+    """Raise WiringError where the recording has no such signal."""
+    parts = signal.replace("/", ".", 1).split(".", 2)
+    port = recording[".".join(parts[:2])]
+    names = [c.name for table in tables if table.port is port for c in table.columns[len(CLOCK) :]]
+    if len(parts) > 2 and not any(f"{name}.".startswith(f"{parts[2]}.") for name in names):
+        raise WiringError(f"{port.topic} has no values {parts[2]!r}{suggest(parts[2], names)}")
 
 
 def _read(
@@ -134,7 +111,7 @@ def _read(
         times.append(np.asarray(t_ns))
         for name, row in zip(names, rows, strict=True):
             if name in wanted:
-                is_number = wanted[name] in _NUMBERS
+                is_number = wanted[name] in NUMBERS
                 cells[name].append(np.asarray(row, float) if is_number else _objects(row))
     return np.concatenate(times), {name: np.concatenate(rows) for name, rows in cells.items()}
 
@@ -215,49 +192,42 @@ class Comparison:
 
 def compare(first: Path, second: Path) -> Comparison:
     """Compare the numbers of two recordings, port by port; see `stepbus.compare`."""
+    errors, spans = list[FieldError](), list[NDArray[np.int64]]()
     with Recording(first) as one, Recording(second) as other:
-        tables = [{table.port.topic: table for table in _tables(r)} for r in (one, other)]
-        lines = [
-            _times_and_errors(one, other, table, tables[1][topic])
-            for topic, table in tables[0].items()
-            if topic in tables[1]
-        ]
-    spans = [t_ns for t_ns, _ in lines if len(t_ns)]
-    ports = [[_dotted(table.port) for table in known.values()] for known in tables]
+        tables, others = ({table.name: table for table in readable(r)[0]} for r in (one, other))
+        for name in [name for name in tables if name in others]:
+            columns = _common(tables[name], others[name])
+            if columns:
+                times, values = _read(one, tables[name], columns)
+                other_times, other_values = _read(other, others[name], columns)
+                t_ns, rows, other_rows = _aligned(times, other_times)
+                spans += [t_ns] if len(t_ns) else []
+                errors += [
+                    error
+                    for c in columns
+                    if (
+                        error := _error(
+                            name, c, t_ns, values[c.name][rows], other_values[c.name][other_rows]
+                        )
+                    )
+                ]
     return Comparison(
         first=str(first),
         second=str(second),
-        errors=[error for _, errors in lines for error in errors],
-        only_first=[port for port in ports[0] if port not in ports[1]],
-        only_second=[port for port in ports[1] if port not in ports[0]],
+        errors=errors,
+        only_first=[name for name in tables if name not in others],
+        only_second=[name for name in others if name not in tables],
         span_s=(
-            float(min(t_ns[0] for t_ns in spans) * 1e-9) if spans else 0.0,
-            float(max(t_ns[-1] for t_ns in spans) * 1e-9) if spans else 0.0,
+            float(min((t_ns[0] for t_ns in spans), default=0) * 1e-9),
+            float(max((t_ns[-1] for t_ns in spans), default=0) * 1e-9),
         ),
     )
 
 
-def _times_and_errors(
-    one: Recording, other: Recording, first: Table, second: Table
-) -> tuple[NDArray[np.int64], list[FieldError]]:
-    """Return when a port is compared [ns], and the errors of its numbers."""
-    columns = _common(first, second)
-    if not columns:
-        return np.empty(0, dtype=np.int64), []
-    times, values = _read(one, first, columns)
-    other_times, other_values = _read(other, second, columns)
-    t_ns, rows, other_rows = _aligned(times, other_times)
-    errors = (
-        _error(first.port, c, t_ns, values[c.name][rows], other_values[c.name][other_rows])
-        for c in columns
-    )
-    return t_ns, [error for error in errors if error is not None]
-
-
 def _common(one: Table, other: Table) -> list[Column]:
     """Return the columns that are numbers of the same unit in both."""
-    units = {c.name: c.unit for c in other.columns[len(CLOCK) :] if c.type in _NUMBERS}
-    known = (c for c in one.columns[len(CLOCK) :] if c.type in _NUMBERS)
+    units = {c.name: c.unit for c in other.columns[len(CLOCK) :] if c.type in NUMBERS}
+    known = (c for c in one.columns[len(CLOCK) :] if c.type in NUMBERS)
     return [column for column in known if units.get(column.name) == column.unit]
 
 
@@ -276,7 +246,7 @@ def _aligned(
 
 
 def _error(
-    port: Port, column: Column, t_ns: NDArray[np.int64], first: Array, second: Array
+    port: str, column: Column, t_ns: NDArray[np.int64], first: Array, second: Array
 ) -> FieldError | None:
     """Return how far the values of a column are apart; None where no time has one in both."""
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
@@ -287,7 +257,7 @@ def _error(
         apart, sizes = apart[known], np.abs(apart[known])
         rmse, worst = _rms(apart), int(np.argmax(sizes))
         return FieldError(
-            port=_dotted(port),
+            port=port,
             field=column.name,
             unit=column.unit,
             count=len(apart),

@@ -8,7 +8,7 @@ from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missi
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant.parameters import Problem
 
-from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault
+from .faults import FAULT_TYPES, MESSAGE_FAULTS, PROCESS_FAULTS, faults_of, format_fault, read_fault
 from .load import check_data, load
 from .model import (
     EXTERNAL_SPAWN_S,
@@ -64,6 +64,7 @@ __all__ = [
     "plain_value",
     "programs_in",
     "read_data",
+    "read_fault",
     "replaced_program",
     "resolved",
     "start_command",

@@ -31,21 +31,25 @@ def parse_fault(text: str, scenario: Scenario) -> tuple[FaultSpec, ...]:
 
     Raises WiringError when it means nothing, or can never happen.
     """
-    form = " ".join(text.split())
-    drawn = _RANDOM.fullmatch(form)
+    drawn = _RANDOM.fullmatch(" ".join(text.split()))
     if drawn is not None:
         return _draw(drawn, scenario)
-    one = _FORM.fullmatch(form)
+    fault = read_fault(text)
+    _check(fault, scenario)
+    return (fault,)
+
+
+def read_fault(text: str) -> FaultSpec:
+    """Return the fault that a text names, of whatever run; raises WiringError for another text."""
+    one = _FORM.fullmatch(" ".join(text.split()))
     if one is None:
         raise WiringError(f"{text!r} is no fault; {_HELP}")
-    fault = FaultSpec(
+    return FaultSpec(
         type=one[1],
         participant=one[2],
         step=int(one[3]),
         duration_ns=_duration_ns(one[1], one[4]),
     )
-    _check(fault, scenario)
-    return (fault,)
 
 
 def format_fault(fault: FaultSpec) -> str:

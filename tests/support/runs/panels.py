@@ -8,7 +8,7 @@ from stepbus_schemas import (
     JointReference,
     JointState,
 )
-from stepbus_tools.report.curves import TrackingCurves
+from stepbus_tools.report.curves import JointCurves
 
 
 def arm(mode="position", **state):
@@ -21,7 +21,7 @@ def arm(mode="position", **state):
 
 
 def curves(*pieces):
-    found = TrackingCurves()
+    found = JointCurves()
     for piece in pieces:
         found.take(piece)
     return found

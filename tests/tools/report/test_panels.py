@@ -6,9 +6,11 @@ from support.runs.panels import arm, curves, reference, sliding
 
 from stepbus_orchestrator.analysis.signals import Signal, Tracking, read_tracking
 from stepbus_schemas import BaseState, GripperState
+from stepbus_tools.columns import readable
 from stepbus_tools.report import write_report
-from stepbus_tools.report.panels import field_panels, joint_panels
-from stepbus_tools.report.signals_plot import Panel, draw_signals
+from stepbus_tools.report.charts import Chart, ChartLine, all_joints
+from stepbus_tools.report.curves import PortCurves, read_ports
+from stepbus_tools.report.picture import draw, port_charts
 
 
 def mobile():
@@ -21,29 +23,33 @@ def mobile():
 
 
 def panels_of(tracking):
-    """Return the panels of joints by the first word of their titles."""
-    return {panel.title.split()[0].strip(":"): panel for panel in joint_panels(curves(tracking))}
+    """Return the charts of joints by the first word of their titles."""
+    return {chart.title.split()[0].strip(":"): chart for chart in all_joints(curves(tracking))}
 
 
-def values_of(line):
-    return line[1].tolist()
+def solid(chart):
+    return {line.label: line.values.tolist() for line in chart.lines if line.role == "measured"}
+
+
+def dashed(chart):
+    return {line.label: line.values.tolist() for line in chart.lines if line.role != "measured"}
 
 
 def test_measured_values_are_drawn_over_references(record):
     states = {**arm(), "goal": ("JointReference/1", ["j"], [reference(n) for n in range(4)])}
     position = panels_of(read_tracking(record(**states)))["position"]
-    assert (position.unit, list(position.lines), list(position.dashed)) == (
+    assert (position.unit, list(solid(position)), list(dashed(position))) == (
         "rad",
         ["j"],
         ["reference"],
     )
-    assert values_of(position.dashed["reference"]) == pytest.approx([0.0, 0.1, 0.2, 0.3])
+    assert dashed(position)["reference"] == pytest.approx([0.0, 0.1, 0.2, 0.3])
 
 
 def test_without_a_reference_the_error_is_that_of_the_motors(record):
     error = panels_of(read_tracking(record(**arm(target=[0.5]))))["error"]
     assert error.title == "error: target − measured"
-    assert values_of(error.lines["j"]) == pytest.approx([0.5, 0.4, 0.3, 0.2])
+    assert solid(error)["j"] == pytest.approx([0.5, 0.4, 0.3, 0.2])
 
 
 def test_positions_that_are_commanded_are_not_shown_as_torques(record):
@@ -54,33 +60,36 @@ def test_positions_that_are_commanded_are_not_shown_as_torques(record):
 def test_torques_that_were_applied_are_drawn_over_what_was_commanded(record, has_effort):
     state = {"effort": [-10.0]} if has_effort else {}
     torque = panels_of(read_tracking(record(**arm("torque", **state))))["torque"]
-    rows = {**torque.lines, **torque.dashed}
     expected = {"j": [-10.0] * 4, "commanded": [7.0] * 4} if has_effort else {"j": [7.0] * 4}
-    assert {label: values_of(row) for label, row in rows.items()} == expected
+    assert {line.label: line.values.tolist() for line in torque.lines} == expected
+    assert [line.role for line in torque.lines] == ["measured", "command"][: len(expected)]
 
 
 def test_a_joint_that_slides_has_panels_in_metres_and_newtons():
-    panels = joint_panels(curves(sliding()))
+    panels = list(all_joints(curves(sliding())))
     assert [panel.unit for panel in panels] == ["rad", "rad", "rad/s", "N·m", "m", "m", "m/s", "N"]
-    assert [list(panel.lines) for panel in panels] == [["turn"]] * 4 + [["slide"]] * 4
+    assert [list(solid(panel)) for panel in panels] == [["turn"]] * 4 + [["slide"]] * 4
 
 
 def test_of_very_many_joints_the_first_are_shown_and_the_title_says_so():
     names = [f"j{n}" for n in range(31)]
     fields = {"position": np.zeros((3, 31))}
     state = Signal(names=names, steps=np.arange(3), t=np.arange(3.0), fields=fields)
-    (position, _) = joint_panels(curves(Tracking(states={"a": state})))
+    (position, _) = all_joints(curves(Tracking(states={"a": state})))
     assert position.title == "position (first 20 of 31 joints)"
-    assert list(position.lines) == names[:20]
+    assert list(solid(position)) == names[:20]
 
 
 def test_a_base_and_a_gripper_have_their_numbers(record):
-    panels = field_panels(record(**mobile()))
+    recording = record(**mobile())
+    ports = [PortCurves(table, 8) for table in readable(recording)[0]]
+    read_ports(recording, ports)
+    panels = port_charts(ports)
     assert [panel.title for panel in panels] == [
         *(f"plant.odometry: {name}" for name in ("x", "y", "yaw", "vx", "wz")),
         *(f"plant.gripper: {name}" for name in ("width", "force", "holding")),
     ]
-    assert values_of(panels[0].lines["x"]) == [0.0, 0.5, 1.0, 1.5]
+    assert solid(panels[0])["x"] == [0.0, 0.5, 1.0, 1.5]
 
 
 def test_the_picture_of_a_mobile_manipulator_is_written(record, tmp_path):
@@ -89,17 +98,17 @@ def test_the_picture_of_a_mobile_manipulator_is_written(record, tmp_path):
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_legend_names_what_is_dashed_once_and_no_line_that_its_title_names(tmp_path):
-    row = (np.arange(3.0), np.zeros(3))
-    both = Panel(title="position", unit="rad", lines={"a": row, "b": row})
-    both.dashed.update({"reference": row, "_b": row})
-    alone = Panel(title="odometry: x", unit="m", lines={"x": row})
-    draw_signals("a run", [both, alone], tmp_path / "plot.svg")
-    text = (tmp_path / "plot.svg").read_text()
-    assert [text.count(f"<!-- {word} -->") for word in ("a", "b", "reference", "_b", "x")] == [
+def test_a_legend_names_what_is_dashed_once_and_no_line_that_its_title_names():
+    def line(label, role="measured"):
+        return ChartLine(label=label, t=np.arange(3.0), values=np.zeros(3), role=role)
+
+    wanted = [line("reference", "reference"), line("reference", "reference")]
+    both = Chart(title="position", unit="rad", lines=[line("a"), line("b"), *wanted])
+    alone = Chart(title="odometry: x", unit="m", lines=[line("x")])
+    text = draw("a run", [both, alone], "svg").decode()
+    assert [text.count(f"<!-- {word} -->") for word in ("a", "b", "reference", "x")] == [
         1,
         1,
         1,
-        0,
         0,
     ]

@@ -6,7 +6,7 @@ from support.paths import TESTS
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_tools.report.signals_plot import find_signals
+from stepbus_tools.report.charts import find_signals
 
 LOG = TESTS / "scenarios/golden/two_link.mcap"
 
@@ -36,7 +36,8 @@ def test_without_a_signal_those_that_there_are_are_listed(capsys):
 def test_an_element_is_named_by_its_index_or_its_joint(recording, index):
     (signal,) = find_signals(recording, f"plant.joint_state.position[{index}]")
     values = recording["plant.joint_state"].position[:, 1]
-    assert (list(signal.lines), list(signal.lines["joint2"][1])) == (["joint2"], list(values))
+    (line,) = signal.lines
+    assert (line.label, list(line.values)) == ("joint2", list(values))
 
 
 def test_a_port_stands_for_all_of_its_numbers(recording):

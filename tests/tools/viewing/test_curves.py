@@ -11,10 +11,9 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Tail
 from stepbus_orchestrator.scenario import ParticipantSpec
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
-from stepbus_tools.viewing.live_page import LivePage
-from stepbus_tools.viewing.stage import open_page
-from stepbus_tools.viewing.stage.stage_curves import Signal, _span
-from stepbus_tools.viewing.steer_panel import Points
+from stepbus_tools.viewing.live_page import LivePage, Points
+from stepbus_tools.viewing.stage import Signal, open_page
+from stepbus_tools.viewing.stage.curves import _span
 
 STEP_NS = 20_000_000
 OWN = Types({
@@ -69,7 +68,7 @@ def test_limits_of_a_curve_before_now_change_seldom():
 
 
 def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):
-    points = Points(tail, ["vehicle/depth"], lambda: STEP_NS)
+    points = Points(tail, ["vehicle/depth"])
     for _ in range(4):
         points.add()
         vehicle.grow()
@@ -84,8 +83,8 @@ def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):
 @pytest.mark.timeout(600)
 def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
     page = open_page("test")
-    link = types.SimpleNamespace(status={}, offered={}, said=[], last="")
-    live = LivePage(page.server, tail, link)
+    client = types.SimpleNamespace(status={}, offered={}, said=[], last="")
+    live = LivePage(page.server, tail, client)
 
     def grown(is_done):
         vehicle.grow()
@@ -97,7 +96,7 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
             curves = Curves(watched)
             watched.wait(lambda: grown(watched.page.get_by_role("tab").count), "the page")
             watched.page.get_by_role("tab", name="Curves").press("Enter")
-            watched.wait(lambda: grown(lambda: curves.has("0", "1", "2")), "the position")
+            watched.wait(lambda: grown(lambda: curves.has("x", "y", "z")), "the position")
             curves.pick("vehicle.thruster.at", "vehicle.thruster.thrust")
             watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
             watched.page.wait_for_timeout(500)

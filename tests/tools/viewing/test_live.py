@@ -38,7 +38,7 @@ def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_proce
     viewer = threading.Thread(target=lambda: ended.append(follow(page.server, paused.out, bool)))
     viewer.start()
     # Let it go while it is watched.
-    while not any(thread.name == "link" for thread in set(threading.enumerate()) - before):
+    while not any(thread.name == "run client" for thread in set(threading.enumerate()) - before):
         paused.pace.step()
         time.sleep(0.02)
     result = paused.end()
@@ -107,7 +107,7 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
 
 
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
-    monkeypatch.setattr("stepbus_tools.viewing.run_client._IDLE_S", 0.1)
+    monkeypatch.setattr("stepbus_tools.viewing.run_client.IDLE_S", 0.1)
     killed = tmp_path / "run"
     killed.mkdir()
     (killed / LIVE_FILE).write_text("of a process that is no more")

@@ -17,9 +17,17 @@ from stepbus_orchestrator.recording import TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
-from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
+from stepbus_schemas import (
+    BaseState,
+    Description,
+    Event,
+    Image,
+    JointReference,
+    JointState,
+    Scalars,
+)
+from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
-from stepbus_tools.viewing.page.joint_curves import thin
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
 STEPS = 400
@@ -92,11 +100,26 @@ def test_thinning_keeps_every_peak_in_order():
     values = np.zeros(100_000)
     values[[7, 50_001, 99_998]] = 5.0, -7.0, 9.0
     values[30] = np.nan
-    few_t, few = thin(t, values)
+    curve = Curve(2000)
+    curve.add(t, values[:, None])
+    few_t, few = curve.line(0)
     assert len(few) <= 2000
     assert (np.diff(few_t) >= 0).all()
     peaks = {float(x): float(y) for x, y in zip(few_t, few, strict=True) if y}
     assert peaks == {0.07: 5.0, 500.01: -7.0, 999.98: 9.0}
+
+
+def test_a_reference_may_name_some_of_the_joints(tmp_path):
+    wanted = JointReference(position=[0.1], velocity=[0.0], acceleration=[0.0])
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip", "knee"], [state(step) for step in range(9)]),
+        reference=("JointReference/1", ["hip"], [wanted] * 9),
+    )
+    found = content(write_page([path]))
+    groups = {group["title"]: group["charts"] for group in found["groups"]}
+    assert [chart["title"] for chart in groups["hip"]] == ["error", "position", "velocity"]
+    assert [chart["title"] for chart in groups["knee"]] == ["position", "velocity"]
 
 
 def test_several_runs_share_their_charts(recording, tmp_path):

@@ -1,60 +1,47 @@
 """What a recording becomes: `stepbus export`, `plot` and `report`."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import make_dataclass
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from stepbus_orchestrator.cli.output import print_error, say
 from stepbus_orchestrator.cli.parameters import RecordingPath, command
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
-from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import WiringError
-from stepbus_tools.report.signals_plot import draw_signals, find_signals, signal_names
-from stepbus_tools.viewing.exports import damage_line, export, progress_bar
-from stepbus_tools.viewing.page import report
+from stepbus_tools.report.charts import find_signals, signal_names
+from stepbus_tools.report.picture import save
+from stepbus_tools.viewing.exports import damage_line, export, exporters, progress_bar
+from stepbus_tools.viewing.page import write_page
 
-File = Annotated[Path | None, {"metavar": "FILE"}]
-Files = Annotated[Path | None, {"metavar": "PATH"}]
+_EXPORTERS = exporters()
+_OPTIONS = {name: row for one in _EXPORTERS.values() for name, row in one.options.items()}
 
-
-@dataclass(frozen=True, kw_only=True)
-class Targets:
-    """What a recording is written as, and where.
-
-    parquet: tables: a folder gets a file for each port, a .parquet file a row for each value. csv:
-    the same as CSV. scene: robot and world in motion, with a time slider: one HTML file that opens
-    offline. ros2: an .mcap that ros2 bag and rosbags read: joints, frames, odometry, images.
-    foxglove: an .mcap for Foxglove and Lichtblick, at 30 Hz, and a layout beside it. video: .mp4 or
-    .gif of the recorded camera, or of the scene where there is none.
-    """
-
-    parquet: Files = None
-    csv: Files = None
-    scene: File = None
-    ros2: File = None
-    foxglove: File = None
-    video: File = None
+Targets: Any = make_dataclass(
+    "Targets",
+    [
+        *(
+            (name, Annotated[Path | None, {"metavar": one.metavar, "help": one.help}], None)
+            for name, one in _EXPORTERS.items()
+        ),
+        *(
+            (name, Annotated[str, {"metavar": metavar, "help": text}], "")
+            for name, (metavar, text) in _OPTIONS.items()
+        ),
+    ],
+    kw_only=True,
+)
+"""What a recording is written as, and where; and how: what all installed exporters take."""
 
 
 @command()
-def export_command(
-    recording: RecordingPath,
-    *,
-    targets: Targets,
-    camera: Annotated[str, {"metavar": "PORT"}] = "",
-    viewpoint: Annotated[str, {"metavar": "FROM"}] = "",
-) -> int:
+def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     """Write a recording for other programs.
 
     Writes a recording as tables for pandas, polars and DuckDB, or its scene as one HTML file. A
     damaged recording is exported up to its damage. Exit code 8: a port could not be exported to its
     end.
-
-    camera: with --video: a port of images; default: the first. viewpoint: with --video: draw the
-    scene from corner, front, left, right, above, or from X,Y,Z[:X,Y,Z] [m]: the eye, and what it
-    looks at.
 
     $ stepbus export run.mcap --parquet tables
     $ stepbus export runs/arm --csv all.csv
@@ -62,13 +49,14 @@ def export_command(
     $ stepbus export runs/arm --ros2 arm.mcap
     $ stepbus export run.mcap --scene scene.html
     """
-    paths = {form: path for form, path in vars(targets).items() if path is not None}
+    given = vars(targets)
+    paths = {form: given[form] for form in _EXPORTERS if given[form] is not None}
+    options = {name: given[name] for name in _OPTIONS}
     if not paths:
         raise WiringError("nothing to export; name a target, e.g. --parquet tables")
     is_whole = True
     with Recording(recording) as opened:
-        exported = export(opened, paths, camera=camera, viewpoint=viewpoint, progress=progress_bar)
-        for form, done in exported:
+        for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)
             size = sum(path.stat().st_size for path in done.paths) / 1e6
@@ -103,13 +91,9 @@ def plot_command(
             for name in signal_names(opened):
                 say(name)
             return ExitCode.FINISHED
-        panels = [panel for text in signals for panel in find_signals(opened, text)]
+        charts = [chart for text in signals for chart in find_signals(opened, text)]
         target = out or opened.path.with_name("plot.png")
-        try:
-            draw_signals(str(opened.path), panels, target)
-        except ImportError as exc:
-            name = exc.name or ""
-            raise ExtraMissing(f"plots need {name}{extra_hint(name)}") from exc
+        save(str(opened.path), charts, target)
     say(f"wrote {target}")
     return ExitCode.FINISHED
 
@@ -133,7 +117,7 @@ def report_command(
     $ stepbus report runs/pd runs/pid --out comparison.html
     """
     problems: list[str] = []
-    path = report(recordings, out, problems)
+    path = write_page(recordings, out, problems)
     for line in problems:
         print_error(line)
     say(f"wrote {path}")

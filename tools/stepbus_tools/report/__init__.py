@@ -1,5 +1,5 @@
-"""Plots a recording."""
+"""What is drawn of a recording as curves, and said of it in lines."""
 
-from .run_report import write_report
+from .picture import draw_report, write_report
 
-__all__ = ["write_report"]
+__all__ = ["draw_report", "write_report"]

@@ -1,30 +1,33 @@
-"""The curves of a picture: what was measured, and what it should have been."""
+"""The curves of a recording: few points that look like all of them, in little memory."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array, Signal, Tracking
+from stepbus_orchestrator.recording import Batch, Port, Recording
+from stepbus_schemas import StepbusError
+from stepbus_tools.columns import Table
 
 Line = tuple[Array, Array]
 """Times [s] and values, both of shape (p,)."""
 
 _MOST_POINTS = 8000
+_TORQUE_ONLY = frozenset(("torque", "brake"))
 
 
 class Curve:
     """Several lines over time, in memory that does not grow with their length.
 
-    Up to 8000 points all are there. Of more, each line has the least and the largest of each
-    bucket; the buckets double whenever they are too many.
-    together: the lines have their points at the same times, as the x and y of a path must.
-    count: number of points that were added.
+    Up to `most` points all are there. Of more, each line has the least and the largest of each
+    bucket; the buckets double whenever they are too many. count: of points that were added.
     """
 
-    def __init__(self, *, together: bool = False) -> None:
+    def __init__(self, most: int = _MOST_POINTS) -> None:
         self.count = 0
-        self._together = together
+        self._most = most
         # Both of shape (2, p, n): times and values of p points of n lines.
         self._kept: Array | None = None
         self._rest: Array | None = None
@@ -35,11 +38,10 @@ class Curve:
         self.count += len(t)
         times = np.broadcast_to(t[:, None], values.shape)
         rest = self._rest = _joined(self._rest, np.stack((times, values)))
-        least = 2 * values.shape[1] if self._together else 2
-        if self._bucket == 1 and rest.shape[1] > _MOST_POINTS:
-            self._bucket = 2 * least
+        if self._bucket == 1 and rest.shape[1] > self._most:
+            self._bucket = 4
         if self._bucket > 1:
-            self._reduce(rest, least)
+            self._reduce(rest)
 
     def line(self, index: int) -> Line:
         """Return one line."""
@@ -48,68 +50,146 @@ class Curve:
         t, values = _joined(self._kept, self._rest)[:, :, index]
         return t, values
 
-    def _reduce(self, rest: Array, least: int) -> None:
-        """Put points into buckets, of which `least` points are kept each."""
-        most = _MOST_POINTS // (2 * least) * 2
+    def _reduce(self, rest: Array) -> None:
+        """Put points into buckets, of which two points are kept each."""
+        most = self._most // 4 * 2
         while rest.shape[1] >= self._bucket:
-            held = 0 if self._kept is None else self._kept.shape[1] // least
+            held = 0 if self._kept is None else self._kept.shape[1] // 2
             count = min(rest.shape[1] // self._bucket, most - held)
             full = rest[:, : count * self._bucket]
             rest = rest[:, count * self._bucket :]
-            self._kept = _joined(self._kept, self._extremes(full, self._bucket))
+            self._kept = _joined(self._kept, _extremes(full, self._bucket))
             if held + count == most:
-                self._kept = self._extremes(self._kept, 2 * least)
+                self._kept = _extremes(self._kept, 4)
                 self._bucket *= 2
         self._rest = rest.copy()
 
-    def _extremes(self, points: Array, size: int) -> Array:
-        """Return the least and the largest of each `size` points, in their order."""
-        groups = points.reshape(2, -1, size, points.shape[2])
-        filled = np.where(np.isnan(groups[1]), 0.0, groups[1])
-        ends = [filled.argmin(axis=1), filled.argmax(axis=1)]
-        if self._together:
-            at = np.sort(np.concatenate(ends, axis=1), axis=1)[:, :, None]
-        else:
-            at = np.sort(np.stack(ends, axis=1), axis=1)
-        at = np.broadcast_to(at, (2, *at.shape[:2], points.shape[2]))
-        chosen: Array = np.take_along_axis(groups, at, axis=2)
-        return chosen.reshape(2, -1, points.shape[2])
+
+def _extremes(points: Array, size: int) -> Array:
+    """Return the least and the largest of each `size` points, in their order."""
+    groups = points.reshape(2, -1, size, points.shape[2])
+    filled = np.where(np.isnan(groups[1]), 0.0, groups[1])
+    at = np.sort(np.stack([filled.argmin(axis=1), filled.argmax(axis=1)], axis=1), axis=1)
+    at = np.broadcast_to(at, (2, *at.shape))
+    chosen: Array = np.take_along_axis(groups, at, axis=2)
+    return chosen.reshape(2, -1, points.shape[2])
 
 
 def _joined(first: Array | None, then: Array) -> Array:
     return then if first is None else np.concatenate((first, then), axis=1)
 
 
-_TORQUE_ONLY = frozenset(("torque", "brake"))
+@dataclass(frozen=True, kw_only=True)
+class FieldCurve:
+    """The curves of one field. labels: of all its numbers, of which the first may have curves."""
+
+    title: str
+    unit: str
+    labels: Sequence[str]
+    curve: Curve
+
+
+class PortReader:
+    """Takes what a report shows of one port. problem: why it is not read to its end; or empty."""
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+        self.problem = ""
+
+    def take(self, batch: Batch) -> None:
+        """Take the next piece; raises MessageError for one that cannot be read."""
+        raise NotImplementedError
+
+
+def read_ports(recording: Recording, readers: Sequence[PortReader]) -> float:
+    """Give each reader all messages of its port; return the last time [s]."""
+    end_s = 0.0
+    for piece in recording.batches({reader.port: None for reader in readers}):
+        for reader in readers:
+            batch = piece[reader.port.topic]
+            if len(batch.steps) and not reader.problem:
+                end_s = max(end_s, float(batch.t[-1]))
+                try:
+                    reader.take(batch)
+                except StepbusError as exc:
+                    reader.problem = str(exc)
+    return end_s
+
+
+class PortCurves(PortReader):
+    """The curves of the numbers of one port.
+
+    most: lines of a field. points: of a line. fields: by title.
+    """
+
+    def __init__(self, table: Table, most: int, points: int = _MOST_POINTS) -> None:
+        super().__init__(table.port)
+        self.name = table.name
+        self.fields: dict[str, FieldCurve] = {}
+        self._table = table
+        self._ended: set[str] = set()
+        self._most, self._points = most, points
+
+    def take(self, batch: Batch) -> None:
+        """Take the next piece; raises MessageError for one that cannot be read."""
+        for title, unit, labels, values in self._numbers(batch):
+            known = self.fields.get(title)
+            if known is None and not np.isnan(values).all():
+                curve = Curve(self._points)
+                known = FieldCurve(title=title, unit=unit, labels=labels, curve=curve)
+                self.fields[title] = known
+            if known is not None and len(known.labels) == len(labels):
+                known.curve.add(batch.t, values[:, : self._most])
+            elif known is not None:
+                self._end(title)
+
+    def _end(self, title: str) -> None:
+        """Drop a vector whose length changes."""
+        self._ended.add(title)
+        self.fields.pop(title, None)
+
+    def _numbers(self, batch: Batch) -> Iterator[tuple[str, str, Sequence[str], Array]]:
+        """Yield title, unit, labels of what has curves, and its values, shape (m, n)."""
+        for field, values in self._table.numbers(batch):
+            if values is None:
+                self._end(field.name)
+            elif field.name not in self._ended:
+                yield field.name, field.columns[0].unit, field.labels(values.shape[1]), values
+
+
+class ContactCurves(PortCurves):
+    """How many contacts there are, and how hard."""
+
+    def _numbers(self, batch: Batch) -> Iterator[tuple[str, str, Sequence[str], Array]]:
+        sizes: list[Any] = [getattr(message, "force", ()) for message in batch.messages()]
+        rows = np.array([(len(f), sum(f), max(f, default=0.0)) for f in sizes], dtype=float)
+        yield "pairs in contact", "", ["pairs"], rows[:, :1]
+        yield "normal force", "N", ["sum", "largest"], rows[:, 1:]
 
 
 class SignalCurves:
-    """The lines of one port: all that `Signal` says of it, thinned for a plot."""
+    """The curves of a port of joints: all that `Signal` says of it, thinned for a plot."""
 
     def __init__(self, first: Signal) -> None:
-        self.names: Sequence[str] = first.names
+        self.names = list(first.names)
         self.limits: Mapping[str, Sequence[float]] = first.limits
         self.joint_types: Mapping[str, str] = first.joint_types
         self._modes: set[str] = set()
         self._curves: dict[str, Curve] = {}
-        self._slope = _Slope()
         self._count = 0
 
     def take(self, signal: Signal) -> None:
         """Take the next piece."""
         self._count += len(signal.t)
-        if list(signal.names) != list(self.names):
+        if list(signal.names) != self.names:
             return
         self._modes |= signal.modes
-        for quantity, values in signal.fields.items():
+        fields = dict(signal.fields)
+        if "position" in fields and "velocity" not in fields and len(signal.t) > 1:
+            # Where it is not sensed, it is the finite difference of positions.
+            fields["velocity"] = np.gradient(fields["position"], signal.t, axis=0)
+        for quantity, values in fields.items():
             self._curves.setdefault(quantity, Curve()).add(signal.t, values)
-        if "position" in signal.fields and "velocity" not in signal.fields:
-            self._slope.take(signal.t, signal.fields["position"])
-
-    @property
-    def fields(self) -> set[str]:
-        """Return the quantities that no piece lacks."""
-        return {name for name, curve in self._curves.items() if curve.count == self._count}
 
     @property
     def is_torque(self) -> bool:
@@ -117,55 +197,24 @@ class SignalCurves:
         return "torque" in self._modes and self._modes <= _TORQUE_ONLY
 
     def of(self, quantity: str, joint: str) -> Line | None:
-        """Return one quantity of one joint; None where there is none."""
-        if quantity not in self.fields or joint not in self.names:
+        """Return one quantity of one joint; None where any message lacks it."""
+        curve = self._curves.get(quantity)
+        if curve is None or curve.count != self._count or joint not in self.names:
             return None
-        return self._curves[quantity].line(list(self.names).index(joint))
-
-    def slope(self, joint: str) -> Line | None:
-        """Return the velocity of a joint whose position alone is measured, by differences."""
-        if "position" not in self.fields or joint not in self.names:
-            return None
-        return self._slope.line(list(self.names).index(joint))
+        return curve.line(self.names.index(joint))
 
 
-class _Slope:
-    """The finite difference of values over time; central, but at both ends."""
+class JointCurves:
+    """The curves of states, references, commands and tracking errors, as `Tracking` has them.
 
-    def __init__(self) -> None:
-        self._curve = Curve()
-        self._last: tuple[Array, Array] | None = None
-
-    def take(self, t: Array, values: Array) -> None:
-        if self._last is not None:
-            t = np.concatenate((self._last[0], t))
-            values = np.concatenate((self._last[1], values))
-        if len(t) > 2:
-            # The first of these was added already; the last one has no successor yet.
-            done = slice(1 if self._curve.count else 0, -1)
-            self._curve.add(t[done], np.gradient(values, t, axis=0)[done])
-            t, values = t[-2:].copy(), values[-2:].copy()
-        self._last = (t, values)
-
-    def line(self, index: int) -> Line:
-        t, slope = self._curve.line(index)
-        if self._last is None:
-            return t, slope
-        last_t, last = self._last[0], self._last[1][:, index]
-        end = np.gradient(last, last_t) if len(last) > 1 else np.zeros_like(last)
-        rest = slice(-1, None) if self._curve.count else slice(None)
-        return np.concatenate((t, last_t[rest])), np.concatenate((slope, end[rest]))
-
-
-class TrackingCurves:
-    """The lines of states, references, commands and tracking errors, as `Tracking` has them.
-
-    measured: joints, in the order of the states. joints: those of them with a reference.
+    measured: joints, in the order of the states. joints: those of them with a reference. end_s: of
+    the last state [s].
     """
 
     def __init__(self) -> None:
         self.measured: list[str] = []
         self.joints: list[str] = []
+        self.end_s = 0.0
         self._states: dict[str, SignalCurves] = {}
         self._references: dict[str, SignalCurves] = {}
         self._commands: dict[str, SignalCurves] = {}
@@ -180,18 +229,14 @@ class TrackingCurves:
         ):
             for topic, signal in signals.items():
                 known.setdefault(topic, SignalCurves(signal)).take(signal)
-        self.measured = _united(self.measured, piece.measured)
-        self.joints = _united(self.joints, piece.joints)
+        self.end_s = max([self.end_s, *(float(state.t[-1]) for state in piece.states.values())])
+        self.measured = list(dict.fromkeys((*self.measured, *piece.measured)))
+        self.joints = list(dict.fromkeys((*self.joints, *piece.joints)))
         for joint in piece.joints or piece.measured:
             state = piece.state_of(joint)
             if state is not None:
                 error = piece.error(joint) if piece.joints else _behind(state, joint)
                 self._errors.setdefault(joint, Curve()).add(state.t, error[:, None])
-
-    @property
-    def has_targets(self) -> bool:
-        """Return whether a plant reports the targets of its motors."""
-        return any("target" in state.fields for state in self._states.values())
 
     @property
     def torques(self) -> list[SignalCurves]:
@@ -211,13 +256,9 @@ class TrackingCurves:
         state = self.state_of(joint)
         return state is not None and state.joint_types.get(joint) == "prismatic"
 
-    def error(self, joint: str) -> Line:
+    def error(self, joint: str) -> Line | None:
         """Return reference minus measured position; without references, the targets of motors."""
-        return self._errors[joint].line(0)
-
-
-def _united(known: Sequence[str], more: Sequence[str]) -> list[str]:
-    return list(dict.fromkeys((*known, *more)))
+        return self._errors[joint].line(0) if joint in self._errors else None
 
 
 def _with(joint: str, curves: Mapping[str, SignalCurves]) -> SignalCurves | None:
@@ -229,22 +270,3 @@ def _behind(state: Signal, joint: str) -> Array:
     target, position = state.of("target", joint), state.of("position", joint)
     unknown = np.full(len(state.t), np.nan)
     return unknown if target is None or position is None else target - position
-
-
-_COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
-_MOST_ROWS = 12
-_DASHED = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}
-
-
-def line(axis: Any, points: Line, label: str, index: int, *, dashed: bool = False) -> None:
-    """Plot one line. index: of its joint, which decides the colour."""
-    style = _DASHED if dashed else {"color": _COLOURS[index % len(_COLOURS)], "linewidth": 2}
-    axis.plot(*points, label=label, **style)
-
-
-def legend(axis: Any) -> None:
-    """Add a legend beside the axis, so that it covers no curve, where there is a named line."""
-    labels = axis.get_legend_handles_labels()[1]
-    if labels:
-        place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
-        axis.legend(**place, frameon=False, fontsize=9, ncols=1 + (len(labels) - 1) // _MOST_ROWS)

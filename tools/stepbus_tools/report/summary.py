@@ -1,97 +1,111 @@
-"""What a summary says of a run beside its curves."""
+"""What the summary of a run says of its recording, in lines."""
 
+import contextlib
 import csv
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import msgspec
 
-from stepbus_orchestrator.analysis.signals import Tracking, TrackingError
-from stepbus_orchestrator.run.reports import Lateness
-from stepbus_orchestrator.run.result import RESULT_FILE
+from stepbus_orchestrator.analysis.findings import findings
+from stepbus_orchestrator.analysis.signals import Tracking, TrackingError, tracking_pieces
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.run.result import RESULT_FILE, Result
 from stepbus_participant import open_regular, read_file
-from stepbus_schemas import UNDECODABLE
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import UNDECODABLE, StepbusError
+from stepbus_tools.report.curves import JointCurves
 
-
-class _Result(msgspec.Struct):
-    real_time: Lateness | None = None
-
-
-def read_lateness(folder: Path) -> Lateness | None:
-    """Return how late the steps of a run were; None where it was not in real time.
-
-    folder: of the run; its result.json has it.
-    """
-    try:
-        return msgspec.json.decode(read_file(folder / RESULT_FILE), type=_Result).real_time
-    except (OSError, *UNDECODABLE):
-        return None
-
-
-PARTS = ("compute", "transport", "record", "wait")
-_FOLDER = "profile"
-
-
-@dataclass(frozen=True, kw_only=True)
-class StepProfile:
-    """The mean of one participant's steps; parts: `PARTS` → time a step [µs]."""
-
-    name: str
-    steps: int
-    parts: dict[str, float]
-
-    @property
-    def busy(self) -> float:
-        """Return the share of its time in which it does not wait, 0 to 1."""
-        total = sum(self.parts.values())
-        return 1 - self.parts["wait"] / total if total else 0.0
-
-
-def read_profiles(folder: Path) -> list[StepProfile]:
-    """Return the profiles of a run, the busiest participant first; folder: of the run."""
-    profiles = (_read(path) for path in sorted((folder / _FOLDER).glob("*.csv")))
-    return sorted((p for p in profiles if p.steps), key=lambda profile: -profile.busy)
-
-
-def _read(path: Path) -> StepProfile:
-    totals, steps = dict.fromkeys(PARTS, 0), 0
-    with os.fdopen(open_regular(path), newline="") as file:
-        for row in csv.DictReader(file):
-            steps += 1
-            for part in PARTS:
-                totals[part] += int(row[f"{part}_ns"])
-    means = {part: total * 1e-3 / max(1, steps) for part, total in totals.items()}
-    return StepProfile(name=path.stem, steps=steps, parts=means)
-
-
-def profile_lines(profiles: Sequence[StepProfile]) -> list[str]:
-    """Return the lines of the summary: the mean step of each participant, and who limits the run.
-
-    Whoever waits least limits it: the others wait for that participant.
-    """
-    if not profiles:
-        return []
-    lines = []
-    for profile in profiles:
-        parts = ", ".join(f"{part} {profile.parts[part]:.0f} µs" for part in PARTS)
-        lines.append(f"profile   {profile.name}: {parts} a step")
-    first = profiles[0]
-    longest = max(PARTS[:-1], key=lambda part: first.parts[part])
-    lines.append(
-        f"limit     {first.name} waits least: it is busy {100 * first.busy:.0f} % of the time, "
-        f"longest with: {longest}"
-    )
-    return lines
-
-
+NO_DYNAMICS = "joints and base follow their commands at once"
+_PARTS = ("compute", "transport", "record", "wait")
 _SETTLED_S = 2.0
 # More joints than that are named by the worst one only.
 _MOST_NAMED = 6
 
 
-class Summary:
+def read_joints(recording: Recording) -> tuple[JointCurves, list[str]]:
+    """Return the curves of a recording's joints, and what a summary says of it.
+
+    It is read piece by piece. Raises MessageError where that of a joint cannot be read.
+    """
+    curves, tracked = JointCurves(), Tracked()
+    for piece in tracking_pieces(recording):
+        curves.take(piece)
+        tracked.take(piece)
+    result = result_of(recording)
+    late = result.real_time.complaint() if result and result.real_time else ""
+    lines = [
+        *(tracked.lines() if curves.measured else ()),
+        *(f"attention {line}" for line in [*findings(recording), late] if line),
+        *_profile_lines(recording.path.parent / "profile"),
+    ]
+    if lacks_dynamics(recording):
+        lines.append(f"dynamics  off: {NO_DYNAMICS}")
+    return curves, lines
+
+
+def lacks_dynamics(recording: Recording) -> bool:
+    """Return whether a plant of the recording moved without dynamics."""
+    return any("dynamics" in port.description.details for port in recording.ports.values())
+
+
+def scenario_name(recording: Recording) -> str:
+    """Return what the recorded scenario is called, or the file where it has none."""
+    text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
+    with contextlib.suppress(StepbusError):
+        content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
+        if isinstance(content, dict) and content.get("name"):
+            return str(content["name"])
+    return recording.path.stem
+
+
+def result_of(recording: Recording) -> Result | None:
+    """Return the result of a run beside its recording; None where there is none of this one."""
+    if recording.path.name != layout.RUN_FILE:
+        return None
+    try:
+        return msgspec.json.decode(read_file(recording.path.with_name(RESULT_FILE)), type=Result)
+    except (OSError, *UNDECODABLE):
+        return None
+
+
+def _profile_lines(folder: Path) -> list[str]:
+    """Return the mean step of each participant, the busiest first, and that this limits the run.
+
+    It waits least: the others wait for it. folder: of the files of `--profile`.
+    """
+    rows = []
+    for path in sorted(folder.glob("*.csv")):
+        if means := _mean_step_us(path):
+            busy = 1 - means["wait"] / (sum(means.values()) or 1.0)
+            rows.append((busy, path.stem, means))
+    rows.sort(key=lambda row: -row[0])
+    lines = [
+        f"profile   {name}: {', '.join(f'{p} {means[p]:.0f} µs' for p in _PARTS)} a step"
+        for _, name, means in rows
+    ]
+    for busy, name, means in rows[:1]:
+        longest = max(_PARTS[:-1], key=lambda part: means[part])
+        lines.append(
+            f"limit     {name} waits least: it is busy {100 * busy:.0f} % of the time, "
+            f"longest with: {longest}"
+        )
+    return lines
+
+
+def _mean_step_us(path: Path) -> dict[str, float]:
+    """Return how long each part of a step takes [µs]; nothing without a step."""
+    totals, steps = dict.fromkeys(_PARTS, 0), 0
+    with os.fdopen(open_regular(path), newline="") as file:
+        for row in csv.DictReader(file):
+            steps += 1
+            for part in _PARTS:
+                totals[part] += int(row[f"{part}_ns"])
+    return {part: total * 1e-3 / steps for part, total in totals.items()} if steps else {}
+
+
+class Tracked:
     """How well the joints follow their reference; give it all pieces of a recording."""
 
     def __init__(self) -> None:
@@ -116,9 +130,8 @@ class Summary:
         when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
         if len(rmse) > _MOST_NAMED:
             return [f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
-        units = self._units
-        values = ", ".join(f"{joint} {value:.3g} {units[joint]}" for joint, value in rmse.items())
-        return [f"tracking RMSE {when}: {values}"]
+        values = (f"{joint} {value:.3g} {self._units[joint]}" for joint, value in rmse.items())
+        return [f"tracking RMSE {when}: {', '.join(values)}"]
 
     def _worst(self, rmse: Mapping[str, float]) -> Iterator[str]:
         """Yield the worst joint of each unit."""

@@ -1,19 +1,19 @@
 """One picture of a recording and its branches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
-from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_schemas import WiringError
-from stepbus_tools.report.signals_plot import Panel, draw_signals, find_signals
+from stepbus_tools.report.charts import Chart, ChartLine, Role, find_signals
+from stepbus_tools.report.picture import save
 
-_MOST_PANELS = 4
+_MOST_VARIANTS = 4
 _BEFORE = 0.1
 """How much of the time behind the branch is shown before it."""
-RECORDED = "recorded"
+_RECORDED = "recorded"
 
 
 def draw_variants(
@@ -31,32 +31,27 @@ def draw_variants(
 
     Raises WiringError for a signal that the recording lacks, ExtraMissing without matplotlib.
     """
-    opened = {RECORDED: Recording(recording)}
-    opened |= {name: Recording(path) for name, path in branches.items()}
-    chosen = _chosen(opened, signals) if signals else _errors(opened)
-    if not chosen:
+    panels: dict[str, list[ChartLine]] = {}
+    units: dict[str, str] = {}
+    mark_s = 0.0
+    for name, path in {_RECORDED: recording, **branches}.items():
+        with Recording(path) as opened:
+            mark_s = mark_s or at * _step_s(opened)
+            chosen = [chart for text in signals for chart in find_signals(opened, text)]
+            for chart in chosen if signals else _errors(opened):
+                for line in chart.lines:
+                    role: Role = "reference" if name == _RECORDED else "measured"
+                    title = f"{chart.title}: {line.label}".removesuffix(f": {chart.title}")
+                    panels.setdefault(title, []).append(replace(line, label=name, role=role))
+                    units[title] = chart.unit
+    if not panels:
         raise WiringError(
             f"{recording} has no joint to draw; choose signals with --plot, e.g. of "
             f"`stepbus plot {recording}`"
         )
-    step_s = _step_s(opened[RECORDED])
-    try:
-        shown = [_shown(panel, at * step_s) for panel in chosen]
-        draw_signals(str(recording), shown, target, mark_s=at * step_s)
-    except ImportError as exc:
-        raise ExtraMissing(f"plots need {exc.name}{extra_hint(exc.name or '')}") from exc
-    return [panel.title for panel in chosen]
-
-
-def _shown(panel: Panel, mark_s: float) -> Panel:
-    """Return a panel from a little before a time on; what was recorded is dashed."""
-    end_s = max((float(t[-1]) for t, _ in panel.lines.values() if len(t)), default=mark_s)
-    start_s = max(0.0, mark_s - _BEFORE * (end_s - mark_s))
-    rows = {
-        name: (t[t >= start_s], values[t >= start_s]) for name, (t, values) in panel.lines.items()
-    }
-    dashed = {RECORDED: rows.pop(RECORDED)} if RECORDED in rows else {}
-    return replace(panel, lines=rows, dashed=dashed)
+    charts = [_around(mark_s, title, units[title], lines) for title, lines in panels.items()]
+    save(str(recording), charts, target, mark_s=mark_s)
+    return list(panels)
 
 
 def _step_s(recording: Recording) -> float:
@@ -65,32 +60,27 @@ def _step_s(recording: Recording) -> float:
     return next((float(port.t[-1] / port.steps[-1]) for port in ports), 0.0)
 
 
-def _chosen(recordings: Mapping[str, Recording], signals: Sequence[str]) -> list[Panel]:
-    panels: dict[str, Panel] = {}
-    for name, recording in recordings.items():
-        for text in signals:
-            for signal in find_signals(recording, text):
-                for label, row in signal.lines.items():
-                    title = signal.title if label == signal.title else f"{signal.title}: {label}"
-                    panel = panels.setdefault(title, Panel(title=title, unit=signal.unit))
-                    panel.lines[name] = row
-    return list(panels.values())
+def _around(mark_s: float, title: str, unit: str, lines: Sequence[ChartLine]) -> Chart:
+    """Return lines from a little before a time on; those of the recording behind the others."""
+    end_s = max((float(line.t[-1]) for line in lines if len(line.t)), default=mark_s)
+    start_s = max(0.0, mark_s - _BEFORE * (end_s - mark_s))
+    cut = [
+        replace(line, t=line.t[line.t >= start_s], values=line.values[line.t >= start_s])
+        for line in sorted(lines, key=lambda line: line.role == "reference")
+    ]
+    return Chart(title=title, unit=unit, lines=cut)
 
 
-def _errors(recordings: Mapping[str, Recording]) -> list[Panel]:
-    """Return the error of each joint with a reference, or the position of each that is measured."""
-    panels: dict[str, Panel] = {}
-    for name, recording in recordings.items():
-        tracking = read_tracking(recording)
-        joints = tracking.joints or tracking.measured
-        for joint in joints[:_MOST_PANELS]:
-            state = tracking.state_of(joint)
-            if state is None:
-                continue
-            what = "error" if tracking.joints else "position"
-            values = tracking.error(joint) if tracking.joints else state.of("position", joint)
+def _errors(recording: Recording) -> Iterator[Chart]:
+    """Yield the error of each joint with a reference, or the position of each that is measured."""
+    tracking = read_tracking(recording)
+    what = "error" if tracking.joints else "position"
+    for joint in (tracking.joints or tracking.measured)[:_MOST_VARIANTS]:
+        state = tracking.state_of(joint)
+        if state is None:
+            continue
+        values = tracking.error(joint) if tracking.joints else state.of("position", joint)
+        if values is not None:
             title = f"{joint}: {what}"
-            panel = panels.setdefault(title, Panel(title=title, unit=tracking.unit(joint)))
-            if values is not None:
-                panel.lines[name] = state.t, values
-    return list(panels.values())
+            line = ChartLine(label=title, t=state.t, values=values)
+            yield Chart(title=title, unit=tracking.unit(joint), lines=[line])

@@ -1,55 +1,84 @@
-"""What a viewer can do to a run: pace it, and call what its participants offer."""
+"""What a viewer can do to a run: pace it, end it, and call what its participants offer."""
 
 from collections.abc import Mapping
 from typing import Any
 
-from stepbus_orchestrator.recording import PortInfo
-from stepbus_tools.viewing.run_client import Link
+from stepbus_tools.viewing.run_client import RunClient
+from stepbus_tools.viewing.scene import Ports
 from stepbus_tools.viewing.stage import Stage
-from stepbus_tools.viewing.steer_panel import Hands
+from stepbus_tools.viewing.steer_panel import SteerPanel
 
-SPEEDS: Mapping[str, float | None] = {
+_SPEEDS: Mapping[str, float | None] = {
     "as fast as possible": None,
     "real time": 1.0,
     "half": 0.5,
     "a tenth": 0.1,
 }
-
 _HINT = "The run has not begun, or it runs in one process: it cannot be changed from here."
 _REDONE = "Each change is recorded as a call with its step; `stepbus rerun` does it again."
+_HEAD = "| participant | state | computes [µs] | waits [µs] | dropped |\n|---|---|---|---|---|"
 
 
 class Controls:
-    """Buttons of a page. link: to the run. ports: of its recording."""
+    """Buttons of a page. client: of the run. panel: what its participants offer."""
 
-    def __init__(self, server: Any, link: Link, ports: Mapping[str, PortInfo]) -> None:
-        self._gui = server.gui
+    def __init__(self, server: Any, client: RunClient) -> None:
+        gui = server.gui
         self._server = server
-        self._link = link
-        self._ports = ports
-        self._pause = self._gui.add_button("pause")
+        self._client = client
+        self._pause = gui.add_button("pause")
         self._pause.on_click(lambda _: self._toggle())
-        step = self._gui.add_button("step")
-        step.on_click(lambda _: link.ask("", "step", 1))
-        self._speed = self._gui.add_dropdown(
-            "speed", tuple(SPEEDS), initial_value=next(iter(SPEEDS))
-        )
+        gui.add_button("step").on_click(lambda _: client.ask("", "step", 1))
+        self._speeds = dict(_SPEEDS)
+        self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value=next(iter(_SPEEDS)))
         self._speed.on_update(self._set_speed)
-        self._table: Any = None
-        self._speeds = dict(SPEEDS)
-        self._has_hands = False
+        self._has_panel = False
+
+    def add_tabs(self, tabs: Any, stage: Stage, ports: Ports) -> None:
+        """Add a tab of what can be changed, and one about the participants."""
+        gui = self._server.gui
+        self.panel = SteerPanel(self._server, self._client, ports, stage)
+        self._steer = tabs.add_tab("Steer")
+        with self._steer:
+            self._hint = gui.add_markdown(_HINT)
+        with tabs.add_tab("Timing"):
+            self._table = gui.add_markdown("")
+            stop = gui.add_button("end the run", color="gray")
+            stop.on_click(lambda _: self._client.ask("", "stop"))
+
+    def _toggle(self) -> None:
+        is_paused = self._client.status.get("phase") == "paused"
+        self._client.ask("", "resume" if is_paused else "pause")
 
     def _set_speed(self, event: Any) -> None:
         # What this process sets has no client.
         if event.client_id is not None:
-            self._link.ask("", "speed", self._speeds[self._speed.value])
+            self._client.ask("", "speed", self._speeds[self._speed.value])
+
+    def update(self) -> None:
+        """Show what the run says of itself."""
+        status = self._client.status
+        if not status:
+            return
+        label = "resume" if status["phase"] == "paused" else "pause"
+        if self._pause.label != label:
+            self._pause.label = label
+        if self._client.offered and not self._has_panel:
+            self._has_panel = True
+            with self._steer:
+                self.panel.offer(self._client.offered)
+        self._show_speed(status)
+        self.panel.update()
+        if self._has_panel:
+            self._hint.content = f"{_REDONE}  \n{self._client.last}"
+        self._table.content = "\n".join([_HEAD, *(_row(name, status) for name in status["phases"])])
 
     def _show_speed(self, status: Mapping[str, Any]) -> None:
         """Show how fast the run goes, also where it was started in real time or another set it."""
         limit, now = status.get("real_time"), status.get("speed")
-        speeds = dict(SPEEDS)
+        speeds = dict(_SPEEDS)
         if limit is not None:
-            slower = {name: value for name, value in SPEEDS.items() if value and value < limit}
+            slower = {name: value for name, value in _SPEEDS.items() if value and value < limit}
             speeds = {_pace(limit): None, **slower}
         if now is not None and now not in speeds.values():
             speeds[_pace(now)] = now
@@ -60,54 +89,16 @@ class Controls:
         if shown != self._speed.value:
             self._speed.value = shown
 
-    def _toggle(self) -> None:
-        is_paused = self._link.status.get("phase") == "paused"
-        self._link.ask("", "resume" if is_paused else "pause")
-
-    def add_tabs(self, tabs: Any, stage: Stage) -> None:
-        """Add a tab about the participants, and one of what can be changed."""
-        self.hands = Hands(self._server, self._link, self._ports, stage)
-        self._change = tabs.add_tab("Steer")
-        with self._change:
-            self._hint = self._gui.add_markdown(_HINT)
-        with tabs.add_tab("Timing"):
-            self._table = self._gui.add_markdown("")
-            stop = self._gui.add_button("end the run", color="gray")
-            stop.on_click(lambda _: self._link.ask("", "stop"))
-
-    def update(self) -> None:
-        """Show what the run says of itself."""
-        status = self._link.status
-        if not status:
-            return
-        label = "resume" if status["phase"] == "paused" else "pause"
-        if self._link.offered and not self._has_hands:
-            self._has_hands = True
-            with self._change:
-                self.hands.offer(self._link.offered)
-        if self._pause.label != label:
-            self._pause.label = label
-        self._show_speed(status)
-        self.hands.update()
-        if self._has_hands:
-            self._hint.content = f"{_REDONE}  \n{self._link.last}"
-        self._table.content = _participants(status)
-
 
 def _pace(factor: float) -> str:
     return "real time" if factor == 1.0 else f"{factor:g} × real time"
 
 
-def _participants(status: Mapping[str, Any]) -> str:
-    rows = [
-        f"| {name} | {'holds the step' if name in status['holders'] else phase} | "
-        f"{_us(status['compute_us'], name)} | {_us(status['waited_us'], name)} | "
-        f"{status['drops'].get(name, 0)} |"
-        for name, phase in status["phases"].items()
-    ]
-    head = "| participant | state | computes [µs] | waits [µs] | dropped |\n|---|---|---|---|---|"
-    return "\n".join([head, *rows])
-
-
-def _us(values: Mapping[str, float], name: str) -> str:
-    return f"{values[name]:.0f}" if name in values else ""
+def _row(name: str, status: Mapping[str, Any]) -> str:
+    """Return a participant's row of a table in Markdown."""
+    state = "holds the step" if name in status["holders"] else status["phases"][name]
+    computes, waits = (
+        f"{status[key][name]:.0f}" if name in status[key] else ""
+        for key in ("compute_us", "waited_us")
+    )
+    return f"| {name} | {state} | {computes} | {waits} | {status['drops'].get(name, 0)} |"

@@ -57,8 +57,8 @@ class Conversion:
                 timestamp=self._stamp(t_ns),
                 parent_frame_id=self._parents[name] or WORLD,
                 child_frame_id=name,
-                translation=_vector(types, pose),
-                rotation=_quaternion(types, pose),
+                translation=types.Vector3(**_xyz(pose)),
+                rotation=types.Quaternion(**_xyzw(pose)),
             )
             for name, pose in placed.items()
             if name in self._parents
@@ -85,7 +85,8 @@ class Conversion:
         points = visual.mesh.vertices.astype(float).tolist()
         return types.TriangleListPrimitive(
             pose=types.Pose(
-                position=_vector(types, visual.pose), orientation=_quaternion(types, visual.pose)
+                position=types.Vector3(**_xyz(visual.pose)),
+                orientation=types.Quaternion(**_xyzw(visual.pose)),
             ),
             points=[types.Point3(x=x, y=y, z=z) for x, y, z in points],
             color=types.Color(r=red, g=green, b=blue, a=1.0),
@@ -134,14 +135,12 @@ class Conversion:
 
 def topic_of(port: PortInfo) -> str:
     """Return the topic of a port."""
-    return f"/{port.participant}/{port.name}"
+    return f"/{port.topic}"
 
 
-def _vector(types: Any, pose: Pose) -> Any:
-    x, y, z = pose.position
-    return types.Vector3(x=x, y=y, z=z)
+def _xyz(pose: Pose) -> dict[str, float]:
+    return dict(zip("xyz", pose.position, strict=True))
 
 
-def _quaternion(types: Any, pose: Pose) -> Any:
-    w, x, y, z = pose.wxyz
-    return types.Quaternion(x=x, y=y, z=z, w=w)
+def _xyzw(pose: Pose) -> dict[str, float]:
+    return dict(zip("wxyz", pose.wxyz, strict=True))

@@ -1,18 +1,18 @@
 """What is shown of a run or a recording, thirty times a second, as foxglove.* messages."""
 
-import contextlib
 import heapq
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
-from stepbus_schemas import Event, StepbusError
+from stepbus_schemas import Event
 from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
 from stepbus_tools.viewing.foxglove_server import Row, Server
-from stepbus_tools.viewing.playback import History
-from stepbus_tools.viewing.run_client import FRAME_S, Link, Turn, follow_run, latest_of
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene import Messages, Scene, build_scene
+from stepbus_tools.viewing.timeline import timed_messages
 
 Happened = tuple[int, PortInfo, Event]
 """Time [ns], port and event."""
@@ -69,8 +69,8 @@ def follow(server: Server, folder: Path, is_over: Callable[[], bool]) -> bool:
     folder, and what is raised: as of `follow_run`.
     """
 
-    def begin(tail: Tail, _: Link) -> Turn:
-        feed = Feed(server, build_scene(tail.path, tail.ports, tail.attachments), tail.ports)
+    def begin(tail: Tail, _: RunClient) -> Turn:
+        feed = Feed(server, build_scene(tail), tail.ports)
         ports = [port for port in tail.ports.values() if port.type == "Event/1"]
         tail.keep(port.topic for port in ports)
 
@@ -98,16 +98,15 @@ def play(
     from_end: whether who is connected has seen it.
     """
     history = History(recording)
-    scene = build_scene(recording.path, recording.ports, recording.attachments)
-    feed = Feed(server, scene, recording.ports)
+    feed = Feed(server, build_scene(recording), recording.ports)
     server.forgets = True
     session = server.sessions if from_end else 0
-    began_at, events = -history.end_ns * 1e-9, _Events(recording, history.step_ns)
+    began_at, events = -history.end_ns * 1e-9, _Events(recording)
     while not is_over():
         now = time.monotonic()
         if server.sessions != session:
             session, began_at = server.sessions, now
-            events = _Events(recording, history.step_ns)
+            events = _Events(recording)
         if server.has_clients:
             t_ns = min(round((now - began_at) * 1e9), history.end_ns)
             messages = history.at(feed.topics, t_ns)
@@ -118,8 +117,8 @@ def play(
 class _Events:
     """The events of a recording in the order of time, read as far as they are asked for."""
 
-    def __init__(self, recording: Recording, step_ns: int) -> None:
-        rows = (_read(port, step_ns) for port in recording.of_type("Event/1"))
+    def __init__(self, recording: Recording) -> None:
+        rows = (_events(port) for port in recording.of_type("Event/1"))
         self._rows = heapq.merge(*rows, key=lambda row: row[0])
         self._next = next(self._rows, None)
 
@@ -132,9 +131,6 @@ class _Events:
         return events
 
 
-def _read(port: Port, step_ns: int) -> Iterator[Happened]:
-    # What precedes the first that cannot be read is shown.
-    with contextlib.suppress(StepbusError):
-        for step, message in port.messages():
-            if isinstance(message, Event):
-                yield step * step_ns, port, message
+def _events(port: Port) -> Iterator[Happened]:
+    for t_ns, message in timed_messages(port):
+        yield t_ns, port, message

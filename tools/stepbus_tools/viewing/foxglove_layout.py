@@ -8,8 +8,7 @@ import numpy as np
 
 from stepbus_orchestrator.recording import PortInfo
 from stepbus_tools.viewing.foxglove_conversion import WORLD, topic_of
-from stepbus_tools.viewing.scene import Messages, Scene
-from stepbus_tools.viewing.stage.camera import bounds
+from stepbus_tools.viewing.scene import Messages, Scene, bounds
 
 
 def layout_of(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapping[str, Any]:

@@ -1,69 +1,81 @@
-"""A run that is going, on a page."""
+"""A live run, on a page."""
 
 import math
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_schemas import Event
 from stepbus_tools.viewing.controls import Controls
-from stepbus_tools.viewing.run_client import Link, Turn, follow_run, latest_of
-from stepbus_tools.viewing.scene import Messages, build_scene
-from stepbus_tools.viewing.stage.stage_view import View, plain_topics
-from stepbus_tools.viewing.steer_panel import Points
+from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
+from stepbus_tools.viewing.scene import build_scene
+from stepbus_tools.viewing.stage import Data, Signal, View, plain_topics
 
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
-_IDLE_S = 5.0
+_POINTS = 900
+"""Of a curve: half a minute."""
+_BYTES = 2 * 1024 * 1024
+"""Of a port: a type of the user's own may be large."""
 
 
 class LivePage:
     """A run on a page: its scene, its curves, its participants, and what can be asked of it.
 
-    server: of viser. tail: of its recording, which has its first messages. link: to the run.
+    server: of viser. tail: of its recording, which has its first messages. client: of the run.
     """
 
-    def __init__(self, server: Any, tail: Tail, link: Link) -> None:
+    def __init__(self, server: Any, tail: Tail, client: RunClient) -> None:
         self._tail = tail
-        self._link = link
+        self._client = client
         self._events: list[str] = []
         self._event_topics = [p.topic for p in tail.ports.values() if p.type == "Event/1"]
         tail.keep(self._event_topics)
-        self._controls = Controls(server, link, tail.ports)
-        scene = build_scene(tail.path, tail.ports, tail.attachments)
-        self._points = Points(tail, plain_topics(tail.ports), lambda: tail.step_ns)
-        self._view = View(server, scene, tail.ports, self._points.sample)
-        self._controls.add_tabs(self._view.tabs, self._view.stage)
+        self._controls = Controls(server, client)
+        self._plain_topics = plain_topics(tail.ports)
+        self._points = Points(tail, self._plain_topics)
+        self._view = View(server, build_scene(tail), tail.ports, self._points.sample)
+        self._controls.add_tabs(self._view.tabs, self._view.stage, tail.ports)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
-        self._charted = self._worded = 0.0
+        self._charted_at = self._worded_at = 0.0
         self._grown_at = time.monotonic()
 
     def turn(self, is_new: bool) -> None:
         """Show what is new."""
-        if is_new:
-            messages = self._latest(self._view.topics)
-            self._view.show(messages)
-            self._controls.hands.follow(messages)
-            self._points.add()
         now = time.monotonic()
-        self._grown_at = now if is_new else self._grown_at
-        if now - self._charted >= _CHART_S:
-            self._charted = now
+        if is_new:
+            messages = latest_of(self._tail, self._view.topics)
+            self._view.show(messages)
+            self._controls.panel.follow(messages)
+            self._points.add()
+            self._grown_at = now
+        if now - self._charted_at >= _CHART_S:
+            self._charted_at = now
             self._view.curves.update()
-        if now - self._worded >= _WORDS_S:
-            self._worded = now
-            self._show_words()
+        if now - self._worded_at >= _WORDS_S:
+            self._worded_at = now
+            self._view.offer_signals(latest_of(self._tail, self._plain_topics))
+            self._view.status.content = self._words(now)
+            self._controls.update()
+            self._tell_events()
 
-    def _latest(self, topics: Any) -> Messages:
-        return latest_of(self._tail, topics)
+    def _words(self, now: float) -> str:
+        """Return how far the run is, and whether it goes on."""
+        words = headline(self._client.status, self._tail.last_step, self._rate())
+        idle_s = now - self._grown_at
+        if idle_s > IDLE_S and self._client.status.get("phase") != "paused":
+            words += f"  \n**nothing new for {idle_s:.0f} s**"
+        return words
 
     def _rate(self) -> float:
         """Return how fast the run went lately, as a factor of real time."""
-        status = self._link.status
+        status = self._client.status
         if not status or status["phase"] == "paused":
             self._pace.clear()
             return math.nan
@@ -72,16 +84,7 @@ class LivePage:
         simulated_s = (step - first) * status["step_ns"] * 1e-9
         return simulated_s / (now - began) if now > began else math.nan
 
-    # --- words ----------------------------------------------------------------------------
-
-    def _show_words(self) -> None:
-        self._view.offer_signals(self._latest(plain_topics(self._tail.ports)))
-        words = headline(self._link.status, self._tail.last_step, self._rate())
-        idle_s = time.monotonic() - self._grown_at
-        if idle_s > _IDLE_S and self._link.status.get("phase") != "paused":
-            words += f"  \n**nothing new for {idle_s:.0f} s**"
-        self._view.status.content = words
-        self._controls.update()
+    def _tell_events(self) -> None:
         count = len(self._events)
         for topic in self._event_topics:
             for step, data in self._tail.take_kept(topic):
@@ -89,8 +92,8 @@ class LivePage:
                 if isinstance(message, Event):
                     who = layout.split_topic(topic)[0]
                     self._events.append(f"step {step} {message.level}: {who}: {message.text}")
-        self._events += self._link.said
-        self._link.said = []
+        self._events += self._client.said
+        self._client.said = []
         if len(self._events) > count:
             self._view.tell(self._events)
 
@@ -105,6 +108,43 @@ def headline(status: Any, last_step: int, rate: float) -> str:
     return f"**{status['phase']}**, t = {t_s:.2f} s, step {status['step']}{total}{factor}"
 
 
+class Points:
+    """The last half minute of every port, so that a curve is there as soon as it is picked.
+
+    It keeps the newest message of each frame.
+    """
+
+    def __init__(self, tail: Tail, topics: Iterable[str]) -> None:
+        self._tail = tail
+        self._kept: dict[str, deque[tuple[int, bytes]]] = {topic: deque() for topic in topics}
+        self._picked: Signal | None = None
+        self._rows: deque[tuple[int, list[float]]] = deque(maxlen=_POINTS)
+
+    def add(self) -> None:
+        """Keep what is new."""
+        for topic, kept in self._kept.items():
+            newest = self._tail.newest(topic)
+            if newest is not None and (not kept or newest[0] > kept[-1][0]):
+                kept.append(newest)
+                while len(kept) > max(2, min(_POINTS, _BYTES // (len(newest[1]) + 1))):
+                    kept.popleft()
+
+    def sample(self, signal: Signal) -> Data:
+        """Return a signal before now: times up to 0, shape (T,) [s], and values, shape (T, n)."""
+        if signal != self._picked:
+            self._picked = signal
+            self._rows.clear()
+        last = self._rows[-1][0] if self._rows else -1
+        for step, data in self._kept.get(signal.topic, ()):
+            message = self._tail.decode(signal.topic, data) if step > last else None
+            if message is not None:
+                self._rows.append((step, signal.values(message)))
+        steps = np.array([step for step, _ in self._rows], dtype=np.float64)
+        values = np.array([row for _, row in self._rows], dtype=np.float64)
+        seconds = (steps - steps[-1:].sum()) * (self._tail.step_ns or 1_000_000_000) * 1e-9
+        return seconds, values.reshape(len(steps), len(signal.names))
+
+
 def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: float = 600.0) -> bool:
     """Show a run on a page until it has ended, or the viewer has; returns whether the run has.
 
@@ -112,8 +152,8 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: floa
     """
     waiting = server.gui.add_markdown("waiting for the run to start …")
 
-    def begin(tail: Tail, link: Link) -> Turn:
+    def begin(tail: Tail, client: RunClient) -> Turn:
         waiting.remove()
-        return LivePage(server, tail, link).turn
+        return LivePage(server, tail, client).turn
 
     return follow_run(folder, is_over, begin, start_s)

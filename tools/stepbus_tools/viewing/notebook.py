@@ -1,6 +1,5 @@
 """How recordings and results look in a notebook."""
 
-import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from html import escape
@@ -9,15 +8,11 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
-from stepbus_participant import ExtraMissing, extra_hint
-from stepbus_schemas import StepbusError
-from stepbus_tools.report.signals_plot import (
-    draw_signals,
-    find_signals,
-    signal_names,
-)
+from stepbus_tools.columns import dotted
+from stepbus_tools.report.charts import find_signals, signal_names
+from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.page import PAGE_FILE
-from stepbus_tools.viewing.scene_file import scene_still
+from stepbus_tools.viewing.render import scene_still
 from stepbus_tools.whole_file import replaced
 
 from .page.svg import figure
@@ -55,35 +50,26 @@ def plot(recording: Recording, signals: Sequence[str]) -> Plot:
     signals: as of `stepbus plot`; none: the positions of all joints, else the first four signals.
     Raises WiringError for one that the recording does not have, ExtraMissing without matplotlib.
     """
-    texts = list(signals) or _default_signals(recording)
-    chosen = [signal for text in texts for signal in find_signals(recording, text)]
-    if not chosen:
+    joints = [port for port in recording.of_type("JointState/1") if port.last_step >= 0]
+    positions = [f"{dotted(port)}.position" for port in joints]
+    texts = list(signals) or positions or signal_names(recording)[:_MOST_SIGNALS]
+    charts = [chart for text in texts for chart in find_signals(recording, text)]
+    if not charts:
         raise RecordingFailed(f"{recording.path} has no numbers to plot")
-    stream = io.BytesIO()
-    try:
-        draw_signals(str(recording.path), chosen, stream)
-    except ImportError as exc:
-        name = exc.name or ""
-        raise ExtraMissing(f"plots need {name}{extra_hint(name)}") from exc
-    return Plot(stream.getvalue())
-
-
-def _default_signals(recording: Recording) -> list[str]:
-    joints = [p for p in recording.of_type("JointState/1") if p.last_step >= 0]
-    if joints:
-        return [f"{port.participant}.{port.name}.position" for port in joints]
-    return signal_names(recording)[:_MOST_SIGNALS]
+    return Plot(draw(str(recording.path), charts))
 
 
 def recording_html(recording: Recording) -> str:
     """Return a recording as a table of its ports, with a still of its scene."""
-    ports = [p for p in recording.ports.values() if not p.topic.startswith("stepbus/")]
+    ports = [port for port in recording.ports.values() if not port.topic.startswith("stepbus/")]
     rows = "".join(map(_row, ports))
     why = recording.cut_short
     damage = f"<p>The recording <b>{escape(why)}</b>.</p>" if why else ""
+    pixels = scene_still(recording)
+    still = "" if pixels is None else figure(pixels, "the scene at its end")
     return (
         f"<div><p><b>{escape(str(recording.path))}</b>, up to step {recording.last_step}</p>"
-        f"{damage}{_still(recording)}<table><tr><th>port</th><th>type</th><th>names</th>"
+        f"{damage}{still}<table><tr><th>port</th><th>type</th><th>names</th>"
         f"<th>until</th></tr>{rows}</table></div>"
     )
 
@@ -95,14 +81,6 @@ def _row(port: Port) -> str:
     until = "no message" if last is None else f"{last.t_ns * 1e-9:g} s"
     cells = (port.topic, port.type, ", ".join(names[:_MOST_NAMES]) + more, until)
     return f"<tr>{''.join(f'<td>{escape(cell)}</td>' for cell in cells)}</tr>"
-
-
-def _still(recording: Recording) -> str:
-    try:
-        pixels = scene_still(recording)
-    except (StepbusError, OSError, ValueError):
-        return ""
-    return "" if pixels is None else figure(pixels, "the scene at its end")
 
 
 def result_html(result: Result) -> str:

@@ -1,4 +1,4 @@
-"""The connection of a live page to its run."""
+"""The connection of a view to a live run: its calls, and its recording as it grows."""
 
 import contextlib
 import math
@@ -15,20 +15,24 @@ from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.viewing.scene import Latest, Messages
 
-FLUSH_S = 1 / 30
+FRAME_S = 1 / 30
+IDLE_S = 5.0
+"""So long without anything new, and a run has been killed, or its user is told."""
 _STATUS_S = 0.4
 _FLUSH_AGAIN_S = 2.0
 _ANSWER_S = 10.0
 
 Ask = tuple[str, str, Sequence[Any]]
 """Participant, or nothing for the run itself; method; arguments."""
+Turn = Callable[[bool], None]
+"""Shows what is new, thirty times a second. It takes whether anything has been recorded since."""
 
 _DRAGGED = frozenset({"set_target", "set_joint_position"})
 """Calls of sliders: while one is dragged, only the newest position counts."""
 
 
-class Link:
-    """A line to a run with a thread of its own.
+class RunClient:
+    """Asks a run for its status and calls it, in a thread of its own.
 
     status: the newest one. offered: calls of participants. said: sentences about calls that were
     made, the newest last. last: the newest of them. is_lost: the run does not answer.
@@ -43,15 +47,15 @@ class Link:
         self.last = ""
         self.is_lost = False
         self._over = threading.Event()
-        self._thread = threading.Thread(target=self._work, name="link", daemon=True)
+        self._thread = threading.Thread(target=self._work, name="run client", daemon=True)
         self._thread.start()
 
     def ask(self, participant: str, method: str, *args: Any) -> None:
-        """Let the run, or a participant, do something; it is done in order."""
+        """Ask the run, or a participant, for something; it is done in order."""
         self._asked.put((participant, method, args))
 
     def close(self) -> None:
-        """Let the run go on without a viewer."""
+        """Leave the run, which goes on."""
         self._over.set()
         self._asked.put(None)
         self._thread.join(_ANSWER_S)
@@ -71,16 +75,18 @@ class Link:
                 if time.monotonic() - flushed_at > _FLUSH_AGAIN_S:
                     # It ends by itself when this process is killed, or when another viewer leaves.
                     flushed_at = time.monotonic()
-                    line.call("", "flush", [FLUSH_S], _ANSWER_S)
-                self._look(line)
-                for ask in newest(self._take()):
-                    self._do(line, ask)
+                    line.call("", "flush", [FRAME_S], _ANSWER_S)
+                self.status = line.call("", "status", (), _ANSWER_S).value or {}
+                if not self.offered and self.status.get("phase") in {"stepping", "paused"}:
+                    self.offered = line.call("", "", (), _ANSWER_S).value or {}
+                for ask in newest(self._wait()):
+                    self._call(line, ask)
         finally:
             with contextlib.suppress(StepbusError):
                 line.call("", "flush", [None], _ANSWER_S)
 
-    def _take(self) -> list[Ask]:
-        """Wait for what is asked, and take all of it."""
+    def _wait(self) -> list[Ask]:
+        """Wait for what is asked, and return all of it."""
         asks: list[Ask | None] = []
         with contextlib.suppress(queue.Empty):
             asks.append(self._asked.get(timeout=_STATUS_S))
@@ -88,25 +94,18 @@ class Link:
                 asks.append(self._asked.get_nowait())
         return [ask for ask in asks if ask is not None]
 
-    def _look(self, line: Line) -> None:
-        self.status = line.call("", "status", (), _ANSWER_S).value or {}
-        if not self.offered and self.status.get("phase") in {"stepping", "paused"}:
-            self.offered = line.call("", "", (), _ANSWER_S).value or {}
-
-    def _do(self, line: Line, ask: Ask) -> None:
+    def _call(self, line: Line, ask: Ask) -> None:
         participant, method, args = ask
         words = " ".join(map(str, (participant, method, *args))).strip()
         try:
             reply = line.call(participant, method, args)
         except WiringError as exc:
-            self._say(f"{words}: refused: {exc}")
-            return
-        if participant:
-            self._say(f"{words}, before step {reply.step}")
-
-    def _say(self, sentence: str) -> None:
-        self.said.append(sentence)
-        self.last = sentence
+            self.last = f"{words}: refused: {exc}"
+        else:
+            if not participant:
+                return
+            self.last = f"{words}, before step {reply.step}"
+        self.said.append(self.last)
 
 
 def newest(asked: Sequence[Ask]) -> list[Ask]:
@@ -114,19 +113,11 @@ def newest(asked: Sequence[Ask]) -> list[Ask]:
     kept: list[Ask] = []
     for ask in asked:
         participant, method, args = ask
-        if kept and method in _DRAGGED and kept[-1][:2] == (participant, method):
-            before = kept[-1][2]
-            if before[0] == args[0]:
-                kept.pop()
+        before = kept[-1] if kept else ("", "", ())
+        if method in _DRAGGED and (*before[:2], *before[2][:1]) == (participant, method, args[0]):
+            kept.pop()
         kept.append(ask)
     return kept
-
-
-FRAME_S = 1 / 30
-_IDLE_S = 5.0
-
-Turn = Callable[[bool], None]
-"""Shows what is new, thirty times a second. It takes whether anything has been recorded since."""
 
 
 def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
@@ -138,21 +129,22 @@ def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
 def follow_run(
     folder: Path,
     is_over: Callable[[], bool],
-    begin: Callable[[Tail, Link], Turn],
+    begin: Callable[[Tail, RunClient], Turn],
     start_s: float = 600.0,
 ) -> bool:
     """Show a run until it has ended, or the viewer has; returns whether the run has ended.
 
     folder: of the run, which may not have begun. begin: takes its recording, which has its first
-    messages, and the link to it. start_s: how long to wait for that [s].
+    messages, and the connection to it. start_s: how long to wait for that [s].
     Raises RecordingFailed when it does not begin.
     """
-    tail = _wait_for(folder, is_over, start_s)
-    if tail is None:
-        return False
-    link = Link(folder)
-    try:
-        turn = begin(tail, link)
+    with contextlib.ExitStack() as stack:
+        tail = _wait_for(folder, is_over, start_s, stack)
+        if tail is None:
+            return False
+        client = RunClient(folder)
+        stack.callback(client.close)
+        turn = begin(tail, client)
         # The first messages are there.
         is_new, grown_at = True, time.monotonic()
         while not is_over() and not tail.is_complete:
@@ -160,32 +152,29 @@ def follow_run(
             is_new = tail.poll() or is_new
             turn(is_new)
             grown_at = began if is_new else grown_at
-            if link.is_lost and began - grown_at > _IDLE_S:
+            if client.is_lost and began - grown_at > IDLE_S:
                 # It was killed: what it has recorded is shown.
                 break
             is_new = False
             time.sleep(max(0.0, FRAME_S - (time.monotonic() - began)))
         turn(tail.poll() or is_new)
         return not is_over()
-    finally:
-        link.close()
-        tail.close()
 
 
-def _wait_for(folder: Path, is_over: Callable[[], bool], start_s: float) -> Tail | None:
+def _wait_for(
+    folder: Path, is_over: Callable[[], bool], start_s: float, stack: contextlib.ExitStack
+) -> Tail | None:
     """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
     deadline, path, tail = time.monotonic() + start_s, folder / layout.RUN_FILE, None
     while not is_over():
         if tail is None and path.exists():
             tail = Tail(path)
+            stack.callback(tail.close)
         if tail is not None and tail.poll() and tail.last_step >= 0:
             return tail
         if tail is not None and tail.is_complete:
-            tail.close()
             raise RecordingFailed(f"{path} has no messages, so there is nothing to show")
         if time.monotonic() > deadline:
             raise RecordingFailed(f"{folder}: no run has started there for {start_s:.0f} s")
         time.sleep(FRAME_S)
-    if tail is not None:
-        tail.close()
     return None

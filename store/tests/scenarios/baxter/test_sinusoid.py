@@ -15,7 +15,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario import load
 from stepbus_plant import Params, SimulatedPlant, load_world
-from stepbus_tools.report.curves import TrackingCurves
+from stepbus_tools.report.curves import JointCurves
 
 WORLD = SCENARIOS / "baxter/world.yaml"
 JOINTS = ("s0", "s1", "e0", "e1", "w0", "w1", "w2")
@@ -62,7 +62,7 @@ def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
     assert tracking.state.fields["target"].shape == tracking.state.fields["position"].shape
     assert tracking.state.fields["target"].shape == (201, 14)
     # Positions that are commanded are no torques to plot.
-    curves = TrackingCurves()
+    curves = JointCurves()
     curves.take(tracking)
     assert curves.torques == []
 

@@ -96,8 +96,7 @@ def test_what_cannot_be_filmed_is_one_sentence(
 
 def box(size, position, color):
     vertices, faces = PRIMITIVES["box"](size)
-    mesh = Mesh(vertices=vertices, faces=faces)
-    visual = Visual(mesh=mesh, color=color)
+    visual = Visual(mesh=Mesh(vertices, faces), color=color)
     return Frame(name=str(position), pose=Pose(position), visuals=(visual,))
 
 

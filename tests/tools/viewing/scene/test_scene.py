@@ -1,6 +1,7 @@
 """What a recording shows, from nothing but itself."""
 
 import math
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,8 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import load
-from stepbus_tools.viewing.scene import Latest, Pose, build_scene
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.scene import Pose, build_scene
 from stepbus_tools.viewing.scene.primitives import about, from_rpy
 
 
@@ -21,21 +23,16 @@ def two_link(tmp_path_factory):
     return Recording(run(scenario, Options(out=out, host=InProcess())).recording)
 
 
-def scene_of(recording):
-    return build_scene(recording.path, recording.ports, recording.attachments)
-
-
 def latest(recording, scene, t_ns):
-    found = {topic: recording[topic].latest(t_ns) for topic in scene.topics}
-    return {
-        topic: Latest(step=row[0], message=row[1])
-        for topic, row in found.items()
-        if row is not None
-    }
+    return History(recording).at(scene.topics, t_ns)
+
+
+def with_attachments(recording, attachments):
+    return SimpleNamespace(path=recording.path, ports=recording.ports, attachments=attachments)
 
 
 def test_the_joints_put_the_tip_where_the_plant_says_it_is(two_link):
-    scene = scene_of(two_link)
+    scene = build_scene(two_link)
     for step in (0, 31, 60):
         messages = latest(two_link, scene, step * 5_000_000)
         _, true = two_link["plant.tip"].latest(step * 5_000_000)
@@ -44,7 +41,7 @@ def test_the_joints_put_the_tip_where_the_plant_says_it_is(two_link):
 
 
 def test_targets_are_a_second_robot(two_link):
-    scene = scene_of(two_link)
+    scene = build_scene(two_link)
     messages = latest(two_link, scene, 10**18)
     wanted = messages["mission/reference"].message.position
     ghosts = [frame for frame in scene.frames if frame.is_ghost and frame.visuals]
@@ -63,7 +60,7 @@ def test_the_newest_message_of_a_time_is_found_without_reading_all(two_link):
 
 
 def test_without_its_scenario_a_recording_still_shows_what_its_messages_say(two_link):
-    scene = build_scene(two_link.path, two_link.ports, {})
+    scene = build_scene(with_attachments(two_link, {}))
     assert "holds no scenario" in scene.notes[0]
     assert any(frame.visuals for frame in scene.frames) or "nothing to draw" in scene.notes[-1]
 
@@ -74,7 +71,7 @@ def test_a_missing_mesh_is_a_box_and_a_sentence(two_link):
     start, end = urdf.index(b"<box"), urdf.index(b"/>", urdf.index(b"<box")) + 2
     changed = urdf[:start] + b'<mesh filename="gone.stl"/>' + urdf[end:]
     attachments = {**two_link.attachments, "files/two_link.urdf": changed}
-    scene = build_scene(two_link.path, two_link.ports, attachments)
+    scene = build_scene(with_attachments(two_link, attachments))
     assert any("no mesh gone.stl" in note for note in scene.notes)
     assert any(frame.visuals for frame in scene.frames)
 

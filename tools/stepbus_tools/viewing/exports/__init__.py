@@ -1,24 +1,21 @@
 """Exports of a recording: tables, films, and files of other programs."""
 
-from stepbus_tools.viewing.exports.export_files import (
+from .exporter import (
     Exported,
+    Exporter,
     check_readable,
+    damage_line,
+    export,
+    exporters,
     progress_bar,
-    unreadable,
 )
 
-from .columns import CLOCK, Column, Table
-from .every import FORMS, damage_line, export
-
 __all__ = [
-    "CLOCK",
-    "FORMS",
-    "Column",
     "Exported",
-    "Table",
+    "Exporter",
     "check_readable",
     "damage_line",
     "export",
+    "exporters",
     "progress_bar",
-    "unreadable",
 ]

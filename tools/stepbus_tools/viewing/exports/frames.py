@@ -2,28 +2,19 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import chain
+from typing import NamedTuple
 
 from stepbus_orchestrator.recording import Port
-from stepbus_tools.viewing.scene import (
-    Frame,
-    Joint,
-    Messages,
-    Modelled,
-    Pose,
-    Scene,
-    all_positions,
-)
+from stepbus_tools.viewing.scene import Body, Messages, Pose, Scene, all_positions
 
-MAP = "map"
+_MAP = "map"
 _ODOM = "odom"
 _OPTICAL = ("_optical_frame", "_optical")
 """How the name of a frame with z ahead, x right and y down ends (REP 103)."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Transform:
+class Transform(NamedTuple):
     """A frame in its parent."""
 
     parent: str
@@ -44,61 +35,53 @@ class FrameTree:
         known = {body.name for body in scene.bodies}
         self._scene = scene
         self._loose = [f for f in scene.frames if f.body not in known and not f.is_ghost]
-        taken = Counter([MAP, _ODOM, *(frame.name for frame in self._loose)])
+        taken = Counter([_MAP, _ODOM, *(frame.name for frame in self._loose)])
         taken.update(link for body in scene.bodies for link in body.model.links)
-        is_only = len(robots) == 1 and robots[0].model.links.keys().isdisjoint((MAP, _ODOM))
-        self._robots = [BodyTree(body, "" if is_only else f"{body.name}/") for body in robots]
-        self._trees = [*self._robots, *(BodyTree(body, "", taken) for body in others)]
+        is_only = len(robots) == 1 and robots[0].model.links.keys().isdisjoint((_MAP, _ODOM))
+        self.robots = [BodyTree(body, "" if is_only else f"{body.name}/") for body in robots]
+        self._trees = [*self.robots, *(BodyTree(body, "", taken) for body in others)]
         self._links = {frame.name: frame.name for frame in self._loose}
         for tree in reversed(self._trees):
             for link, frame in tree.frames.items():
                 self._links |= {link: frame, f"{tree.body.name}/{link}": frame}
         self._cameras = {
-            port.topic: self.frame_of(link)
+            port.topic: self._frame_of(link)
             for port in ports
             if port.type == "Image/1"
             and (link := next(iter(port.description.details.get("link", ())), ""))
         }
 
-    @property
-    def robots(self) -> "Sequence[BodyTree]":
-        """Return the bodies with joints, each with its own frames."""
-        return self._robots
-
-    def frame_of(self, link: str) -> str:
+    def _frame_of(self, link: str) -> str:
         """Return the frame of a link, by the name that the plant has for it."""
         return self._links.get(link, link)
 
     def sensor_frame(self, port: Port) -> str:
         """Return the frame that a port's measurements are in."""
         if port.topic in self._cameras:
-            return optical(self._cameras[port.topic])
-        return self.frame_of(next(iter(port.names), "")) or MAP
+            return _optical(self._cameras[port.topic])
+        return self._frame_of(next(iter(port.names), "")) or _MAP
 
     def base_of(self, port: Port) -> tuple[str, str]:
         """Return the frame that a port's pose of a base is in, and that of the base."""
-        for tree in self._robots:
+        for tree in self.robots:
             if tree.body.odometry == port.topic:
                 return tree.odom, tree.root
-        mobile = [tree.root for tree in self._robots if tree.body.odometry]
-        return MAP, mobile[0] if len(mobile) == 1 else ""
+        mobile = [tree.root for tree in self.robots if tree.body.odometry]
+        return _MAP, mobile[0] if len(mobile) == 1 else ""
 
     def still(self) -> Iterator[Transform]:
         """Yield the frames that never move."""
         yield from chain.from_iterable(tree.still() for tree in self._trees)
         for link in dict.fromkeys(self._cameras.values()):
-            if optical(link) != link:
-                yield Transform(parent=link, child=optical(link), pose=Pose())
+            if _optical(link) != link:
+                yield Transform(link, _optical(link), Pose())
 
     def moved(self, topics: frozenset[str], messages: Messages) -> Iterator[Transform]:
         """Yield the frames that the newest messages of some ports place."""
-        poses: dict[str, Pose] = {}
-        for motion in self._scene.motions:
-            if not motion.topics.isdisjoint(topics):
-                poses |= motion.poses(messages)
+        poses = self._scene.poses(messages, topics)
         for frame in self._loose:
             if frame.name in poses:
-                yield _of_frame(frame, poses[frame.name])
+                yield Transform(frame.parent or _MAP, frame.name, poses[frame.name])
         for tree in self._trees:
             yield from tree.moved(topics, messages)
 
@@ -110,7 +93,7 @@ class BodyTree:
     begins with the name of the body.
     """
 
-    def __init__(self, body: Modelled, prefix: str, taken: Mapping[str, int] = {}) -> None:
+    def __init__(self, body: Body, prefix: str, taken: Mapping[str, int] = {}) -> None:
         self.body = body
         self.prefix = prefix
         self.frames = {
@@ -119,44 +102,40 @@ class BodyTree:
         }
         self.root = self.frames[body.model.root]
         self.odom = prefix + _ODOM
-        known: set[str] = set()
-        self._measured: dict[str, list[Joint]] = {}
-        for source in body.sources:
-            names = set(source.names) - known
-            self._measured[source.topic] = self._moved_by(names)
-            known |= {joint.name for joint in self._measured[source.topic]}
-        joints = [joint for joint in body.model.joints if joint.name not in known]
-        self._seen = [joint for joint in joints if joint.moves and joint.child in body.links]
-        self._still = [joint for joint in joints if joint not in self._seen]
+        joints = {joint.name: joint for joint in body.model.joints}
+        self._measured = {
+            source.topic: [
+                joints.pop(joint.name)
+                for joint in list(joints.values())
+                if joint.is_moved_by(source.names)
+            ]
+            for source in body.measured
+        }
+        self._seen = [j for j in joints.values() if j.moves and j.child in body.links]
+        self._still = [joint for joint in joints.values() if joint not in self._seen]
         self._truth = frozenset(chain.from_iterable(body.links.values()))
-
-    def _moved_by(self, names: set[str]) -> list[Joint]:
-        return [
-            joint
-            for joint in self.body.model.joints
-            if joint.moves and (joint.name in names or (joint.mimic or ("",))[0] in names)
-        ]
 
     def still(self) -> Iterator[Transform]:
         """Yield the joints that never move, and the root where nothing moves it."""
         body = self.body
         for joint in self._still:
-            yield self._joint(joint, joint.at(body.model.position(joint, {})))
+            yield self._of(joint.parent, joint.child, joint.at(body.model.position(joint, {})))
         if body.odometry:
             if not body.anchor:
-                yield Transform(parent=MAP, child=self.odom, pose=body.start)
+                yield Transform(_MAP, self.odom, body.start)
         elif body.is_fixed or not body.anchor:
-            yield Transform(parent=MAP, child=self.root, pose=body.start)
+            yield Transform(_MAP, self.root, body.start)
 
     def moved(self, topics: frozenset[str], messages: Messages) -> Iterator[Transform]:
         """Yield what the newest messages of some ports place."""
         body = self.body
-        positions = all_positions(body.sources, messages)
+        positions = all_positions(body.measured, messages)
         for topic in sorted(topics & self._measured.keys()):
             for joint in self._measured[topic]:
-                yield self._joint(joint, joint.at(body.model.position(joint, positions)))
+                moved = joint.at(body.model.position(joint, positions))
+                yield self._of(joint.parent, joint.child, moved)
         if body.odometry in topics and (pose := body.root_in_odom(messages)) is not None:
-            yield Transform(parent=self.odom, child=self.root, pose=pose)
+            yield Transform(self.odom, self.root, pose)
         if not topics.isdisjoint(self._truth):
             yield from self._by_truth(messages)
 
@@ -166,14 +145,14 @@ class BodyTree:
         root = None if body.is_fixed else body.root_in_world(messages)
         if root is not None and body.odometry:
             in_odom = body.root_in_odom(messages) or Pose()
-            yield Transform(parent=MAP, child=self.odom, pose=root @ in_odom.inverse())
+            yield Transform(_MAP, self.odom, root @ in_odom.inverse())
         elif root is not None:
-            yield Transform(parent=MAP, child=self.root, pose=root)
+            yield Transform(_MAP, self.root, root)
         for joint in self._seen:
             parent = self._in_world(joint.parent, messages)
             child = body.in_world(joint.child, messages)
             if parent is not None and child is not None:
-                yield self._joint(joint, parent.inverse() @ child)
+                yield self._of(joint.parent, joint.child, parent.inverse() @ child)
 
     def _in_world(self, link: str, messages: Messages) -> Pose | None:
         """Return the true pose of a link, by that of one that it is fixed to where it has none."""
@@ -184,16 +163,10 @@ class BodyTree:
         parent = self._in_world(joint.parent, messages)
         return None if parent is None else parent @ joint.origin
 
-    def _joint(self, joint: Joint, pose: Pose) -> Transform:
-        return Transform(
-            parent=self.frames[joint.parent], child=self.frames[joint.child], pose=pose
-        )
+    def _of(self, parent: str, child: str, pose: Pose) -> Transform:
+        return Transform(self.frames[parent], self.frames[child], pose)
 
 
-def optical(link: str) -> str:
+def _optical(link: str) -> str:
     """Return the optical frame of a camera's link; the plant's cameras have the same axes."""
     return link if link.endswith(_OPTICAL) else link + _OPTICAL[0]
-
-
-def _of_frame(frame: Frame, pose: Pose) -> Transform:
-    return Transform(parent=frame.parent or MAP, child=frame.name, pose=pose)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from functools import partial
 from pathlib import Path
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -15,22 +16,20 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
 from stepbus_participant import need
 from stepbus_schemas import StepbusError
-from stepbus_tools.viewing.exports.export_files import (
+from stepbus_tools.columns import CLOCK, NUMBERS, Cells, Column, Table, readable
+from stepbus_tools.viewing.exports.exporter import (
     Exported,
+    Exporter,
     Reached,
     nothing_to_export,
-    unreadable,
 )
 from stepbus_tools.whole_file import replaced
-
-from .columns import CLOCK, Cells, Column, Table
 
 _GROUP_ROWS = 100_000
 _GROUP_BYTES = 16 * 1024 * 1024
 """Of a row group, whichever comes first."""
-_OWN = "stepbus/"
 _COLUMNS_FILE = "columns.csv"
-LONG = (
+_LONG = (
     Column(name="step", type="int64", text="step of the message"),
     Column(name="t", type="double", unit="s", text="simulation time"),
     Column(name="signal", type="string", text="participant.port.column"),
@@ -41,106 +40,80 @@ LONG = (
 """The columns of a file with all ports: a row for each value."""
 
 
-class Sink(Protocol):
-    """A table that is written piece by piece."""
-
-    def __enter__(self) -> Self: ...
-    def __exit__(self, error: type[BaseException] | None, *_: object) -> None: ...
-    def write(self, values: Sequence[Cells]) -> None:
-        """Write rows. values: of each column."""
-
-
-def export_tables(recording: Recording, target: Path, form: str, reached: Reached) -> Exported:
+def _export(form: str, recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write the messages of all ports as `parquet` or `csv`.
 
     target: a folder, which gets one file for each port, `plant.joint_state.parquet`; or a file
     that ends in .parquet or .csv, which gets a row for each value.
-
-    Raises RecordingFailed when nothing can be exported or a file cannot be written, ExtraMissing
-    without the library.
     """
+    sink: Callable[..., _Sink] = _Csv if form == "csv" else _Parquet
     if form == "parquet":
         need("the export to Parquet", "pyarrow", "pyarrow.parquet")
-    tables, problems = _tables(recording)
-    is_file = target.suffix == f".{form}"
-    with ExitStack() as stack:
-        if is_file:
-            path = stack.enter_context(replaced(target))
-            sink = stack.enter_context(_sink(form, path, LONG, {}))
-            for table, batch in _pieces(recording, tables, problems, reached):
-                _write_long(sink, table, batch, problems)
-            paths = [target]
-        else:
-            sinks = {
-                table.port.topic: stack.enter_context(
-                    _sink(form, stack.enter_context(replaced(path)), table.columns, _about(table))
-                )
-                for table, path in _files(tables, target, form)
-            }
-            for table, batch in _pieces(recording, tables, problems, reached):
-                values = _values(table, batch, problems)
-                if values is not None:
-                    sinks[table.port.topic].write(values)
-            paths = [path for _, path in _files(tables, target, form)]
-            if form == "csv":
-                paths.append(_describe(tables, target))
-    return Exported(paths=paths, problems=list(problems.values()), lost=list(problems))
-
-
-def _tables(recording: Recording) -> tuple[list[Table], dict[str, str]]:
-    """Return the ports that can be read, and why the others cannot."""
-    tables, problems = [], dict[str, str]()
-    for port in recording.ports.values():
-        if port.topic.startswith(_OWN):
-            continue
-        try:
-            table = Table(port, recording.types)
-        except StepbusError as exc:
-            problems[port.topic] = unreadable(port, exc)
-        else:
-            if port.last_step >= 0:
-                tables.append(table)
+    tables, lost = readable(recording)
     if not tables:
         raise nothing_to_export(recording)
-    return tables, problems
+    is_file = target.suffix == f".{form}"
+    paths = {} if is_file else _files(tables, target, form)
+    with ExitStack() as stack:
+
+        def opened(path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> _Sink:
+            part = stack.enter_context(replaced(path))
+            made = sink(part, columns, about)
+            stack.enter_context(made)
+            return made
+
+        if is_file:
+            sinks = dict.fromkeys(tables, opened(target, _LONG, {}))
+        else:
+            sinks = {t: opened(path, t.columns, _about(t)) for t, path in paths.items()}
+        for table, batch in _pieces(recording, tables, lost):
+            try:
+                values = table.values(batch)
+            except StepbusError as exc:
+                end = f"its rows end before step {batch.steps[0]}"
+                lost[table.port.topic] = f"{table.port.topic}: {exc}; {end}"
+                continue
+            for rows in _long(table, values) if is_file else [values]:
+                sinks[table].write(rows)
+            reached(int(batch.steps[-1]))
+    written = [target] if is_file else list(paths.values())
+    if form == "csv" and not is_file:
+        written.append(_describe(tables, target))
+    return Exported(paths=written, problems=list(lost.values()), lost=list(lost))
+
+
+def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path]:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as exc:
+        raise RecordingFailed(f"{folder} cannot be made: {exc.strerror or exc}") from exc
+    return {table: folder / f"{table.name}.{form}" for table in tables}
 
 
 def _pieces(
-    recording: Recording, tables: Sequence[Table], problems: Mapping[str, str], reached: Reached
+    recording: Recording, tables: Sequence[Table], lost: Mapping[str, str]
 ) -> Iterator[tuple[Table, Batch]]:
-    """Yield the pieces of all tables that still have no problem."""
-    by_topic = {table.port.topic: table for table in tables}
+    """Yield the pieces of all tables that are not lost yet."""
     for piece in recording.batches([table.port for table in tables]):
-        for topic, batch in piece.items():
-            if len(batch.steps) and topic not in problems:
-                yield by_topic[topic], batch
-                reached(int(batch.steps[-1]))
+        for table in tables:
+            batch = piece[table.port.topic]
+            if len(batch.steps) and table.port.topic not in lost:
+                yield table, batch
 
 
-def _values(table: Table, batch: Batch, problems: dict[str, str]) -> list[Cells] | None:
-    try:
-        return table.values(batch)
-    except (StepbusError, ValueError) as exc:
-        problems[table.port.topic] = (
-            f"{table.port.topic}: {exc}; its rows end before step {batch.steps[0]}"
-        )
-        return None
-
-
-def _write_long(sink: Sink, table: Table, batch: Batch, problems: dict[str, str]) -> None:
-    """Write a row for each value of a piece, column by column."""
-    values = _values(table, batch, problems)
-    if values is None:
-        return
-    steps, t, count = batch.steps, batch.t, len(batch.steps)
-    prefix = f"{table.port.participant}.{table.port.name}."
-    for column, cells in zip(table.columns[len(CLOCK) :], values[len(CLOCK) :], strict=True):
-        is_number = column.type in ("double", "int64", "bool")
-        numbers = [None if cell is None else float(cell) for cell in cells] if is_number else None
-        texts = None if is_number else [_text(cell) for cell in cells]
-        empty = [None] * count
-        name, unit = [prefix + column.name] * count, [column.unit] * count
-        sink.write([steps, t, name, unit, numbers or empty, texts or empty])
+def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:
+    """Yield a row for each value of a piece, column by column."""
+    steps, _, t, *cells_of = values
+    count = len(steps)
+    for column, cells in zip(table.columns[len(CLOCK) :], cells_of, strict=True):
+        numbers: Cells = [None] * count
+        texts: Cells = [None] * count
+        if column.type in NUMBERS:
+            numbers = [None if cell is None else float(cell) for cell in cells]
+        else:
+            texts = [_text(cell) for cell in cells]
+        name = f"{table.name}.{column.name}"
+        yield steps, t, [name] * count, [column.unit] * count, numbers, texts
 
 
 def _text(cell: Any) -> str | None:
@@ -152,15 +125,6 @@ def _text(cell: Any) -> str | None:
         case str():
             return cell
     return json.dumps(cell)
-
-
-def _files(tables: Sequence[Table], folder: Path, form: str) -> list[tuple[Table, Path]]:
-    rows = [(t, folder / f"{t.port.participant}.{t.port.name}.{form}") for t in tables]
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as exc:
-        raise RecordingFailed(f"{folder} cannot be made: {exc.strerror or exc}") from exc
-    return rows
 
 
 def _about(table: Table) -> dict[str, str]:
@@ -179,20 +143,15 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
         writer = csv.writer(file)
         writer.writerow(["file", "column", "type", "unit", "description"])
         for table in tables:
-            name = f"{table.port.participant}.{table.port.name}.csv"
             for one in table.columns:
-                writer.writerow([name, one.name, one.type, one.unit, one.text])
+                writer.writerow([f"{table.name}.csv", one.name, one.type, one.unit, one.text])
     return path
-
-
-def _sink(form: str, path: Path, columns: Sequence[Column], about: Mapping[str, str]) -> Sink:
-    return _Csv(path, columns) if form == "csv" else _Parquet(path, columns, about)
 
 
 class _Csv:
     """A CSV file. Absent: empty; vectors: JSON; bytes: how many there are."""
 
-    def __init__(self, path: Path, columns: Sequence[Column]) -> None:
+    def __init__(self, path: Path, columns: Sequence[Column], _about: Mapping[str, str]) -> None:
         self._file = path.open("w", newline="", encoding="utf-8")
         self._types = [column.type for column in columns]
         self._writer = csv.writer(self._file)
@@ -205,19 +164,14 @@ class _Csv:
         self._file.close()
 
     def write(self, values: Sequence[Cells]) -> None:
-        """Write rows."""
-        columns = [_plain(cells, form) for cells, form in zip(values, self._types, strict=True)]
+        """Write rows. values: of each column."""
+        columns = [
+            cells.tolist()
+            if isinstance(cells, np.ndarray)
+            else [_text(c) if form == "list" or isinstance(c, bytes) else c for c in cells]
+            for cells, form in zip(values, self._types, strict=True)
+        ]
         self._writer.writerows(zip(*columns, strict=True))
-
-
-def _plain(cells: Cells, form: str) -> Sequence[Any]:
-    """Return what CSV writes of a column."""
-    if isinstance(cells, np.ndarray):
-        plain: list[Any] = cells.tolist()
-        return plain
-    if form == "list":
-        return [_text(cell) for cell in cells]
-    return [_text(cell) if isinstance(cell, bytes) else cell for cell in cells]
 
 
 class _Parquet:
@@ -282,3 +236,10 @@ class _Parquet:
             table = self._arrow.concat_tables(self._held).combine_chunks()
             self._writer.write_table(table, row_group_size=_GROUP_ROWS)
             self._held = []
+
+
+_Sink = _Csv | _Parquet
+
+_HELP = "tables: a folder gets a file for each port, a .{} file a row for each value"
+CSV = Exporter(write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH")
+PARQUET = Exporter(write=partial(_export, "parquet"), help=_HELP.format("parquet"), metavar="PATH")

@@ -1,5 +1,6 @@
 """report.html: a run, or several beside each other, on one page that opens offline."""
 
-from .report_page import PAGE_FILE, page_line, report, write_page
+from .content import read_run
+from .report_page import PAGE_FILE, render_page, write_page
 
-__all__ = ["PAGE_FILE", "page_line", "report", "write_page"]
+__all__ = ["PAGE_FILE", "read_run", "render_page", "write_page"]

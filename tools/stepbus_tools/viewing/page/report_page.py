@@ -1,5 +1,6 @@
 """Writes report.html."""
 
+import base64
 import json
 import shlex
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,92 +12,81 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.run.reports import in_units
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_participant import ExtraMissing, extra_hint
-from stepbus_schemas import Image, StepbusError
-from stepbus_tools.report import write_report
-from stepbus_tools.viewing.page.joint_curves import Arrays
-from stepbus_tools.viewing.page.timeline import EDGES_US
+from stepbus_tools.columns import dotted
+from stepbus_tools.report.charts import Chart, ChartLine, Role
+from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
-from .run import RunPage, read_run
-from .svg import bars, figure, path_from_above
+from .content import RunPage, groups, path_of, read_run
+from .step_times import lateness_html, times_html
+from .svg import figure, path_from_above
 
 PAGE_FILE = "report.html"
 _WIDEST = 480
 """Pixels of a camera still; a larger one is thinned."""
-
-
-def report(
-    paths: Sequence[Path], target: Path | None = None, problems: list[str] | None = None
-) -> Path:
-    """Write the page of a run, or of several beside each other, with their summaries; its path.
-
-    problems: gets what cannot be shown. paths, target, and what is raised: as of `write_page`.
-    """
-    files = [layout.recording_file(path) for path in paths]
-    lines = [write_report(path, has_plots=False) for path in files]
-    return write_page(files, target, lines, problems)
+_MOST_POINTS = 2000
+_MOST_WARNINGS = 10
+_FEW_EVENTS = 30
+_STYLES: Mapping[Role, Mapping[str, object]] = {
+    "measured": {},
+    "error": {"color": 3},
+    "reference": {"dash": True, "color": 1},
+    "command": {"dash": True, "color": 1},
+    "target": {"dash": True, "color": 2},
+}
+"""What a line is → how the script draws it."""
 
 
 def write_page(
-    paths: Sequence[Path],
-    target: Path | None = None,
-    lines: Sequence[Sequence[str]] = (),
-    problems: list[str] | None = None,
+    paths: Sequence[Path], target: Path | None = None, problems: list[str] | None = None
 ) -> Path:
     """Write the page of a run, or of several beside each other; return its path.
 
     paths: of recordings, or the folders of their runs. target: default: report.html beside the
-    first recording. lines: what the summary of each run says of its recording. problems: gets what
-    cannot be shown.
+    first recording. problems: gets what cannot be shown.
 
     Raises RecordingFailed when a recording cannot be read or the page cannot be written,
     ExtraMissing without uPlot.
     """
-    charts = _charts()
-    arrays = Arrays()
-    known = lines or [()] * len(paths)
-    runs = [read_run(path, arrays, own) for path, own in zip(paths, known, strict=True)]
+    runs = [read_run(path) for path in paths]
     if problems is not None:
         problems += [f"{run.path}: {text}" for run in runs for text in run.problems]
-    target = target or runs[0].path.with_name(PAGE_FILE)
-    room = files(__package__ or "") / "assets"
+    return render_page(runs, target or runs[0].path.with_name(PAGE_FILE))
+
+
+def render_page(runs: Sequence[RunPage], target: Path) -> Path:
+    """Write the page of runs that have been read; raises as `write_page`."""
+    library, assets = _uplot(), files(__package__ or "") / "assets"
+    labelled = list(zip(_labels(runs), runs, strict=True))
     title = " · ".join(dict.fromkeys(run.name for run in runs))
-    labels = _labels(runs)
-    text = Template(_read(room / "page.html")).substitute(
+    text = Template(_read(assets / "page.html")).substitute(
         title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
-        head="".join(_head(run, label) for run, label in zip(runs, labels, strict=True)),
-        stills=_section("The scene at its end", _scenes(runs, labels)),
-        pictures=_section("Camera", "".join(map(_stills, runs))),
-        path=_section("Path of the base, from above", _paths(runs, labels)),
-        happenings=_section("Events and faults", _happenings(runs, labels)),
-        timing=_section("Step times", _timing(runs, labels)),
+        head="".join(_head(run, label) for label, run in labelled),
+        stills=_section("The scene at its end", _scenes(labelled)),
+        pictures=_section("Camera", "".join(map(_camera_stills, runs))),
+        path=_section("Path of the base, from above", path_from_above(_paths(labelled))),
+        happenings=_section("Events and faults", _events(labelled)),
+        timing=_section("Step times", "".join(_times(run, label) for label, run in labelled)),
         again=_section("Run it again", "".join(map(_again, runs))),
-        style=_read(charts / "uPlot.min.css") + _read(room / "page.css"),
-        library=_read(charts / "uPlot.iife.js"),
-        data=_script(_data(runs, labels, arrays)),
-        script=_read(room / "page.js"),
+        style=_read(library / "uPlot.min.css") + _read(assets / "page.css"),
+        library=_read(library / "uPlot.iife.js"),
+        data=_script(_data(labelled)),
+        script=_read(assets / "page.js"),
     )
     with replaced(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
 
 
-def page_line(recording: Path, lines: Sequence[str]) -> str:
-    """Write the page of a run, and return what its summary should say of it.
-
-    lines: of the summary. A page that cannot be written changes no run.
-    """
-    try:
-        return f"report    {write_page([recording], lines=[lines])}"
-    except StepbusError as exc:
-        return f"no report {exc}"
+_Labelled = Sequence[tuple[str, RunPage]]
 
 
-def _charts() -> Path:
+def _uplot() -> Path:
     """Return the folder of uPlot, which the package uplot-python carries."""
     # It is not imported: that would load IPython.
     spec = find_spec("uplot")
@@ -123,40 +113,82 @@ def _labels(runs: Sequence[RunPage]) -> list[str]:
     return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
 
 
-def _data(runs: Sequence[RunPage], labels: Sequence[str], arrays: Arrays) -> Mapping[str, Any]:
+# --- the charts ---------------------------------------------------------------------------
+
+
+class _Arrays:
+    """All numbers of a page as base64; equal arrays, such as the times of most, are there once."""
+
+    def __init__(self) -> None:
+        self._places: dict[bytes, int] = {}
+
+    def line(self, line: ChartLine) -> dict[str, Any]:
+        """Return a line of a chart, as the script takes it."""
+        curve = Curve(_MOST_POINTS)
+        curve.add(line.t, np.where(np.isfinite(line.values), line.values, np.nan)[:, None])
+        t, values = curve.line(0)
+        at, y = self._place(b"d", t.astype("<f8")), self._place(b"f", values.astype("<f4"))
+        return {"label": line.label, "t": at, "y": y, **_STYLES[line.role]}
+
+    def encoded(self) -> list[str]:
+        """Return each array: `d` or `f`, then its little-endian numbers as base64."""
+        return [data[:1].decode() + base64.b64encode(data[1:]).decode() for data in self._places]
+
+    def _place(self, form: bytes, values: Array) -> int:
+        return self._places.setdefault(form + values.tobytes(), len(self._places))
+
+
+def _data(labelled: _Labelled) -> Mapping[str, Any]:
+    """Return what the script shows: all charts, marks, and their last time [s]."""
+    arrays, runs = _Arrays(), [run for _, run in labelled]
+    ends_s = [t for run in runs for t in (run.end_s, *(one.t_ns * 1e-9 for one in run.events))]
     return {
-        "groups": runs[0].groups if len(runs) == 1 else _merged(runs, labels),
+        "groups": _groups(labelled, arrays),
         "marks": [
-            {**one.row(), "run": number}
-            for number, run in enumerate(runs)
-            for one in run.happenings
-            if one.level != "info" or len(run.happenings) <= 30
+            {"t": one.t_ns * 1e-9, "level": one.level}
+            for run in runs
+            for one in run.events
+            if one.level != "info" or len(run.events) <= _FEW_EVENTS
         ],
         # What ended a run comes a step behind its last message.
-        "end": max(t for run in runs for t in (run.end_s, *(one.t for one in run.happenings))),
-        "runs": labels,
+        "end": max(ends_s),
         "arrays": arrays.encoded(),
     }
 
 
-def _merged(runs: Sequence[RunPage], labels: Sequence[str]) -> list[Mapping[str, Any]]:
-    """Return the groups of several runs: each chart once, with the lines of all in it.
+def _groups(labelled: _Labelled, arrays: _Arrays) -> list[Mapping[str, Any]]:
+    """Return the groups of all runs: each chart once, with the lines of all in it."""
+    merged: dict[str, dict[str, Any]] = {}
+    for number, (label, run) in enumerate(labelled):
+        for group in groups(run):
+            into = merged.setdefault(group.title, {"open": group.is_open, "charts": {}})
+            for chart in group.charts:
+                empty = {"unit": chart.unit, "limits": chart.limits, "lines": []}
+                kept = into["charts"].setdefault((chart.title, chart.unit), empty)
+                kept["lines"] += _lines(chart, kept["lines"], arrays, label, number)
+    return [
+        {
+            "title": title,
+            "open": group["open"],
+            "charts": [{"title": name, **row} for (name, _), row in group["charts"].items()],
+        }
+        for title, group in merged.items()
+    ]
 
-    What is the same for all, such as a reference, is there once.
-    """
-    groups: dict[str, dict[str, Any]] = {}
-    for number, (run, label) in enumerate(zip(runs, labels, strict=True)):
-        for group in run.groups:
-            into = groups.setdefault(group["title"], {**group, "charts": {}})
-            for chart in group["charts"]:
-                kept = into["charts"].setdefault(chart["key"], {**chart, "lines": []})
-                seen = {(line["t"], line["y"]) for line in kept["lines"]}
-                kept["lines"] += [
-                    {**line, "label": f"{label} {line['label']}", "run": number, "color": number}
-                    for line in chart["lines"]
-                    if (line["t"], line["y"]) not in seen or not line.get("dash")
-                ]
-    return [{**group, "charts": list(group["charts"].values())} for group in groups.values()]
+
+def _lines(
+    chart: Chart, known: Sequence[Mapping[str, Any]], arrays: _Arrays, label: str, number: int
+) -> Iterator[Mapping[str, Any]]:
+    """Yield the lines of a run; of several, what is the same for all, as a reference, is once."""
+    seen = {(line["t"], line["y"]) for line in known}
+    for line in map(arrays.line, chart.lines):
+        if not label:
+            yield line
+        elif (line["t"], line["y"]) not in seen or not line.get("dash"):
+            yield {**line, "label": f"{label} {line['label']}", "color": number}
+
+
+# --- the rest -----------------------------------------------------------------------------
 
 
 def _section(title: str, content: str) -> str:
@@ -166,31 +198,25 @@ def _section(title: str, content: str) -> str:
 def _head(run: RunPage, label: str) -> str:
     result = run.result
     name = escape(run.name + (f" ({label})" if label else ""))
-    if result is None:
-        verdict, why = "unknown", "There is no result.json beside the recording."
-    else:
+    verdict, why = "unknown", "There is no result.json beside the recording."
+    problems = list(run.problems)
+    if result is not None:
         verdict, why = result.outcome, result.reason
         why = "It ran to its end." if why == verdict else why
         if result.exit_code and result.participant:
             why += f" ({result.participant}, step {result.at_step}, exit code {result.exit_code})"
-    problems = "".join(f'<p class="problem">{escape(text)}</p>' for text in run.problems)
-    warnings = "".join(
-        f'<p class="problem">{escape(f"{w.level}: {w.source}, step {w.step}: {w.text}")}</p>'
-        for w in (result.warnings[:10] if result else ())
-    )
-    lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines if _is_shown(line))
+        warnings = result.warnings[:_MOST_WARNINGS]
+        problems += [f"{w.level}: {w.source}, step {w.step}: {w.text}" for w in warnings]
+    shown = "".join(f'<p class="problem">{escape(text)}</p>' for text in problems)
+    lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines)
     cells = "".join(
         f"<div><dt>{key}</dt><dd>{escape(value)}</dd></div>" for key, value in _facts(run)
     )
     return (
         f'<header><h1>{name} <span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
-        f'<p class="reason">{escape(why)}</p>{problems}{warnings}<dl>{cells}</dl>'
+        f'<p class="reason">{escape(why)}</p>{shown}<dl>{cells}</dl>'
         f"{f'<ul>{lines}</ul>' if lines else ''}</header>"
     )
-
-
-def _is_shown(line: str) -> bool:
-    return not line.startswith(("plots ", "no plots "))
 
 
 def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
@@ -201,8 +227,7 @@ def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
         return
     yield "steps", f"{result.steps} of {result.step_ns * 1e-6:g} ms"
     yield "simulated", f"{result.simulated_s:g} s"
-    speed = f"{result.wall_s:.2f} s, {result.real_time_factor:.2f} × real time"
-    yield "wall time", speed
+    yield "wall time", f"{result.wall_s:.2f} s, {result.real_time_factor:.2f} × real time"
     yield "seed, window, transport", f"{result.seed}, {result.window}, {result.transport}"
     if result.faults:
         yield "faults", ", ".join(result.faults)
@@ -212,107 +237,59 @@ def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
     yield "sha256", result.sha256[:16]
 
 
-def _scenes(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+def _scenes(labelled: _Labelled) -> str:
     rows = [
         figure(run.still, f"{label} t = {run.end_s:.2f} s".strip())
-        for run, label in zip(runs, labels, strict=True)
+        for label, run in labelled
         if run.still is not None
     ]
     return f'<div class="stills scene">{"".join(rows)}</div>' if rows else ""
 
 
-def _stills(run: RunPage) -> str:
+def _camera_stills(run: RunPage) -> str:
     rows = []
-    for stills in run.stills:
-        for t, image in stills.images:
-            pixels = _pixels(image)
-            if pixels is not None:
-                name = f"{stills.port.participant}.{stills.port.name}, t = {t:.2f} s"
-                rows.append(figure(pixels, name))
+    for camera in run.cameras:
+        for t, image in camera.images:
+            every = -(-image.width // _WIDEST) or 1
+            try:
+                pixels = pixels_of(image)[::every, ::every]
+            except ValueError:
+                continue
+            rows.append(figure(pixels, f"{dotted(camera.port)}, t = {t:.2f} s"))
     return f'<div class="stills">{"".join(rows)}</div>' if rows else ""
 
 
-def _pixels(image: Image) -> Any:
-    """Return an image in colours, shape (rows, columns, 3); None where it is none."""
-    every = -(-image.width // _WIDEST) or 1
-    try:
-        return pixels_of(image)[::every, ::every]
-    except ValueError:
-        return None
-
-
-def _paths(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
-    paths = {
-        f"{label} {path.port.participant}.{path.port.name}".strip(): points
-        for run, label in zip(runs, labels, strict=True)
-        for path in run.paths
-        if len(points := path.points())
+def _paths(labelled: _Labelled) -> dict[str, Array]:
+    return {
+        f"{label} {port.name}".strip(): points
+        for label, run in labelled
+        for port in run.ports
+        if len(points := path_of(port))
     }
-    return path_from_above(paths) if paths else ""
 
 
-def _happenings(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
+def _events(labelled: _Labelled) -> str:
     rows = "".join(
-        f'<tr class="{escape(one.level)}"><td>{one.t:.3f} s</td><td>{escape(label)}</td>'
+        f'<tr class="{escape(one.level)}"><td>{one.t_ns * 1e-9:.3f} s</td><td>{escape(label)}</td>'
         f"<td>{escape(one.level)}</td><td>{escape(one.source)}</td><td>{escape(one.text)}</td></tr>"
-        for run, label in zip(runs, labels, strict=True)
-        for one in run.happenings
+        for label, run in labelled
+        for one in run.events
     )
-    left = sum(run.left_out for run in runs)
+    left = sum(run.events_left for _, run in labelled)
     more = f"<p>{left} more are in the recording.</p>" if left else ""
     return f"<div class=scroll><table>{rows}</table></div>{more}" if rows else ""
 
 
-def _timing(runs: Sequence[RunPage], labels: Sequence[str]) -> str:
-    return "".join(
-        (f"<h3>{escape(label)}</h3>" if label else "") + _times(run) + _lateness(run)
-        for run, label in zip(runs, labels, strict=True)
-        if run.times
-    )
-
-
-def _times(run: RunPage) -> str:
-    names = sorted(run.times, key=lambda name: -run.times[name].compute)
-    most = max((t.compute + t.wait) / max(1, t.steps) for t in run.times.values()) or 1.0
-    rows = []
-    for name in names:
-        one = run.times[name]
-        compute, wait = (x / max(1, one.steps) for x in (one.compute, one.wait))
-        rows.append(
-            f"<tr><td>{escape(name)}</td><td>{in_units(compute * 1e-3)}</td>"
-            f"<td>≤ {in_units(one.quantile_us(0.99))}</td>"
-            f"<td>{in_units(one.longest * 1e-3)}</td><td>{in_units(wait * 1e-3)}</td>"
-            f"<td class=bar>{_share('c0', compute / most)}{_share('wait', wait / most)}</td></tr>"
-        )
-    counts = {name: run.times[name].counts.tolist() for name in names}
-    edges = [in_units(edge) for edge in EDGES_US]
-    return (
-        "<div class=scroll><table><tr><th>participant</th><th>compute</th><th>p99</th>"
-        "<th>longest</th><th>wait</th><th>mean step: compute, wait</th></tr>"
-        f"{''.join(rows)}</table></div><h3>Compute time of a step</h3>{bars(counts, edges)}"
-    )
-
-
-def _share(name: str, share: float) -> str:
-    return f'<i class={name} style="width:{100 * share:.1f}%"></i>'
-
-
-def _lateness(run: RunPage) -> str:
-    late = run.result.real_time if run.result else None
-    if late is None:
+def _times(run: RunPage, label: str) -> str:
+    if not run.times:
         return ""
-    labels = [f"{bound} µs" if bound.isdecimal() else bound for bound in late.histogram]
-    text = (
-        f"p50 {in_units(late.p50_us)}, p99 {in_units(late.p99_us)}, max {in_units(late.max_us)}, "
-        f"at {late.factor:g} × real time"
-    )
-    chart = bars({"steps": list(late.histogram.values())}, labels)
-    return f"<h3>Lateness of steps</h3><p>{text}</p>{chart}"
+    late = run.result.real_time if run.result else None
+    title = f"<h3>{escape(label)}</h3>" if label else ""
+    return title + times_html(run.times) + (lateness_html(late) if late else "")
 
 
 def _again(run: RunPage) -> str:
-    path = shlex.quote(str(run.path))
-    rows = [f"stepbus rerun {path}"]
+    rows = [f"stepbus rerun {shlex.quote(str(run.path))}"]
     if run.result is not None and run.result.file:
         sets = "".join(f" --set {shlex.quote(text)}" for text in run.result.overrides)
         rows.insert(0, f"stepbus run {shlex.quote(run.result.file)}{sets}")

@@ -11,36 +11,8 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.analysis.signals import Array
 
-_WIDTH, _HEIGHT = 640.0, 220.0
-
-
-def bars(rows: Mapping[str, Sequence[int]], labels: Sequence[str]) -> str:
-    """Return a histogram, one series over the other. rows: name → counts, one for each label."""
-    shown = [i for i in range(len(labels)) if any(counts[i] for counts in rows.values())]
-    if not shown:
-        return ""
-    first, last = shown[0], shown[-1] + 1
-    most = max(max(counts[first:last]) for counts in rows.values())
-    slot = _WIDTH / (last - first)
-    width, parts = slot / len(rows) * 0.9, []
-    for number, (name, counts) in enumerate(rows.items()):
-        for index in range(first, last):
-            if counts[index]:
-                height = max(1.0, counts[index] / most * _HEIGHT)
-                x = (index - first) * slot + number * slot / len(rows)
-                parts.append(
-                    f'<rect class="c{number % 8}" x="{x:.1f}" y="{_HEIGHT - height:.1f}" '
-                    f'width="{max(1.0, width):.1f}" height="{height:.1f}"><title>{escape(name)}, '
-                    f"up to {escape(labels[index])}: {counts[index]}</title></rect>"
-                )
-    every = max(1, (last - first) // 6)
-    for index in range(first, last, every):
-        x = (index - first) * slot
-        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT + 18}">{escape(labels[index])}</text>')
-    return (
-        f'<svg role="img" viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>'
-        f"{legend(list(rows))}"
-    )
+_COLOURS = 8
+_MOST_POINTS = 2000
 
 
 def legend(names: Sequence[str]) -> str:
@@ -48,7 +20,8 @@ def legend(names: Sequence[str]) -> str:
     return (
         '<p class="legend">'
         + "".join(
-            f'<span><i class="c{i % 8}"></i>{escape(name)}</span>' for i, name in enumerate(names)
+            f'<span><i class="c{i % _COLOURS}"></i>{escape(name)}</span>'
+            for i, name in enumerate(names)
         )
         + "</p>"
     )
@@ -56,7 +29,7 @@ def legend(names: Sequence[str]) -> str:
 
 def path_from_above(paths: Mapping[str, Array]) -> str:
     """Return the paths of bases, x to the right and y up. paths: name → shape (p, 2), [m]."""
-    every = np.concatenate(list(paths.values()))
+    every = np.concatenate([np.empty((0, 2)), *paths.values()])
     every = every[np.isfinite(every).all(axis=1)]
     if not len(every):
         return ""
@@ -67,13 +40,13 @@ def path_from_above(paths: Mapping[str, Array]) -> str:
     width, height = high[0] - low[0] + 2 * edge, high[1] - low[1] + 2 * edge
     parts = []
     for number, points in enumerate(paths.values()):
-        step = max(1, len(points) // 2000)
+        step = max(1, len(points) // _MOST_POINTS)
         kept = np.concatenate((points[::step], points[-1:]))
         dots = " ".join(f"{a:.4g},{-b:.4g}" for a, b in kept if np.isfinite(a + b))
         start, end = points[0], points[-1]
         parts.append(
-            f'<polyline class="c{number % 8}" points="{dots}"/>'
-            f'<circle class="c{number % 8}" cx="{end[0]:.4g}" cy="{-end[1]:.4g}" '
+            f'<polyline class="c{number % _COLOURS}" points="{dots}"/>'
+            f'<circle class="c{number % _COLOURS}" cx="{end[0]:.4g}" cy="{-end[1]:.4g}" '
             f'r="{span / 60:.4g}"><title>end</title></circle>'
             # Wider, so that it is seen around the end of a base that has come back.
             f'<circle class="start" cx="{start[0]:.4g}" cy="{-start[1]:.4g}" r="{span / 40:.4g}">'

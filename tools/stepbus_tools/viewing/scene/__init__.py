@@ -2,32 +2,27 @@
 
 from stepbus_tools.viewing.scene.primitives import Pose, about
 
-from .build import DescribedPort, Ports, build_scene, recorded_topics
-from .meshes import GREY, Color, Mesh, Visual
-from .model import Joint
-from .motions import Modelled, all_positions, measured
-from .scene import GHOST, Chain, Frame, Latest, Messages, Motion, Scene
+from .bodies import Body, Latest, Messages, all_positions, measured
+from .build import Ports, build_scene
+from .meshes import Color, Mesh, Visual
+from .scene import GHOST, Chain, Frame, Scene, bounds
 
 __all__ = [
     "GHOST",
-    "GREY",
+    "Body",
     "Chain",
     "Color",
-    "DescribedPort",
     "Frame",
-    "Joint",
     "Latest",
     "Mesh",
     "Messages",
-    "Modelled",
-    "Motion",
     "Ports",
     "Pose",
     "Scene",
     "Visual",
     "about",
     "all_positions",
+    "bounds",
     "build_scene",
     "measured",
-    "recorded_topics",
 ]

@@ -19,7 +19,7 @@ _MOST_FACES = 4000
 _CELLS = 64
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Mesh:
     """Triangles of one colour. vertices: shape (n, 3) [m]. faces: shape (m, 3)."""
 
@@ -49,10 +49,11 @@ def primitive(shape: str, size: tuple[float, ...]) -> Mesh | None:
     None for any other shape.
     """
     make = PRIMITIVES.get(shape)
-    if make is None:
-        return None
-    vertices, faces = make(size)
-    return Mesh(vertices=vertices, faces=faces)
+    return None if make is None else Mesh(*make(size))
+
+
+PLACEHOLDER = Mesh(*PRIMITIVES["box"]((0.08, 0.08, 0.08)), GREY)
+"""A grey box, which stands for what cannot be shown."""
 
 
 @lru_cache(maxsize=256)
@@ -62,24 +63,19 @@ def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]
     Raises ExtraMissing, a WiringError, without trimesh, which takes a second to load.
     """
     (trimesh,) = need("a mesh", "trimesh")
+    groups: dict[Color | None, list[Any]] = {}
     try:
         # Textures are not shown, and their files need not be there.
         loaded = trimesh.load(path, skip_materials=path.suffix.lower() == ".obj")
-        colored = _by_color(trimesh, loaded)
+        for part in loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]:
+            if isinstance(part, trimesh.Trimesh) and len(part.faces):
+                groups.setdefault(_color_of(part), []).append(part)
+        united = [(color, trimesh.util.concatenate(parts)) for color, parts in groups.items()]
     except Exception as exc:
         raise ValueError(f"{path.name} cannot be read: {exc}") from exc
-    if not colored:
+    if not united:
         raise ValueError(f"{path.name} has no triangles")
-    return tuple(_scaled(mesh, scale) for mesh in colored)
-
-
-def _by_color(trimesh: Any, loaded: Any) -> list[Mesh]:
-    parts = loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]
-    groups: dict[Color | None, list[Any]] = {}
-    for part in parts:
-        if isinstance(part, trimesh.Trimesh) and len(part.faces):
-            groups.setdefault(_color_of(part), []).append(part)
-    return [_mesh(trimesh.util.concatenate(group), color) for color, group in groups.items()]
+    return tuple(_mesh(part, color, scale) for color, part in united)
 
 
 def _color_of(part: Any) -> Color | None:
@@ -93,12 +89,12 @@ def _color_of(part: Any) -> Color | None:
     return red, green, blue
 
 
-def _mesh(part: Any, color: Color | None) -> Mesh:
+def _mesh(part: Any, color: Color | None, scale: tuple[float, float, float]) -> Mesh:
     vertices = np.asarray(part.vertices, dtype=np.float32)
     faces = np.asarray(part.faces, dtype=np.uint32)
     if len(faces) > _MOST_FACES:
         vertices, faces = _coarser(vertices, faces)
-    return Mesh(vertices=vertices, faces=faces, color=color)
+    return Mesh(vertices * np.array(scale, dtype=np.float32), faces, color)
 
 
 def _coarser(
@@ -117,10 +113,3 @@ def _coarser(
     kept = number[faces].astype(np.uint32)
     a, b, c = kept.T
     return middle, kept[(a != b) & (b != c) & (a != c)]
-
-
-def _scaled(mesh: Mesh, scale: tuple[float, float, float]) -> Mesh:
-    if scale == (1.0, 1.0, 1.0):
-        return mesh
-    vertices = mesh.vertices * np.array(scale, dtype=np.float32)
-    return Mesh(vertices=vertices, faces=mesh.faces, color=mesh.color)

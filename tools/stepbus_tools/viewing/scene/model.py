@@ -1,24 +1,16 @@
 """A robot's model as it is drawn: its links, and how joints move them."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_participant import mimics, package_path, parse_urdf, read_urdf_text
+from stepbus_participant import Mimic, mimics, package_path, parse_urdf, read_urdf_text
 from stepbus_schemas import WiringError
-from stepbus_tools.viewing.scene.primitives import (
-    Pose,
-    Vector,
-    about,
-    from_rpy,
-    product,
-    rotated,
-    unit,
-)
+from stepbus_tools.viewing.scene.primitives import Pose, Vector, about, from_rpy, unit
 
-from .meshes import GREY, Color, Visual, mesh_file, primitive
+from .meshes import GREY, PLACEHOLDER, Color, Mesh, Visual, mesh_file, primitive
 
 _SIZES = {
     "box": ("size",),
@@ -34,7 +26,7 @@ _SLIDING = ("prismatic",)
 class Joint:
     """A joint of a model. origin: of its child in its parent, at position 0. rest: [rad or m].
 
-    mimic: joint that it follows, factor and offset; None: none.
+    mimic: what it follows; None: nothing.
     """
 
     name: str
@@ -44,22 +36,25 @@ class Joint:
     origin: Pose
     axis: Vector
     rest: float = 0.0
-    mimic: tuple[str, float, float] | None = None
+    mimic: Mimic | None = None
 
     @property
     def moves(self) -> bool:
         """Return whether it has a position."""
         return self.type in _TURNING or self.type in _SLIDING
 
+    def is_moved_by(self, names: Collection[str]) -> bool:
+        """Return whether it moves with one of some joints, of which it may be one."""
+        leader = self.mimic.joint if self.mimic else self.name
+        return self.moves and (self.name in names or leader in names)
+
     def at(self, position: float) -> Pose:
         """Return the pose of its child in its parent. position: [rad or m]."""
-        if self.type in _TURNING:
-            return Pose(self.origin.position, product(self.origin.wxyz, about(self.axis, position)))
         if self.type in _SLIDING:
-            x, y, z = rotated(self.origin.wxyz, self.axis)
-            px, py, pz = self.origin.position
-            moved = (px + x * position, py + y * position, pz + z * position)
-            return Pose(moved, self.origin.wxyz)
+            x, y, z = self.axis
+            return self.origin @ Pose((x * position, y * position, z * position))
+        if self.type in _TURNING:
+            return self.origin @ Pose(wxyz=about(self.axis, position))
         return self.origin
 
 
@@ -78,11 +73,6 @@ class Model:
     text: str = ""
 
     @property
-    def below_root(self) -> tuple[str, ...]:
-        """Return all links, each behind the one that it hangs on."""
-        return (self.root, *(joint.child for joint in self.joints))
-
-    @property
     def has_joints(self) -> bool:
         """Return whether any of its joints has a position."""
         return any(joint.moves for joint in self.joints)
@@ -91,12 +81,12 @@ class Model:
         """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
         if joint.name in positions:
             return positions[joint.name]
-        if joint.mimic is not None:
-            name, factor, offset = joint.mimic
-            leader = next((other for other in self.joints if other.name == name), None)
-            if leader is not None and leader is not joint:
-                return factor * self.position(leader, positions) + offset
-        return joint.rest
+        mimic = joint.mimic
+        leaders = (one for one in self.joints if mimic is not None and one.name == mimic.joint)
+        leader = next(leaders, joint)
+        if mimic is None or leader is joint:
+            return joint.rest
+        return mimic.multiplier * self.position(leader, positions) + mimic.offset
 
     def pose(self, link: str, positions: Mapping[str, float]) -> Pose:
         """Return the pose of a link in the root link."""
@@ -146,7 +136,6 @@ class _Reader:
         followers = mimics(self._root)  # type: ignore[arg-type]  # what parse_urdf returned
         for element in self._root.findall("joint"):
             name = element.get("name", "")
-            mimic = followers.get(name)
             yield Joint(
                 name=name,
                 type=element.get("type", "fixed"),
@@ -155,50 +144,37 @@ class _Reader:
                 origin=_origin(element),
                 axis=unit(_numbers(element.find("axis"), "xyz", (1.0, 0.0, 0.0))),
                 rest=self._rest.get(name, _rest(element)),
-                mimic=None if mimic is None else (mimic.joint, mimic.multiplier, mimic.offset),
+                mimic=followers.get(name),
             )
 
     def _visuals(self, link: ET.Element) -> Iterator[Visual]:
         """Yield what a link looks like: its visuals, or its collision shapes."""
-        shown = link.findall("visual") or link.findall("collision")
-        for element in shown:
+        for element in link.findall("visual") or link.findall("collision"):
             geometry = element.find("geometry/*")
             if geometry is not None:
-                yield from self._shapes(link.get("name", ""), element, geometry)
+                pose, color = _origin(element), self._color(element) or GREY
+                for mesh in self._meshes(link.get("name", ""), geometry):
+                    yield Visual(mesh=mesh, pose=pose, color=color)
 
-    def _shapes(self, link: str, element: ET.Element, geometry: ET.Element) -> Iterator[Visual]:
-        pose, color = _origin(element), self._color(element)
+    def _meshes(self, link: str, geometry: ET.Element) -> Sequence[Mesh]:
         if geometry.tag == "mesh":
-            yield from self._mesh(link, geometry, pose, color)
-            return
+            x, y, z = _numbers(geometry, "scale", (1.0, 1.0, 1.0))
+            try:
+                return mesh_file(self._file(geometry.get("filename", "")), (x, y, z))
+            except (WiringError, ValueError, OSError) as exc:
+                self._notes[f"link {link} is a grey box: {exc}"] = None
+                return [PLACEHOLDER]
         keys = _SIZES.get(geometry.tag, ())
         size = tuple(x for key in keys for x in _numbers(geometry, key, ()))
         mesh = primitive(geometry.tag, size)
         if mesh is None:
             self._notes[f"link {link}: <{geometry.tag}> is not shown"] = None
-        else:
-            yield Visual(mesh=mesh, pose=pose, color=color or GREY)
-
-    def _mesh(
-        self, link: str, geometry: ET.Element, pose: Pose, color: Color | None
-    ) -> Iterator[Visual]:
-        name = geometry.get("filename", "")
-        x, y, z = _numbers(geometry, "scale", (1.0, 1.0, 1.0))
-        try:
-            for mesh in mesh_file(self._file(name), (x, y, z)):
-                yield Visual(mesh=mesh, pose=pose, color=color or GREY)
-        except (WiringError, ValueError, OSError) as exc:
-            self._notes[f"link {link} is a grey box: {exc}"] = None
-            box = primitive("box", (0.08, 0.08, 0.08))
-            if box is not None:
-                yield Visual(mesh=box, pose=pose)
+        return [] if mesh is None else [mesh]
 
     def _file(self, name: str) -> Path:
         folder = self._path.parent
-        if name.startswith("package://"):
-            path = package_path(name, folder)
-        else:
-            path = folder / name.removeprefix("file://")
+        is_packaged = name.startswith("package://")
+        path = package_path(name, folder) if is_packaged else folder / name.removeprefix("file://")
         if not path.is_file():
             raise ValueError(f"no mesh {name}")
         return path

@@ -2,59 +2,93 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from itertools import chain
+from typing import Any
 
-from stepbus_schemas import Message
-from stepbus_tools.viewing.scene.primitives import Pose
+import numpy as np
 
+from stepbus_schemas import Poses
+from stepbus_tools.viewing.scene.primitives import Pose, from_xyzw
+
+from .bodies import Body, JointSource, Messages, all_positions
 from .meshes import Visual
-from .model import Model
+from .model import Joint, Model
 
-if TYPE_CHECKING:
-    from .motions import Modelled
-
+_FLOOR_M = 8.0
+_FEW = 40
+_APART = (4.0, 96.0)
+"""What is outside of these percentiles, such as a crate in a far corner, does not count."""
 GHOST = "target"
 """Prefix of the frames that show where joints should be."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Latest:
-    """The newest message of a port: its step, and itself."""
-
-    step: int
-    message: Message
-
-
-Messages = Mapping[str, Latest]
-"""Topic → its newest message, of the ports that have one."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
     """A frame: its parent, where it is at the start, and what it looks like.
 
-    name: unique. parent: name of a frame that precedes it; empty: the world. label: for the
-    reader. is_ghost: shows where something should be, not where it is.
+    name: unique. parent: name of a frame that precedes it; empty: the world. is_ghost: shows where
+    something should be, not where it is.
     """
 
     name: str
     parent: str = ""
     pose: Pose = field(default_factory=Pose)
     visuals: tuple[Visual, ...] = ()
-    label: str = ""
     body: str = ""
     is_ghost: bool = False
 
 
-class Motion(Protocol):
-    """Moves some frames of a scene."""
+class LinkMotion:
+    """Places links where ports of type Poses/1 say. ports: topic → frame of each of its links."""
 
-    @property
-    def topics(self) -> frozenset[str]:
-        """Return the ports that it reads."""
+    def __init__(self, ports: Mapping[str, Sequence[str | None]]) -> None:
+        self._ports = ports
+        self.topics = frozenset(ports)
 
     def poses(self, messages: Messages) -> Mapping[str, Pose]:
-        """Return frame → its pose in its parent, of the frames that the messages place."""
+        """Return the newest pose of each link; nothing of a message that does not fit."""
+        poses: dict[str, Pose] = {}
+        known = [topic for topic in self._ports if topic in messages]
+        for topic in sorted(known, key=lambda name: messages[name].step):
+            message, frames = messages[topic].message, self._ports[topic]
+            if isinstance(message, Poses) and len(message.position) == len(frames):
+                rows = zip(frames, message.position, message.orientation, strict=True)
+                poses |= {frame: from_xyzw(p, q) for frame, p, q in rows if frame is not None}
+        return poses
+
+
+class BodyMotion:
+    """Moves the links of a body by its joints, its root by its true pose, or by odometry.
+
+    prefix: of its frames. sources: that know joints, the best one first. joints: those that move.
+    """
+
+    def __init__(
+        self, body: Body, prefix: str, sources: Sequence[JointSource], joints: Sequence[Joint]
+    ) -> None:
+        self._body = body
+        self._prefix = prefix
+        self._sources = sources
+        self._joints = joints
+        self._has_root = bool(body.anchor or body.odometry)
+        topics = {source.topic for source in sources} if joints else set[str]()
+        if self._has_root:
+            topics |= {*body.links.get(body.anchor, ()), body.odometry} - {""}
+            topics |= {source.topic for source in body.measured}
+        self.topics = frozenset(topics)
+
+    def poses(self, messages: Messages) -> Mapping[str, Pose]:
+        """Return the pose of the root, and of each link that a joint moves, in its parent."""
+        body, prefix = self._body, self._prefix
+        positions = all_positions(self._sources, messages)
+        poses = {
+            prefix + joint.child: joint.at(body.model.position(joint, positions))
+            for joint in self._joints
+        }
+        root = body.root_in_world(messages) if self._has_root else None
+        if root is None and (moved := body.root_in_odom(messages)) is not None:
+            root = body.start @ moved
+        return poses if root is None else {**poses, prefix + body.model.root: root}
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -73,27 +107,34 @@ class Scene:
     """A scene.
 
     frames: parents first. chains: of the ports that carry planned paths. notes: what cannot be
-    shown as it is, a sentence each.
-
-    bodies: those with a model.
+    shown as it is, a sentence each. bodies: those with a model.
     """
 
     frames: Sequence[Frame]
-    motions: Sequence[Motion]
+    motions: Sequence[LinkMotion | BodyMotion] = ()
     chains: Sequence[Chain] = ()
     notes: Sequence[str] = ()
-    bodies: "Sequence[Modelled]" = ()
+    bodies: Sequence[Body] = ()
+
+    @property
+    def has_looks(self) -> bool:
+        """Return whether there is anything to draw."""
+        return any(frame.visuals for frame in self.frames)
 
     @property
     def topics(self) -> frozenset[str]:
         """Return the ports that move it."""
-        return frozenset[str]().union(*(motion.topics for motion in self.motions))
+        return frozenset(chain.from_iterable(motion.topics for motion in self.motions))
 
-    def poses(self, messages: Messages) -> dict[str, Pose]:
-        """Return frame → its pose in its parent, of the frames that the messages place."""
+    def poses(self, messages: Messages, topics: frozenset[str] | None = None) -> dict[str, Pose]:
+        """Return frame → its pose in its parent, of the frames that the messages place.
+
+        topics: place only what these move.
+        """
         poses: dict[str, Pose] = {}
         for motion in self.motions:
-            poses |= motion.poses(messages)
+            if topics is None or not topics.isdisjoint(motion.topics):
+                poses |= motion.poses(messages)
         return poses
 
     def world_poses(self, messages: Messages) -> dict[str, Pose]:
@@ -107,3 +148,28 @@ class Scene:
             pose = moved.get(frame.name, frame.pose)
             poses[frame.name] = poses[frame.parent] @ pose if frame.parent else pose
         return poses
+
+
+def bounds(scene: Scene, messages: Messages) -> tuple[Any, Any]:
+    """Return the lower and upper corner of what a scene shows, shape (3,) [m].
+
+    Things over 8 m in size, such as a floor, do not count.
+    """
+    corners = []
+    poses = scene.world_poses(messages)
+    for frame in scene.frames:
+        for visual in frame.visuals:
+            vertices = visual.mesh.vertices
+            low, high = vertices.min(axis=0), vertices.max(axis=0)
+            if float(np.max(high - low)) < _FLOOR_M:
+                x, y, z = ((low + high) / 2).tolist()
+                placed = poses[frame.name] @ visual.pose
+                middle = np.array((placed @ Pose((x, y, z))).position)
+                reach = float(np.linalg.norm(high - low)) / 2
+                corners += [middle - reach, middle + reach]
+    if not corners:
+        return np.full(3, -1.0), np.full(3, 1.0)
+    if len(corners) < _FEW:
+        return np.min(corners, axis=0), np.max(corners, axis=0)
+    low, high = np.percentile(corners, _APART, axis=0)
+    return low, high

@@ -10,12 +10,7 @@ from typing import Any
 
 from stepbus_participant import need
 from stepbus_schemas import WiringError
-from stepbus_tools.viewing.access import (
-    LOOPBACK,
-    Door,
-    Process,
-    listening,
-)
+from stepbus_tools.viewing.access import LOOPBACK, Door, Process, listening
 
 _START_S = 60.0
 _starting = threading.Lock()
@@ -54,21 +49,32 @@ def open_page(
     this machine.
     """
     (viser,) = need("the view", "viser")
+
+    class Server(viser.ViserServer):  # type: ignore[misc,name-defined]  # of an extra
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            """Refuse the tunnel to the internet that any browser may ask viser for."""
+
     door = Door(host, tell)
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
+    # It prints a box.
     with _starting, _guarded(door), contextlib.redirect_stdout(io.StringIO()):
-        # It prints a box.
-        server = _started(lambda: viser.ViserServer(host=host, port=port, verbose=False))
-    if port and server.get_port() != port:
-        with contextlib.redirect_stdout(io.StringIO()):
-            server.stop()
-        raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
-    _refuse_sharing(server)
-    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
-    server.gui.set_panel_label(label)
+        server = _started(lambda: Server(host=host, port=port, verbose=False))
     door.port = server.get_port()
-    return Page(server=server, door=door, address=door.new_address())
+    page = Page(server=server, door=door, address=door.new_address())
+    if port and door.port != port:
+        page.close()
+        raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
+    set_theme(server)
+    server.gui.set_panel_label(label)
+    return page
+
+
+def set_theme(server: Any, *, is_dark: bool = False) -> None:
+    """Give a page its colours."""
+    server.gui.configure_theme(
+        control_width="large", show_logo=False, show_share_button=False, dark_mode=is_dark
+    )
 
 
 def _started(make: Callable[[], Any]) -> Any:
@@ -77,9 +83,6 @@ def _started(make: Callable[[], Any]) -> Any:
     viser waits for a thread of its own, without end where that thread has failed.
     """
     inbox: SimpleQueue[Any] = SimpleQueue()
-
-    def work() -> None:
-        inbox.put(make())
 
     def take(failed: threading.ExceptHookArgs) -> None:
         if failed.thread in others:
@@ -90,7 +93,7 @@ def _started(make: Callable[[], Any]) -> Any:
     others, before = set(threading.enumerate()), threading.excepthook
     threading.excepthook = take
     try:
-        threading.Thread(target=work, name="page", daemon=True).start()
+        threading.Thread(target=lambda: inbox.put(make()), name="page", daemon=True).start()
         server = inbox.get(timeout=_START_S)
     except Empty:
         server = TimeoutError(f"nothing for {_START_S:.0f} s")
@@ -103,10 +106,11 @@ def _started(make: Callable[[], Any]) -> Any:
 
 @contextlib.contextmanager
 def _guarded(door: Door) -> Iterator[None]:
-    """Let a server that starts now refuse whoever does not come through the door.
+    """Make a server that starts now refuse whoever does not come through the door.
 
-    viser has no such option, but all of its requests pass `process_request` of websockets. Its
-    page opens its websocket at its own address.
+    viser 1.1 has no option, hook or base class for that: it makes its own server, on a port that
+    every user of the machine can connect to, so that no server of ours in front of it would help.
+    But all of its requests pass `process_request` of websockets.
     """
     from websockets.asyncio import server as websockets  # noqa: PLC0415  (an extra)
 
@@ -120,11 +124,3 @@ def _guarded(door: Door) -> Iterator[None]:
         yield
     finally:
         websockets.serve = serve  # type: ignore[misc]
-
-
-def _refuse_sharing(server: Any) -> None:
-    """Let no page ask for a tunnel to the internet, which viser offers."""
-    from viser import _messages as messages  # noqa: PLC0415  (an extra)
-
-    handlers = server._websock_server._incoming_handlers
-    handlers.pop(messages.ShareUrlRequest, None)

@@ -1,16 +1,19 @@
 """A scene on a page: its nodes, and what moves them."""
 
-from collections.abc import Callable, Iterable, Mapping
+import math
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from stepbus_tools.viewing.scene import Color, Frame, Pose, Scene, Visual
+from stepbus_tools.viewing.scene import GHOST, Color, Frame, Pose, Scene, Visual
 
-from .ghosts import Ghosts
-
-GHOST_COLOR: Color = (40, 140, 255)
 OTHER_COLOR: Color = (255, 120, 30)
+_GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
 _NEAR = 1e-9
+_APART_M = 0.01
+_APART_RAD = math.radians(1.0)
+_STICKS = 0.5
+"""A ghost that is shown stays until it is so much nearer."""
 
 
 class Stage:
@@ -22,44 +25,47 @@ class Stage:
 
     def __init__(self, server: Any, scene: Scene, root: str = "/run", tint: Color | None = None):
         self.scene = scene
+        self.paths: dict[str, str] = {"": root}
         self._server = server
         self._tint = tint
         self._nodes: dict[str, Any] = {}
         self._bodies: dict[str, list[Any]] = {}
-        self._ghost_meshes: dict[str, list[Any]] = {}
         self._poses: dict[str, Pose] = {}
-        paths: dict[str, str] = {"": root}
-        self.paths = paths
+        ghost_meshes: dict[str, list[Any]] = {}
         with server.atomic():
             self._root = server.scene.add_frame(root, show_axes=False)
             for frame in scene.frames:
-                paths[frame.name] = f"{paths[frame.parent]}/{_node_name(frame.name)}"
-                self._add(frame, paths[frame.name])
-        self._ghosts = Ghosts(self._ghost_meshes)
-        self._ghosts.compare(scene.placed({}) if self._ghosts else {})
+                # A slash would begin a node below it.
+                name = frame.name.replace("/", "|") or "root"
+                self.paths[frame.name] = f"{self.paths[frame.parent]}/{name}"
+                if tint is None or not frame.is_ghost:
+                    meshes = self._add(frame, self.paths[frame.name])
+                    if frame.is_ghost and meshes:
+                        ghost_meshes[frame.name] = meshes
+                    elif frame.body:
+                        self._bodies.setdefault(frame.body, []).extend(meshes)
+        self.ghosts = Ghosts(ghost_meshes)
+        self.ghosts.compare(scene.placed({}) if self.ghosts else {})
 
-    def _add(self, frame: Frame, path: str) -> None:
-        if self._tint is not None and frame.is_ghost:
-            return
+    def _add(self, frame: Frame, path: str) -> list[Any]:
+        """Add the node of a frame; returns what it looks like."""
         node = self._server.scene.add_frame(
             path, show_axes=False, position=frame.pose.position, wxyz=frame.pose.wxyz
         )
         self._nodes[frame.name], self._poses[frame.name] = node, frame.pose
-        for number, visual in enumerate(frame.visuals):
-            mesh = self._add_visual(f"{path}/{number}", frame, visual)
-            if not frame.is_ghost and frame.body:
-                self._bodies.setdefault(frame.body, []).append(mesh)
-            if frame.is_ghost:
-                self._ghost_meshes.setdefault(frame.name, []).append(mesh)
+        tint = _GHOST_COLOR if frame.is_ghost else self._tint
+        return [
+            self._add_visual(f"{path}/{number}", visual, tint)
+            for number, visual in enumerate(frame.visuals)
+        ]
 
-    def _add_visual(self, path: str, frame: Frame, visual: Visual) -> Any:
-        ghost = GHOST_COLOR if frame.is_ghost else self._tint
+    def _add_visual(self, path: str, visual: Visual, tint: Color | None) -> Any:
         return self._server.scene.add_mesh_simple(
             path,
             vertices=visual.mesh.vertices,
             faces=visual.mesh.faces,
-            color=visual.shown_color if ghost is None else ghost,
-            opacity=None if ghost is None else _GHOST_OPACITY,
+            color=visual.shown_color if tint is None else tint,
+            opacity=None if tint is None else _GHOST_OPACITY,
             flat_shading=True,
             side="double",
             cast_shadow=False,
@@ -68,50 +74,70 @@ class Stage:
             wxyz=visual.pose.wxyz,
         )
 
-    @property
-    def has_ghosts(self) -> bool:
-        """Return whether the scene shows targets."""
-        return bool(self._ghosts)
-
-    def show_ghosts(self, *, visible: bool) -> None:
-        """Show or hide where joints should be."""
-        self._ghosts.show(visible=visible)
-
     def on_click(self, take: Callable[[str], None]) -> None:
         """Call `take` with the name of a body that is clicked at."""
         for body, meshes in self._bodies.items():
             for mesh in meshes:
                 mesh.on_click(lambda _, name=body: take(name))
 
-    def show(self, *, visible: bool) -> None:
-        """Show or hide all of it."""
-        self._root.visible = visible
-
-    def move(self, poses: Mapping[str, Pose]) -> int:
-        """Move frames; returns how many have moved."""
-        moved = [(name, pose) for name, pose in poses.items() if self._has_moved(name, pose)]
-        for name, pose in moved:
-            node, before = self._nodes[name], self._poses[name]
-            if _differ(pose.position, before.position):
+    def move(self, poses: Mapping[str, Pose]) -> None:
+        """Move frames; nothing is sent of those that stay where they are."""
+        has_moved = False
+        for name in [name for name in poses if name in self._nodes]:
+            node, pose, before = self._nodes[name], poses[name], self._poses[name]
+            turns, shifts = _differ(pose.wxyz, before.wxyz), _differ(pose.position, before.position)
+            if shifts:
                 node.position = pose.position
-            if _differ(pose.wxyz, before.wxyz):
+            if turns:
                 node.wxyz = pose.wxyz
-            self._poses[name] = pose
-        if moved and self._ghosts:
-            self._ghosts.compare(self.scene.placed(self._poses))
-        return len(moved)
-
-    def _has_moved(self, name: str, pose: Pose) -> bool:
-        before = self._poses.get(name)
-        return before is not None and (
-            _differ(pose.position, before.position) or _differ(pose.wxyz, before.wxyz)
-        )
+            if shifts or turns:
+                self._poses[name], has_moved = pose, True
+        if has_moved and self.ghosts:
+            self.ghosts.compare(self.scene.placed(self._poses))
 
 
-def _differ(a: Iterable[float], b: Iterable[float]) -> bool:
+def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
     return any(abs(x - y) > _NEAR for x, y in zip(a, b, strict=True))
 
 
-def _node_name(name: str) -> str:
-    """Return a frame's name as part of a path in viser."""
-    return name.replace("/", "|") or "root"
+class Ghosts:
+    """Shows targets only where they differ from what is measured: the same place twice flickers.
+
+    meshes: frame of a ghost → what it is drawn with.
+    """
+
+    def __init__(self, meshes: Mapping[str, Sequence[Any]]) -> None:
+        self._meshes = meshes
+        self._apart: set[str] = set(meshes)
+        self._visible = True
+
+    def __bool__(self) -> bool:
+        """Return whether there are any."""
+        return bool(self._meshes)
+
+    def show(self, *, visible: bool) -> None:
+        """Show those that differ from what is measured, or none."""
+        self._visible = visible
+        for name in self._meshes:
+            self._apply(name)
+
+    def compare(self, poses: Mapping[str, Pose]) -> None:
+        """Show ghosts that have gone, hide those that have arrived. poses: in the world."""
+        for name in self._meshes:
+            actual = poses.get(name.removeprefix(f"{GHOST}/"))
+            is_apart = actual is None or _apart(poses[name], actual) > (
+                _STICKS if name in self._apart else 1.0
+            )
+            if is_apart != (name in self._apart):
+                self._apart ^= {name}
+                self._apply(name)
+
+    def _apply(self, name: str) -> None:
+        for mesh in self._meshes[name]:
+            mesh.visible = self._visible and name in self._apart
+
+
+def _apart(a: Pose, b: Pose) -> float:
+    """Return how far two poses are apart; 1 is where an eye sees it."""
+    cosine = min(1.0, abs(sum(x * y for x, y in zip(a.wxyz, b.wxyz, strict=True))))
+    return max(math.dist(a.position, b.position) / _APART_M, 2 * math.acos(cosine) / _APART_RAD)

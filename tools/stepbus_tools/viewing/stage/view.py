@@ -5,32 +5,34 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from stepbus_schemas import BaseState, GripperState
-from stepbus_tools.viewing.scene import Messages, Ports, Scene, recorded_topics
+from stepbus_tools.viewing.scene import Messages, Ports, Scene
 from stepbus_tools.viewing.stage.camera import look_at
+from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
 from stepbus_tools.viewing.stage.overlays import Images, Overlays
-from stepbus_tools.viewing.stage.stage_curves import Curves, Data, Signal, signals
 
+from .server import set_theme
 from .stage import Stage
 
 _MOST_EVENTS = 40
-_BULKY = ("Image/1", "PointCloud/1", "Chain/1")
+_BULKY = ("Image/1", "PointCloud/1", "Chain/1", "CallRecord/1")
+_HELD = ("GripperState/1", "BaseState/1")
 
 
 class View:
     """Scene, cameras, curves and sentences on one page.
 
-    ports: of the recording. sample: returns the data of a signal. tabs: what the page adds above
-    the tabs that all pages have.
+    ports: of the recording. sample: returns the data of a signal. tabs: those that all pages have;
+    a page may add more.
     """
 
     def __init__(
         self, server: Any, scene: Scene, ports: Ports, sample: Callable[[Signal], Data]
     ) -> None:
         self._server = server
-        self.stage = Stage(server, scene)
         self._ports = ports
+        self.stage = Stage(server, scene)
         self._overlays = Overlays(server, self.stage, ports)
-        self._names = {port.topic: port.names for port in ports.values()}
+        self._held = sorted(port.topic for port in ports.values() if port.type in _HELD)
         self.status = server.gui.add_markdown("")
         self.tabs = server.gui.add_tab_group()
         with self.tabs.add_tab("Scene"):
@@ -46,30 +48,21 @@ class View:
     @property
     def topics(self) -> frozenset[str]:
         """Return the ports that are shown all the time."""
-        return self.stage.scene.topics | self._overlays.topics | self._images.topics | self._held
-
-    @property
-    def _held(self) -> frozenset[str]:
-        kinds = ("GripperState/1", "BaseState/1")
-        return frozenset(port.topic for port in self._ports.values() if port.type in kinds)
+        shown = self._overlays.topics | self._images.topics
+        return self.stage.scene.topics | shown | frozenset(self._held)
 
     def _add_scene(self) -> None:
         gui = self._server.gui
-        if self.stage.has_ghosts:
+        if self.stage.ghosts:
             ghosts = gui.add_checkbox("targets", initial_value=True)
-            ghosts.on_update(lambda _: self.stage.show_ghosts(visible=ghosts.value))
+            ghosts.on_update(lambda _: self.stage.ghosts.show(visible=ghosts.value))
         marks = gui.add_checkbox("contacts, paths, detections", initial_value=True)
         marks.on_update(lambda _: self._overlays.switch(visible=marks.value))
         dark = gui.add_checkbox("dark", initial_value=False)
-        dark.on_update(lambda _: self._darken(is_dark=dark.value))
-        self.held = gui.add_markdown("")
+        dark.on_update(lambda _: set_theme(self._server, is_dark=dark.value))
+        self._held_text = gui.add_markdown("")
         if self.stage.scene.notes:
             gui.add_html(_list(self.stage.scene.notes))
-
-    def _darken(self, *, is_dark: bool) -> None:
-        self._server.gui.configure_theme(
-            control_width="large", show_logo=False, show_share_button=False, dark_mode=is_dark
-        )
 
     def show(self, messages: Messages) -> None:
         """Show what messages say: of each port the newest one."""
@@ -82,14 +75,14 @@ class View:
         if self._images.topics & messages.keys():
             with self._camera_tab:
                 self._images.show(messages)
-        held = "  \n".join(_held(topic, messages) for topic in sorted(self._held & messages.keys()))
-        if held != self.held.content:
-            self.held.content = held
+        rows = (_held(topic, messages[topic].message) for topic in self._held if topic in messages)
+        held = "  \n".join(rows)
+        if held != self._held_text.content:
+            self._held_text.content = held
 
     def offer_signals(self, messages: Messages) -> None:
         """Offer the signals of messages as curves."""
-        plain = {topic: messages[topic] for topic in plain_topics(self._ports) if topic in messages}
-        self.curves.offer(signals(plain, self._names))
+        self.curves.offer(signals(self._ports, messages))
 
     def tell(self, events: Sequence[str]) -> None:
         """Show the last sentences of a run."""
@@ -98,11 +91,10 @@ class View:
 
 def plain_topics(ports: Ports) -> list[str]:
     """Return the ports that may have curves."""
-    return [topic for topic in recorded_topics(list(ports)) if ports[topic].type not in _BULKY]
+    return [port.topic for port in ports.values() if port.type not in _BULKY]
 
 
-def _held(topic: str, messages: Messages) -> str:
-    message = messages[topic].message
+def _held(topic: str, message: object) -> str:
     if isinstance(message, GripperState):
         held = f"holds something, {message.force:.1f} N" if message.holding else "holds nothing"
         return f"**{topic}** {held}, {message.width * 1000:.0f} mm open"

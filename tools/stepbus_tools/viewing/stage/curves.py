@@ -1,4 +1,4 @@
-"""The numbers in messages of any type, also of a user's own, as curves have them."""
+"""One signal as a chart of a page: what is chosen from, and how it is drawn."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -8,58 +8,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_tools.viewing.scene import Messages
+from stepbus_schemas import Message
+from stepbus_tools.columns import NUMBERS, dotted, fields_of
+from stepbus_tools.viewing.scene import Messages, Ports
 
 _MOST = 16
 """Curves of one signal; more cannot be told apart."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Signal:
-    """A field of a port that has numbers. names: of its components."""
-
-    topic: str
-    field: str
-    names: tuple[str, ...]
-
-    @property
-    def label(self) -> str:
-        """Return its name, as `stepbus plot` has it."""
-        return f"{self.topic.replace('/', '.', 1)}.{self.field}"
-
-
-def signals(messages: Messages, names: dict[str, Sequence[str]]) -> list[Signal]:
-    """Return the signals in the newest messages. names: of the vectors of each port."""
-    curves = []
-    for topic, latest in messages.items():
-        for field in latest.message.__struct_fields__:
-            values = numbers(getattr(latest.message, field))
-            if values:
-                own = tuple(names.get(topic, ()))
-                shown = own if len(own) == len(values) else tuple(map(str, range(len(values))))
-                curves.append(Signal(topic=topic, field=field, names=shown[:_MOST]))
-    return curves
-
-
-def numbers(value: object) -> list[float]:
-    """Return a number, or a vector of them, as a list; nothing for anything else."""
-    if isinstance(value, bool):
-        return [float(value)]
-    if isinstance(value, int | float):
-        return [float(value)]
-    if isinstance(value, list | tuple) and value and not isinstance(value[0], list | tuple | str):
-        flat = [number for item in value[:_MOST] for number in numbers(item)]
-        return flat if len(flat) == min(len(value), _MOST) else []
-    return []
-
-
-def value_of(signal: Signal, message: Any) -> list[float]:
-    """Return the components of a signal in a message; NaN for what is absent."""
-    values = numbers(getattr(message, signal.field, None))[: len(signal.names)]
-    return values + [math.nan] * (len(signal.names) - len(values))
-
-
-NOTHING = "(none)"
+_NOTHING = "(none)"
 Data = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Times, shape (T,) [s], and values, shape (T, n). Times up to 0 count back from now."""
 
@@ -67,6 +22,44 @@ _COLORS = (
     "#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2", "#17becf",
     "#7f7f7f", "#bcbd22", "#3b5b92", "#b5338a", "#5a8f29", "#c7762b", "#6a3d9a", "#34495e",
 )  # fmt: skip
+
+
+@dataclass(frozen=True, kw_only=True)
+class Signal:
+    """A field of a port that has numbers. label: as `stepbus plot` has it. names: of its lines."""
+
+    topic: str
+    field: str
+    names: Sequence[str]
+    label: str = ""
+
+    def values(self, message: Message) -> list[float]:
+        """Return its numbers in a message; NaN for what is absent."""
+        values = _numbers(getattr(message, self.field, None))[: len(self.names)]
+        return values + [math.nan] * (len(self.names) - len(values))
+
+
+def signals(ports: Ports, messages: Messages) -> list[Signal]:
+    """Return what the newest messages of some ports have numbers of."""
+    rows = []
+    for topic, latest in messages.items():
+        for field in fields_of(ports[topic], type(latest.message)):
+            count = len(_numbers(getattr(latest.message, field.name)))
+            if count and field.columns[0].type in (*NUMBERS, "list"):
+                label, names = f"{dotted(ports[topic])}.{field.name}", field.labels(count)[:_MOST]
+                rows.append(Signal(topic=topic, field=field.name, names=names, label=label))
+    return rows
+
+
+def _numbers(value: Any) -> list[float]:
+    """Return a number, or a vector of them, as a list; nothing for anything else."""
+    try:
+        numbers: list[float] = (
+            np.array(() if value is None else value, dtype=float).ravel().tolist()
+        )
+    except (ValueError, TypeError):
+        return []
+    return numbers
 
 
 class Curves:
@@ -78,16 +71,11 @@ class Curves:
         self._sample = sample
         self._signals: dict[str, Signal] = {}
         self._chart: Any = None
+        self._shown = _NOTHING
         self._span = (0.0, 0.0)
-        self._shown = NOTHING
         with tab:
-            self._choice = self._gui.add_dropdown("signal", (NOTHING,), initial_value=NOTHING)
+            self._choice = self._gui.add_dropdown("signal", (_NOTHING,), initial_value=_NOTHING)
         self._choice.on_update(lambda _: self._choose())
-
-    @property
-    def signal(self) -> Signal | None:
-        """Return the signal that is shown."""
-        return self._signals.get(self._shown)
 
     def offer(self, offered: Sequence[Signal]) -> None:
         """Offer signals to choose from; the first one is chosen where none is yet."""
@@ -96,7 +84,7 @@ class Curves:
             return
         is_first = not self._signals
         self._signals |= labels
-        self._choice.options = (NOTHING, *sorted(self._signals))
+        self._choice.options = (_NOTHING, *sorted(self._signals))
         if is_first:
             self._choice.value = next(iter(labels))
             self._choose()
@@ -109,11 +97,12 @@ class Curves:
         self.update()
 
     def update(self) -> None:
-        """Draw the newest data."""
-        signal = self.signal
+        """Draw the newest data of the signal that is chosen."""
+        signal = self._signals.get(self._shown)
         if signal is None:
             return
         times, values = self._sample(signal)
+        # The choice is made in a thread of viser's: a sample may be of the one before.
         if len(times) < 2 or values.shape[1] != len(signal.names):
             return
         data, span = (times, *values.T.copy()), _span(times)

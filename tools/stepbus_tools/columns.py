@@ -1,0 +1,232 @@
+"""The values of a port as flat columns over time: `position.joint1`, each with its unit."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import product
+from typing import Any, Literal
+
+import msgspec
+import numpy as np
+from msgspec import inspect
+from numpy.typing import NDArray
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_orchestrator.recording import Batch, Port, PortInfo, Recording
+from stepbus_schemas import MessageError
+
+ColumnType = Literal["double", "int64", "bool", "string", "binary", "list", "json"]
+"""list: of numbers, in a vector whose length changes. json: text of anything nested."""
+
+NUMBERS = ("double", "int64", "bool")
+
+Cells = Sequence[Any] | NDArray[Any]
+"""The values of one column."""
+
+_SCALARS: Mapping[type, ColumnType] = {
+    inspect.FloatType: "double",
+    inspect.IntType: "int64",
+    inspect.BoolType: "bool",
+    inspect.StrType: "string",
+    inspect.BytesType: "binary",
+}
+_LISTED = ("double", "int64")
+_VECTORS = (inspect.ListType, inspect.TupleType, inspect.VarTupleType)
+_AXES: Mapping[str, Sequence[str]] = {"3": ("x", "y", "z"), "4": ("x", "y", "z", "w")}
+_to_json = msgspec.json.Encoder().encode
+
+
+@dataclass(frozen=True, kw_only=True)
+class Column:
+    """One column: its name, type, unit and meaning."""
+
+    name: str
+    type: ColumnType
+    unit: str = ""
+    text: str = ""
+
+
+CLOCK = (
+    Column(name="step", type="int64", text="step of the message"),
+    Column(name="t_ns", type="int64", unit="ns", text="simulation time"),
+    Column(name="t", type="double", unit="s", text="simulation time"),
+)
+"""The first columns of every port."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """One field of a message and its columns: several of a vector. is_flat: whether it is one."""
+
+    name: str
+    columns: Sequence[Column]
+    is_flat: bool = False
+
+    def values(self, batch: Batch, array: NDArray[Any] | None) -> list[Cells]:
+        """Return the values of each column, shape (m,); None where a message lacks them.
+
+        array: the field as `Batch.arrays` returns it. An empty vector has none of its values, as
+        an absent one. Raises MessageError for any other length than it has columns.
+        """
+        if array is not None and array.dtype != object:
+            if self.is_flat and array.size:
+                return list(self._checked(array.reshape(len(array), -1)).T)
+            if array.ndim == 1 and not self.is_flat:
+                return [array]
+        cells = [getattr(message, self.name) for message in batch.messages()]
+        if not self.is_flat:
+            return [list(map(self._cell, cells))]
+        absent = [None] * len(self.columns)
+        rows = [absent if not cell else self._row(cell) for cell in cells]
+        return [[row[i] for row in rows] for i in range(len(self.columns))]
+
+    def _row(self, value: Any) -> list[Any]:
+        row: list[Any] = self._checked(np.array(value, dtype=float).reshape(1, -1))[0].tolist()
+        return row
+
+    def _checked(self, table: NDArray[Any]) -> NDArray[Any]:
+        if table.shape[1] != len(self.columns):
+            count = len(self.columns)
+            raise MessageError(f"{self.name} has {table.shape[1]} numbers for {count} names")
+        return table
+
+    def _cell(self, value: Any) -> Any:
+        match self.columns[0].type:
+            case "json" if value is not None:
+                return _to_json(value).decode()
+            case "double" if value is not None:
+                return float(value)
+        return value
+
+    def labels(self, count: int) -> Sequence[str]:
+        """Return what each of its numbers is called beside the others."""
+        if self.is_flat:
+            return [column.name.partition(".")[2] for column in self.columns]
+        return [self.name] if count == 1 else [f"[{index}]" for index in range(count)]
+
+
+class Table:
+    """The columns of one port, and their values piece by piece. name: such as `plant.joint_state`.
+
+    Raises WiringError for a port whose message type is unknown.
+    """
+
+    def __init__(self, port: Port) -> None:
+        self.port = port
+        self.name = dotted(port)
+        self.fields = fields_of(port, port.message_class)
+        self.columns = [*CLOCK, *(column for field in self.fields for column in field.columns)]
+
+    def values(self, batch: Batch, names: Collection[str] | None = None) -> list[Cells]:
+        """Return the values of each column; raises MessageError.
+
+        names: of the fields; default: all.
+        """
+        fields = [field for field in self.fields if names is None or field.name in names]
+        arrays = batch.arrays(*(field.name for field in fields))
+        t_ns = np.rint(batch.t * 1e9).astype(np.int64)
+        columns: list[Cells] = [batch.steps, t_ns, batch.t]
+        for field in fields:
+            columns += field.values(batch, arrays[field.name])
+        return columns
+
+    def numbers(self, batch: Batch) -> Iterator[tuple[Field, Array | None]]:
+        """Yield fields of numbers with theirs, shape (m, n), NaN where a message lacks them.
+
+        None: a vector without names, whose length changes. Raises as `values`.
+        """
+        fields = [f for f in self.fields if f.columns[0].type in (*NUMBERS, "list")]
+        arrays = batch.arrays(*(field.name for field in fields))
+        for field in fields:
+            array = arrays[field.name]
+            if field.columns[0].type != "list":
+                yield field, np.array(field.values(batch, array), dtype=float).T
+            elif array is None or not array.size:
+                yield field, None
+            else:
+                yield field, array.reshape(len(array), -1).astype(float)
+
+
+def readable(recording: Recording) -> tuple[list[Table], dict[str, str]]:
+    """Return what participants have published of known types; and topic → why another is lost."""
+    tables, lost = list[Table](), dict[str, str]()
+    for port in recording.ports.values():
+        if port.topic.startswith("stepbus/"):
+            continue
+        if port.type not in recording.types:
+            lost[port.topic] = f"{port.topic}: unknown message type {port.type!r}"
+        elif port.last_step >= 0:
+            tables.append(Table(port))
+    return tables, lost
+
+
+def dotted(port: PortInfo) -> str:
+    """Return a port as signals name it: `plant.joint_state`."""
+    return f"{port.participant}.{port.name}"
+
+
+def fields_of(port: PortInfo, message_class: type) -> list[Field]:
+    """Return the fields of a port's messages, as its description names and measures them."""
+    info: Any = inspect.type_info(message_class)
+    return [_field(port, field.name, field.type) for field in info.fields]
+
+
+def _field(port: PortInfo, name: str, node: Any) -> Field:
+    about = (node.extra_json_schema or {}) if isinstance(node, inspect.Metadata) else {}
+    unit = port.description.units.get(name, about.get("unit", ""))
+    real = _present(node)
+    form, ends = _scalar(real) or "json", list[str]()
+    if isinstance(real, _VECTORS):
+        shape = about.get("shape", ())
+        if _is_numeric(real):
+            ends = _ends(port, shape) if shape else [f".{i}" for i in range(len(_fixed(real)))]
+        form = "double" if ends else "list" if _scalar(_item(real)) in _LISTED else "json"
+    columns = [
+        Column(name=name + end, type=form, unit=unit, text=about.get("description", ""))
+        for end in ends or [""]
+    ]
+    return Field(name=name, columns=columns, is_flat=bool(ends))
+
+
+def _present(node: Any) -> Any:
+    """Return the type of a value that is there, without what is said of it."""
+    while isinstance(node, inspect.Metadata | inspect.UnionType):
+        types = node.types if isinstance(node, inspect.UnionType) else (node.type,)
+        options = [one for one in types if not isinstance(one, inspect.NoneType)]
+        node = options[0] if len(options) == 1 else inspect.AnyType()
+    return node
+
+
+def _scalar(node: Any) -> ColumnType | None:
+    if isinstance(node, inspect.LiteralType):
+        return "string" if all(isinstance(one, str) for one in node.values) else None
+    return _SCALARS.get(type(node))
+
+
+def _fixed(node: Any) -> Sequence[Any]:
+    return node.item_types if isinstance(node, inspect.TupleType) else ()
+
+
+def _item(node: Any) -> Any:
+    return _present(node.item_types[0] if isinstance(node, inspect.TupleType) else node.item_type)
+
+
+def _is_numeric(node: Any) -> bool:
+    """Return whether a vector is of numbers at any depth; one of a fixed length: of floats."""
+    while isinstance(node, _VECTORS):
+        if not all(isinstance(one, inspect.FloatType) for one in _fixed(node)):
+            return False
+        node = _item(node)
+    return _scalar(node) in NUMBERS
+
+
+def _ends(port: PortInfo, shape: Sequence[str]) -> list[str]:
+    """Return what follows the field in the names of its columns; none of a changing length."""
+    labels = (
+        port.names
+        if size == "n"
+        else _AXES.get(size) or [str(i) for i in range(int(size) if size.isdecimal() else 0)]
+        for size in shape
+    )
+    return ["".join(f".{label}" for label in row) for row in product(*labels)]

@@ -1,0 +1,129 @@
+"""Every form that a recording is exported to, found by entry points: `stepbus export`."""
+
+import sys
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.plugins import named_points
+from stepbus_orchestrator.recording import Recording
+from stepbus_participant import suggest
+from stepbus_schemas import ENVELOPE_TYPES, WiringError
+
+EXPORTS = "stepbus.exports"
+"""The group of entry points: name of a form → its `Exporter`."""
+
+Reached = Callable[[int], None]
+"""Takes the step that was reached."""
+Progress = Callable[[str, int], AbstractContextManager[Reached]]
+"""Shows how far an export has come. It takes its form, and the last step."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exported:
+    """What an export wrote.
+
+    problems: a sentence for all that it could not. lost: topics of ports that it lacks, or ends
+    before their last message, though the form could have had them.
+    """
+
+    paths: Sequence[Path]
+    problems: Sequence[str] = ()
+    lost: Collection[str] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Exporter:
+    """A form of export.
+
+    write: takes the recording, the target, what is told the step that is reached, and its options
+    by name; returns what it wrote, and raises as `export`. help: of its option of `stepbus export`.
+    options: name of a further one → its help and the name of its value.
+    """
+
+    write: Callable[..., Exported]
+    help: str
+    metavar: str = "FILE"
+    options: Mapping[str, tuple[str, str]] = field(default_factory=dict)
+
+
+def exporters() -> dict[str, Exporter]:
+    """Return form → its exporter; raises WiringError for one that cannot be loaded."""
+    known: dict[str, Exporter] = {}
+    for name, point in named_points(EXPORTS).items():
+        try:
+            known[name] = point.load()
+        except (ImportError, AttributeError) as exc:
+            why = f"the exporter {name!r} cannot be loaded from {point.value}: {exc}"
+            raise WiringError(why) from exc
+    return known
+
+
+def export(
+    recording: Recording,
+    targets: Mapping[str, Path],
+    *,
+    progress: Progress = lambda _form, _last_step: nullcontext(lambda _step: None),
+    **options: Any,
+) -> Iterator[tuple[str, Exported]]:
+    """Write a recording in several forms, and yield each with what was written.
+
+    targets: form, such as `parquet`, → path. options: of the exporters. Raises RecordingFailed when
+    there is nothing to export or a file cannot be written, WiringError for a form that no package
+    has or an option that does not fit, ExtraMissing without the library of a form.
+    """
+    known = exporters()
+    for form, target in targets.items():
+        if form not in known:
+            raise WiringError(f"no exporter {form!r}{suggest(form, known)}")
+        own = {name: options[name] for name in known[form].options if name in options}
+        with progress(form, recording.last_step) as reached:
+            done = known[form].write(recording, target, reached, **own)
+        yield form, done
+
+
+def damage_line(recording: Recording) -> str:
+    """Return why an export of a recording ends before its run; empty for a whole one."""
+    if not recording.cut_short:
+        return ""
+    return f"{recording.path} {recording.cut_short}; exported up to step {recording.last_step}"
+
+
+def check_readable(recording: Recording) -> None:
+    """Raise RecordingFailed when nothing of a recording can be shown: it is of something else."""
+    if not any(p.type in recording.types and p.last_step >= 0 for p in recording.ports.values()):
+        raise nothing_to_export(recording, "shown")
+
+
+def nothing_to_export(recording: Recording, done: str = "exported") -> RecordingFailed:
+    """Return why nothing of a recording can be exported: it is empty, damaged or foreign."""
+    unknown = sorted({p.type for p in recording.ports.values() if p.type not in recording.types})
+    unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
+    why = f": it {recording.cut_short}" if recording.cut_short else ""
+    if unknown:
+        why = f": it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
+    return RecordingFailed(f"{recording.path} has no message that can be {done}{why}")
+
+
+@contextmanager
+def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
+    """Show how far an export has come, where the standard error is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda _step: None
+        return
+    # It takes a tenth of a second to load.
+    from rich import progress  # noqa: PLC0415
+    from rich.console import Console  # noqa: PLC0415
+
+    columns = (
+        progress.TextColumn("{task.description}"),
+        progress.BarColumn(),
+        progress.TaskProgressColumn(),
+        progress.TimeRemainingColumn(),
+    )
+    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task(what, total=max(1, last_step))
+        yield lambda step: bar.update(task, completed=step)

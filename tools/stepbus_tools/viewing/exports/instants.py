@@ -1,0 +1,82 @@
+"""All messages of a recording in the order of time."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from itertools import groupby
+
+from stepbus_orchestrator.recording import Port, Recording
+from stepbus_schemas import Message, StepbusError
+from stepbus_tools.columns import readable
+from stepbus_tools.viewing.exports.exporter import Reached, nothing_to_export
+
+NS = 1_000_000_000
+
+
+@dataclass(frozen=True, kw_only=True)
+class Instant:
+    """One message. step, t_ns: when it was published; t_ns [ns]."""
+
+    step: int
+    t_ns: int
+    port: Port
+    message: Message
+
+
+def readable_ports(recording: Recording) -> tuple[list[Port], dict[str, str]]:
+    """Return the ports with messages of a known type; and topic → why another is lost.
+
+    Raises RecordingFailed without any.
+    """
+    tables, lost = readable(recording)
+    if not tables:
+        raise nothing_to_export(recording)
+    return [table.port for table in tables], lost
+
+
+def instants(
+    recording: Recording, ports: Collection[Port], lost: dict[str, str], reached: Reached
+) -> Iterator[tuple[int, list[Instant]]]:
+    """Yield each time [ns] and the messages of some ports at it, in memory that does not grow.
+
+    lost: topic → why it is; gets a port that cannot be read to its end.
+    """
+    in_order = _in_order(recording, ports, lost, reached)
+    for t_ns, group in groupby(in_order, key=lambda instant: instant.t_ns):
+        yield t_ns, list(group)
+
+
+def _in_order(
+    recording: Recording, ports: Collection[Port], lost: dict[str, str], reached: Reached
+) -> Iterator[Instant]:
+    for piece in recording.batches(ports):
+        rows = list[Instant]()
+        for port in ports:
+            batch = piece[port.topic]
+            if port.topic in lost:
+                continue
+            try:
+                for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
+                    t_ns = round(float(t) * NS)
+                    rows.append(Instant(step=int(step), t_ns=t_ns, port=port, message=message))
+            except StepbusError as exc:
+                lost[port.topic] = f"{port.topic}: {exc}"
+        # At one time, they are in the order of the ports.
+        yield from sorted(rows, key=lambda instant: instant.t_ns)
+        if rows:
+            reached(rows[-1].step)
+
+
+class Rate:
+    """Lets at most so many messages of each topic pass."""
+
+    def __init__(self, per_s: float) -> None:
+        self._period_ns = round(NS / per_s)
+        self._due: dict[str, int] = {}
+
+    def passes(self, topic: str, t_ns: int) -> bool:
+        """Return whether a message at a time is due."""
+        if t_ns < self._due.get(topic, 0):
+            return False
+        # On a grid: a message that is a little late does not delay the ones behind it.
+        self._due[topic] = (t_ns // self._period_ns + 1) * self._period_ns
+        return True

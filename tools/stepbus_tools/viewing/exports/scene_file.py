@@ -1,0 +1,50 @@
+"""A recording as one HTML file: its scene in motion, with a time slider, offline."""
+
+from itertools import pairwise
+from pathlib import Path
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Recording
+from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.scene import build_scene
+from stepbus_tools.viewing.stage import Stage, look_at, open_page
+from stepbus_tools.whole_file import replaced
+
+_FRAMES_PER_S = 30.0
+_MOST_FRAMES = 1800
+_DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
+
+
+def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+    """Write a recording's scene as one HTML file; its problems are what it does not show."""
+    scene, history = build_scene(recording), History(recording)
+    last = history.last_step
+    if last < 0 or not scene.has_looks:
+        why = "it has no messages" if last < 0 else scene.notes[-1]
+        raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
+    # Thirty a second, fewer of a long recording.
+    count = min(_MOST_FRAMES, round(history.end_ns * 1e-9 * _FRAMES_PER_S), last)
+    times = history.times(max(1, count))
+    page = open_page(recording.path.parent.name)
+    try:
+        stage, first = Stage(page.server, scene), history.at(scene.topics, times[0])
+        stage.move(scene.poses(first))
+        look_at(page.server, scene, first)
+        serializer = page.server.get_scene_serializer()
+        for before, t_ns in pairwise(times):
+            serializer.insert_sleep((t_ns - before) * 1e-9)
+            stage.move(scene.poses(history.at(scene.topics, t_ns)))
+            reached(round(t_ns * last / max(times[-1], 1)))
+        html: str = serializer.as_html().replace("{darkMode:false}", _DARK, 1)
+    finally:
+        page.close()
+    with replaced(target) as path:
+        path.write_text(html, encoding="utf-8")
+    return Exported(paths=[target], problems=scene.notes)
+
+
+SCENE = Exporter(
+    write=_export,
+    help="robot and world in motion, with a time slider: one HTML file that opens offline",
+)

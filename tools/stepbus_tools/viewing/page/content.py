@@ -1,0 +1,191 @@
+"""What a page shows of one run."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_orchestrator.recording import Batch, Port, Recording
+from stepbus_orchestrator.run.result import Result
+from stepbus_schemas import Image, StepbusError
+from stepbus_tools.columns import readable
+from stepbus_tools.report.charts import Chart, ChartLine, field_chart, joint_charts
+from stepbus_tools.report.curves import (
+    ContactCurves,
+    JointCurves,
+    PortCurves,
+    PortReader,
+    read_ports,
+)
+from stepbus_tools.report.summary import read_joints, result_of, scenario_name
+from stepbus_tools.viewing.exports import check_readable
+from stepbus_tools.viewing.page.step_times import StepTimes, read_step_times
+from stepbus_tools.viewing.render import Pixels, scene_still
+from stepbus_tools.viewing.timeline import TimelineEvent, read_timeline
+
+_JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")
+_SHAPELESS = ("Detections/1", "Goal/1", "LaserScan/1", "Plan/1", "PlanRequest/1", "PointCloud/1")
+"""Types whose numbers make no curve."""
+_TITLES = {"BaseState/1": "Base", "Contacts/1": "Contacts", "GripperState/1": "Gripper"}
+_QUIET = ("ControllerStatus/1", "Transforms/1", "Poses/1", "BaseCommand/1")
+"""Types that ship whose charts are folded."""
+_MOST_LINES = 12
+_MOST_OPEN = 4
+"""More joints than that are folded, but the one with the largest error."""
+_MOST_JOINTS = 14
+_STILLS = 4
+
+
+@dataclass(frozen=True, kw_only=True)
+class Group:
+    """Charts under one title."""
+
+    title: str
+    is_open: bool
+    charts: Sequence[Chart]
+
+
+class Stills(PortReader):
+    """Some pictures of a camera, from its first to its last: time [s] and image."""
+
+    def __init__(self, port: Port) -> None:
+        super().__init__(port)
+        self.images: list[tuple[float, Image]] = []
+        last = max(1, port.last_step)
+        self._wanted = [last * i // (_STILLS - 1) for i in range(_STILLS)]
+
+    def take(self, batch: Batch) -> None:
+        """Take the next piece."""
+        if self._wanted and batch.steps[-1] >= self._wanted[0]:
+            for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
+                if self._wanted and step >= self._wanted[0] and isinstance(message, Image):
+                    self.images.append((float(t), message))
+                    self._wanted = [wanted for wanted in self._wanted if wanted > step]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RunPage:
+    """One run. lines: of its summary. events_left: how many are not shown.
+
+    problems: what cannot be shown, a sentence each. still: the scene at its end.
+    """
+
+    name: str
+    path: Path
+    recording: Recording
+    result: Result | None
+    lines: Sequence[str]
+    joints: JointCurves
+    ports: Sequence[PortCurves]
+    cameras: Sequence[Stills]
+    events: Sequence[TimelineEvent]
+    events_left: int
+    times: Mapping[str, StepTimes]
+    end_s: float
+    last_step: int
+    problems: Sequence[str]
+    still: Pixels | None
+
+
+def read_run(path: Path) -> RunPage:
+    """Read what a page shows of a recording, piece by piece.
+
+    Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
+    """
+    with Recording(path) as recording:
+        check_readable(recording)
+        result = result_of(recording)
+        problems = list[str]()
+        if recording.cut_short:
+            end = f"it is shown up to step {recording.last_step}"
+            problems.append(f"the recording {recording.cut_short}; {end}")
+        try:
+            joints, lines = read_joints(recording)
+        except StepbusError as exc:
+            joints, lines = JointCurves(), []
+            problems.append(f"joints: {exc}")
+        readers, others = _readers(recording)
+        end_s = max(joints.end_s, read_ports(recording, readers))
+        problems += [*others, *(f"{r.port.topic}: {r.problem}" for r in readers if r.problem)]
+        events, events_left = read_timeline(recording, result)
+        return RunPage(
+            name=result.scenario if result else scenario_name(recording),
+            path=recording.path,
+            recording=recording,
+            result=result,
+            lines=lines,
+            joints=joints,
+            ports=[reader for reader in readers if isinstance(reader, PortCurves)],
+            cameras=[reader for reader in readers if isinstance(reader, Stills)],
+            events=events,
+            events_left=events_left,
+            times=read_step_times(recording.path.parent) if result else {},
+            end_s=end_s,
+            last_step=recording.last_step,
+            problems=problems,
+            still=scene_still(recording),
+        )
+
+
+def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
+    """Return what reads the ports that are no joint's, and why some ports are not shown."""
+    tables, lost = readable(recording)
+    readers: list[PortReader] = []
+    for table in tables:
+        if table.port.type == "Contacts/1":
+            readers.append(ContactCurves(table, _MOST_LINES))
+        elif table.port.type == "Image/1":
+            readers.append(Stills(table.port))
+        elif table.port.type not in (*_JOINTS, *_SHAPELESS):
+            readers.append(PortCurves(table, _MOST_LINES))
+    return readers, list(lost.values())
+
+
+def groups(run: RunPage) -> Iterator[Group]:
+    """Yield all charts of a run: those of all joints, of each joint, of each port."""
+    joints = run.joints.measured
+    charts = {joint: [c for c in joint_charts(run.joints, joint) if c.lines] for joint in joints}
+    errors = {joint: c for joint in joints for c in charts[joint] if c.title == "error"}
+    overview = [
+        Chart(title="error", unit=unit, lines=lines)
+        for unit in ("rad", "m")
+        if (lines := list(_named_errors(errors, joints[:_MOST_JOINTS], unit)))
+    ]
+    if len(joints) > 1 and overview:
+        more = len(joints) - _MOST_JOINTS
+        title = f"Error of all joints{f' ({more} more below)' if more > 0 else ''}"
+        yield Group(title=title, is_open=True, charts=overview)
+    worst = max(joints, key=lambda joint: _largest(errors.get(joint)), default="")
+    for joint in joints:
+        is_open = len(joints) <= _MOST_OPEN or joint == worst
+        yield Group(title=joint, is_open=is_open, charts=charts[joint])
+    for port in run.ports:
+        fields = [f for f in port.fields.values() if len(f.labels) <= _MOST_LINES]
+        shown = [chart for field in fields if (chart := field_chart(field, _MOST_LINES)).lines]
+        if shown:
+            kind, name = port.port.type, port.name
+            title = f"{_TITLES[kind]}: {name}" if kind in _TITLES else f"{name} ({kind})"
+            yield Group(title=title, is_open=kind not in _QUIET, charts=shown)
+
+
+def _named_errors(
+    errors: Mapping[str, Chart], joints: Sequence[str], unit: str
+) -> Iterator[ChartLine]:
+    for joint in joints:
+        if joint in errors and errors[joint].unit == unit:
+            yield replace(errors[joint].lines[0], label=joint, role="measured")
+
+
+def _largest(chart: Chart | None) -> float:
+    return 0.0 if chart is None else float(np.nanmax(np.abs(chart.lines[0].values)))
+
+
+def path_of(port: PortCurves) -> Array:
+    """Return where a base was, shape (p, 2) [m]; no point of another port."""
+    if port.port.type != "BaseState/1" or not {"x", "y"} <= port.fields.keys():
+        return np.empty((0, 2))
+    (tx, x), (ty, y) = (port.fields[name].curve.line(0) for name in ("x", "y"))
+    t = np.union1d(tx, ty)
+    return np.column_stack((np.interp(t, tx, x), np.interp(t, ty, y)))
