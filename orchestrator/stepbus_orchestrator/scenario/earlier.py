@@ -11,7 +11,7 @@ _CLASSES: Mapping[str, str] = {
     "stepbus_mission.goals": "stepbus_mission.goals:GoalSequence",
     "stepbus_mission.round_trip": "stepbus_mission.round_trip:RoundTrip",
     "stepbus_plant": "stepbus_plant:Plant",
-    "stepbus_selftest": "stepbus_selftest:Tester",
+    "stepbus_selftest": "stepbus_tools.selftest.tester:Tester",
     "stepbus_store.mission": "stepbus_store.mission:StoreMission",
     "stepbus_store.motion.arm": "stepbus_store.motion.arm:ArmController",
     "stepbus_store.motion.mobile": "stepbus_store.motion.mobile:MobileController",

@@ -169,16 +169,11 @@ def _tested(result: SelfTest) -> Iterator[object]:
 def _cells(verdict: Verdict) -> Sequence[str]:
     if verdict.commanded is None or verdict.measured is None:
         return ["", "", "", "", "no motor"]
-    is_rotary = verdict.type != "prismatic"
-
-    def shown(value: float) -> str:
-        return f"{math.degrees(value):.2f}°" if is_rotary else f"{1e3 * value:.2f} mm"
-
     findings = ["ok" if verdict.ok else "", *verdict.findings, verdict.other_side]
     return [
-        shown(verdict.commanded),
-        shown(verdict.measured),
+        verdict.shown(verdict.commanded),
+        verdict.shown(verdict.measured),
         f"{verdict.measured:.4f}",
-        "" if verdict.others is None else shown(verdict.others[1]),
+        "" if verdict.others is None else verdict.shown(verdict.others[1]),
         "; ".join(filter(None, findings)),
     ]

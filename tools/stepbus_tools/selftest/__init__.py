@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 from msgspec import structs
 
-from stepbus_orchestrator.analysis.signals import Signal, read_signal
+from stepbus_orchestrator.analysis.signals import read_signal
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.describe import describe
 from stepbus_orchestrator.run.folder import scratch_folder
@@ -16,9 +16,8 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import Description, WiringError
-from stepbus_selftest import make_plan, modes_of, read_joints
-
-from .judge import Verdict, better, judge
+from stepbus_tools.selftest.judge import Verdict, best, judge
+from stepbus_tools.selftest.tester import by_mode, make_plan, read_joints
 
 __all__ = ["SelfTest", "Verdict", "selftest"]
 
@@ -68,10 +67,12 @@ def selftest(
     if not missed:
         return outcome
     again = attempt(angle / 2, missed)
+    pairs = zip(outcome.joints, again.joints, strict=True)
+    better = {v.joint: best([first, v]) for first, v in pairs if v.ok and v.joint in missed}
     return SelfTest(
         plant=plant.name,
         simulated_s=outcome.simulated_s + again.simulated_s,
-        joints=better(outcome.joints, [v for v in again.joints if v.joint in missed]),
+        joints=[better.get(verdict.joint) or verdict for verdict in outcome.joints],
     )
 
 
@@ -100,7 +101,7 @@ def _described(
 ) -> Description:
     participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
     description = next(output.description for output in participant.outputs if output.port == port)
-    if not modes_of(description):
+    if not by_mode(read_joints(description)):
         raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
     return description
 
@@ -113,21 +114,20 @@ def _test_scenario(
     aim: Mapping[str, object],
 ) -> Scenario:
     """Return a scenario of the plant and a tester, which has an output for each mode."""
-    modes = modes_of(description)
-    joints = read_joints(description, [0.0] * len(description.names))
+    modes = {
+        mode: [joint.name for joint in group]
+        for mode, group in by_mode(read_joints(description)).items()
+    }
     spare = [f"command_{mode}" for mode in modes]
     ports = dict(zip(modes, [*_command_inputs(scenario, plant), *spare], strict=False))
     kept = {name: out for name, out in plant.outputs.items() if out.type in (_STATE, _EVENT)}
     tester = ParticipantSpec(
         name=_TESTER if plant.name != _TESTER else f"{_TESTER}_2",
-        participant="stepbus_selftest:Tester",
+        participant="stepbus_tools.selftest.tester:Tester",
         every=plant.every,
         inputs={"joint_state": InputSpec(from_=f"{plant.name}.{port}")},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
-        params={
-            **aim,
-            "names": {mode: [j.name for j in joints if j.mode == mode] for mode in modes},
-        },
+        params={**aim, "names": modes},
     )
     alone = structs.replace(
         plant,
@@ -152,15 +152,7 @@ def _judged(
     state = read_signal(topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
         raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
-    joints = read_joints(topic.description, _start(state))
+    joints = read_joints(topic.description, state.fields["position"][0].tolist())
     plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle, only)
-    return SelfTest(
-        plant=plant.name,
-        simulated_s=result.simulated_s,
-        joints=judge(joints, plan, state),
-    )
-
-
-def _start(state: Signal) -> Sequence[float]:
-    row: list[float] = state.fields["position"][0].tolist()
-    return row
+    verdicts = judge(joints, plan, state)
+    return SelfTest(plant=plant.name, simulated_s=result.simulated_s, joints=verdicts)

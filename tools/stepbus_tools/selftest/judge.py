@@ -8,13 +8,14 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array, Signal
-from stepbus_selftest import TestedJoint, Trial
+from stepbus_tools.selftest.tester import TestedJoint, Trial
 
 # How far from its goal a joint may end, and how far another may move meanwhile [rad, m].
 _CLOSE = {True: math.radians(0.5), False: 0.0005}
 _STILL = {True: math.radians(1.0), False: 0.001}
 # A joint put somewhere in mode torque or teleport falls for one step before it is measured.
 _FALLEN = {True: math.radians(2.0), False: 0.005}
+_FREE = ("torque", "teleport")
 
 
 class Verdict(msgspec.Struct, frozen=True, kw_only=True):
@@ -35,6 +36,15 @@ class Verdict(msgspec.Struct, frozen=True, kw_only=True):
     findings: list[str] = []
     other_side: str = ""
 
+    def shown(self, value: float) -> str:
+        """Return a position of the joint, or a way, in units for people."""
+        return shown(value, is_rotary=self.type != "prismatic")
+
+
+def shown(value: float, *, is_rotary: bool) -> str:
+    """Return an angle in degrees, or a length in millimetres."""
+    return f"{math.degrees(value):.2f}°" if is_rotary else f"{1e3 * value:.2f} mm"
+
 
 @dataclass(frozen=True, kw_only=True)
 class _Evidence:
@@ -50,114 +60,89 @@ class _Evidence:
     effort: Array
 
 
-def better(verdicts: Sequence[Verdict], others: Sequence[Verdict]) -> list[Verdict]:
-    """Return for each joint the better of its verdicts, with what went wrong in the other.
-
-    others: of some of the joints, by the same plant at another angle.
-    """
-    again = {verdict.joint: verdict for verdict in others}
-    return [
-        _merged(verdict, again[verdict.joint]) if verdict.joint in again else verdict
-        for verdict in verdicts
-    ]
-
-
-def _merged(first: Verdict, second: Verdict) -> Verdict:
-    if not second.ok:
-        return first
-    rows = (
-        *(_finding(first, text) for text in first.findings),
-        first.other_side,
-        second.other_side,
-    )
-    return msgspec.structs.replace(second, other_side="; ".join(filter(None, rows)))
-
-
 def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -> list[Verdict]:
     """Return a verdict for every joint.
 
     state: what was measured, one sample for each step of the tester.
     """
     return [
-        _best([_verdict(joint, t, joints, state) for t in plan if t.joint is joint])
-        or Verdict(joint=joint.name, type=_joint_type(joint), mode=joint.mode)
+        best([_verdict(trial, joints, state) for trial in plan if trial.joint is joint])
+        or Verdict(joint=joint.name, type=_type(joint), mode=joint.mode)
         for joint in joints
     ]
 
 
-def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
-    """Return the first verdict without findings, or else the first; None where there is none."""
-    best = next((verdict for verdict in verdicts if verdict.ok), None) or next(iter(verdicts), None)
-    other_side = "; ".join(
-        _finding(verdict, text)
-        for verdict in verdicts
-        for text in verdict.findings
-        if verdict is not best
-    )
-    return best if best is None else msgspec.structs.replace(best, other_side=other_side)
+def best(verdicts: Sequence[Verdict]) -> Verdict | None:
+    """Return the first verdict without findings, or else the first, with what the others found."""
+    chosen = next((v for v in verdicts if v.ok), None) or next(iter(verdicts), None)
+    if chosen is None:
+        return None
+    texts: list[str] = []
+    for verdict in verdicts:
+        is_rotary = verdict.type != "prismatic"
+        where = f"sent to {verdict.shown(verdict.commanded or 0.0)}" if is_rotary else "else"
+        if verdict is not chosen:
+            texts += [f"{where} it {finding}" for finding in verdict.findings]
+        texts.append(verdict.other_side)
+    return msgspec.structs.replace(chosen, other_side="; ".join(filter(None, texts)))
 
 
-def _finding(verdict: Verdict, finding: str) -> str:
-    goal = verdict.commanded or 0.0
-    is_rotary = verdict.type != "prismatic"
-    return f"sent to {math.degrees(goal):.2f}° it {finding}" if is_rotary else f"else it {finding}"
-
-
-def _verdict(
-    joint: TestedJoint, trial: Trial, joints: Sequence[TestedJoint], state: Signal
-) -> Verdict:
-    free = joint.mode in ("torque", "teleport")
-    at = trial.jump + 1 if free else trial.measure
-    evidence = _evidence(state, joints, trial.first, at)
-    others = None if free else _moved_most(joint, joints, evidence)
+def _verdict(trial: Trial, joints: Sequence[TestedJoint], state: Signal) -> Verdict:
+    joint = trial.joint
+    evidence = _evidence(state, joints, trial)
+    others = None if joint.mode in _FREE else _moved_most(joint, joints, evidence)
     findings = [
-        *(_pushed(joint, trial, state) if joint.mode == "torque" else ()),
-        *_arrived(trial, joints, evidence, _FALLEN if free else _CLOSE),
-        *_others(others, joints, evidence),
-        *_limits(joint, evidence, free=free),
+        *(_pushed(trial, state) if joint.mode == "torque" else ()),
+        *_arrived(trial, joints, evidence),
+        *(_moved_too(*others, evidence) if others else ()),
+        *_beyond(joint, evidence),
     ]
     return Verdict(
         joint=joint.name,
-        type=_joint_type(joint),
+        type=_type(joint),
         mode=joint.mode,
         commanded=trial.goal,
         measured=float(evidence.after[joint.index]),
-        others=others,
+        others=None if others is None else (others[0].name, others[1]),
         ok=not findings,
         findings=findings,
     )
 
 
-def _joint_type(joint: TestedJoint) -> str:
+def _type(joint: TestedJoint) -> str:
     return "revolute" if joint.is_rotary else "prismatic"
 
 
-def _evidence(state: Signal, joints: Sequence[TestedJoint], first: int, at: int) -> _Evidence:
+def _evidence(state: Signal, joints: Sequence[TestedJoint], trial: Trial) -> _Evidence:
     def largest(quantity: str) -> Array:
         rows = [state.of(quantity, joint.name) for joint in joints]
-        return np.array(
-            [math.nan if row is None else np.abs(row[first : at + 1]).max() for row in rows]
-        )
+        span = slice(trial.first, trial.measure + 1)
+        return np.array([math.nan if row is None else np.abs(row[span]).max() for row in rows])
 
     position = state.fields["position"]
     return _Evidence(
-        before=position[first],
-        after=position[at],
+        before=position[trial.first],
+        after=position[trial.measure],
         speed=largest("velocity"),
         effort=largest("effort"),
     )
 
 
-def _arrived(
-    trial: Trial, joints: Sequence[TestedJoint], evidence: _Evidence, close: dict[bool, float]
-) -> Iterator[str]:
+def _margin(joint: TestedJoint) -> float:
+    """Return how far from where it should be a joint may end [rad or m]."""
+    return (_FALLEN if joint.mode in _FREE else _CLOSE)[joint.is_rotary]
+
+
+def _arrived(trial: Trial, joints: Sequence[TestedJoint], evidence: _Evidence) -> Iterator[str]:
     """Describe how a joint missed its goal: still, other direction, another unit, or short."""
     joint = trial.joint
     moved = evidence.after - evidence.before
     mine = float(moved[joint.index])
     wanted = trial.goal - float(evidence.before[joint.index])
     measured = float(evidence.after[joint.index])
-    if abs(measured - trial.goal) <= close[joint.is_rotary]:
+    weak = f"; its motor was at its limit of {_effort(joint)}: too weak, or"
+    why = f"{weak if _is_at_limit(joint, evidence) else ';'} is something in its way?"
+    if abs(measured - trial.goal) <= _margin(joint):
         return
     if joint.is_rotary and math.isclose(measured, math.degrees(trial.goal), rel_tol=0.02):
         yield f"reads {measured:.1f} for {trial.goal:.4f} rad; does it measure in degrees?"
@@ -169,25 +154,30 @@ def _arrived(
             for j in joints
             if j is not joint and math.isclose(float(moved[j.index]), wanted, rel_tol=0.2)
         ]
-        tail = f"; {', '.join(instead)} moves in its place: are they swapped?" if instead else ""
-        yield f"does not move{tail or _at_its_limit(joint, evidence)}"
+        swapped = f"; {', '.join(instead)} moves in its place: are they swapped?"
+        yield f"does not move{swapped if instead else why}"
     elif mine * wanted < 0:
-        yield f"moves in the other direction, by {_amount(joint, mine)}"
+        yield f"moves in the other direction, by {shown(mine, is_rotary=joint.is_rotary)}"
     else:
-        end = _amount(joint, abs(measured - trial.goal))
-        yield f"ends {end} from where it was sent{_at_its_limit(joint, evidence)}"
+        short = shown(abs(measured - trial.goal), is_rotary=joint.is_rotary)
+        yield f"ends {short} from where it was sent{why}"
 
 
-def _at_its_limit(joint: TestedJoint, evidence: _Evidence) -> str:
-    if evidence.effort[joint.index] >= 0.999 * joint.effort:
-        limit = f"{joint.effort:g} {_unit(joint, 'N·m', 'N')}"
-        return f"; its motor was at its limit of {limit}: too weak, or is something in its way?"
-    return "; is something in its way?"
+def _is_at_limit(joint: TestedJoint, evidence: _Evidence) -> bool:
+    return bool(evidence.effort[joint.index] >= 0.999 * joint.effort)
 
 
-def _pushed(joint: TestedJoint, trial: Trial, state: Signal) -> Iterator[str]:
+def _effort(joint: TestedJoint) -> str:
+    return f"{joint.effort:g} {_unit(joint, 'N·m', 'N')}"
+
+
+def _unit(joint: TestedJoint, rotary: str, prismatic: str) -> str:
+    return rotary if joint.is_rotary else prismatic
+
+
+def _pushed(trial: Trial, state: Signal) -> Iterator[str]:
     """Say whether a push forward moves it further forward than one back, and what was applied."""
-    forward, back = trial.pushes
+    joint, (forward, back) = trial.joint, trial.pushes
     position = state.fields["position"][:, joint.index]
     if not position[forward] > position[back]:
         yield "a positive torque does not move it forward"
@@ -200,44 +190,33 @@ def _pushed(joint: TestedJoint, trial: Trial, state: Signal) -> Iterator[str]:
 
 def _moved_most(
     joint: TestedJoint, joints: Sequence[TestedJoint], evidence: _Evidence
-) -> tuple[str, float] | None:
+) -> tuple[TestedJoint, float] | None:
     """Return which of the joints that are held moved most, and how far."""
-    others = [j for j in joints if j is not joint and j.effort > 0]
-    held = [j for j in others if j.mode in ("position", "velocity")]
-    moved = [(j.name, float(abs(evidence.after[j.index] - evidence.before[j.index]))) for j in held]
-    return max(moved, key=lambda row: row[1], default=None)
+    moved = np.abs(evidence.after - evidence.before)
+    held = [
+        (j, float(moved[j.index]))
+        for j in joints
+        if j is not joint and j.effort > 0 and j.mode in ("position", "velocity")
+    ]
+    return max(held, key=lambda row: row[1], default=None)
 
 
-def _others(
-    others: tuple[str, float] | None, joints: Sequence[TestedJoint], evidence: _Evidence
-) -> Iterator[str]:
-    if others is None:
-        return
-    other = next(joint for joint in joints if joint.name == others[0])
-    if others[1] > _STILL[other.is_rotary]:
-        tail = ""
-        if evidence.effort[other.index] >= 0.999 * other.effort:
-            limit = f"{other.effort:g} {_unit(other, 'N·m', 'N')}"
-            tail = f", whose motor was at its limit of {limit}: does something push it?"
-        yield f"moves {other.name} as well, by {_amount(other, others[1])}{tail}"
+def _moved_too(other: TestedJoint, way: float, evidence: _Evidence) -> Iterator[str]:
+    """Say that a joint that is held has moved as well, where it has."""
+    if way > _STILL[other.is_rotary]:
+        pushed = f", whose motor was at its limit of {_effort(other)}: does something push it?"
+        tail = pushed if _is_at_limit(other, evidence) else ""
+        yield f"moves {other.name} as well, by {shown(way, is_rotary=other.is_rotary)}{tail}"
 
 
-def _limits(joint: TestedJoint, evidence: _Evidence, *, free: bool) -> Iterator[str]:
-    margin = (_FALLEN if free else _CLOSE)[joint.is_rotary]
+def _beyond(joint: TestedJoint, evidence: _Evidence) -> Iterator[str]:
+    """Say which of its limits a joint has passed."""
     end = float(evidence.after[joint.index])
-    if not joint.lower - margin <= end <= joint.upper + margin:
+    if not joint.lower - _margin(joint) <= end <= joint.upper + _margin(joint):
         yield f"is at {end:.4f}, beyond its stops [{joint.lower:g}, {joint.upper:g}]"
     speed, effort = evidence.speed[joint.index], evidence.effort[joint.index]
-    if not free and speed > 1.1 * joint.speed:
+    if joint.mode not in _FREE and speed > 1.1 * joint.speed:
         unit = _unit(joint, "rad/s", "m/s")
         yield f"moves at {speed:.2f} {unit}, beyond its limit of {joint.speed:g}"
     if effort > 1.001 * joint.effort:
         yield f"applies {effort:.3g}, beyond its limit of {joint.effort:g}"
-
-
-def _amount(joint: TestedJoint, value: float) -> str:
-    return f"{math.degrees(value):.2f}°" if joint.is_rotary else f"{1e3 * value:.2f} mm"
-
-
-def _unit(joint: TestedJoint, rotary: str, prismatic: str) -> str:
-    return rotary if joint.is_rotary else prismatic

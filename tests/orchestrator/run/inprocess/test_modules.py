@@ -76,7 +76,7 @@ def test_a_module_of_the_callers_of_the_same_name_is_another(tmp_path, monkeypat
 def test_no_folder_of_a_scenario_replaces_a_package_of_stepbus(tmp_path, in_process):
     source = tmp_path / "source"
     write_scenario(source)
-    for name in ("stepbus_selftest", "stepbus_mission"):
+    for name in ("stepbus_tools", "stepbus_mission"):
         (source / name).mkdir()
         (source / name / "__init__.py").write_text("raise SystemExit('replaced')\n")
     task = "mission={participant: 'stepbus_mission:Mission', outputs: {reference: JointReference/1}, params: {task: sine, joints: [hip, knee], amplitude: 1, omega: 1}}"
