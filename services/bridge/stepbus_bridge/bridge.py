@@ -1,13 +1,11 @@
 """What every bridged participant does, in any format."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
 
-from stepbus_bridge.framing import Framing, Link
-from stepbus_bridge.program import Program
+from stepbus_bridge.program import Framing, Program
 from stepbus_participant import Config, Participant
 from stepbus_schemas import (
     SHIPPED,
@@ -20,14 +18,8 @@ from stepbus_schemas import (
     not_null,
 )
 
-
-@dataclass(frozen=True, kw_only=True)
-class BridgedProgram:
-    """A program to bridge: its argv, its format, and what describes its outputs."""
-
-    argv: Sequence[str]
-    format: str
-    describe: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+Described = Mapping[str, Mapping[str, Any]]
+"""Output → its description, as the scenario gives it."""
 
 
 class Bridge(Participant):
@@ -36,28 +28,28 @@ class Bridge(Participant):
     Raises WiringError when there is no such program, or when it is described wrongly.
     """
 
-    def __init__(self, config: Config, bridged: BridgedProgram, framing: Framing) -> None:
+    def __init__(
+        self, config: Config, argv: Sequence[str], form: str, describe: Described, framing: Framing
+    ) -> None:
         super().__init__(config)
-        self._described = _descriptions(config, bridged.describe)
-        self.link = Link(Program(bridged.argv, bridged.format), framing)
+        self._described = _descriptions(config, describe)
+        self.program = Program(argv, form, framing)
 
     def close(self) -> None:
         """Wait for the program's end; raises RunError when its exit code is not 0."""
-        program = self.link.program
-        program.stop()
-        if program.exit_code and not self.link.failed:
-            raise RunError(f"{program} {program.how_it_ended()} after the stop")
+        self.program.stop()
+        if self.program.exit_code and not self.program.failed:
+            raise RunError(f"{self.program} {self.program.how_it_ended()} after the stop")
 
 
-def _descriptions(config: Config, given: Mapping[str, Mapping[str, Any]]) -> dict[str, Description]:
+def _descriptions(config: Config, given: Described) -> dict[str, Description]:
     """Return the descriptions that are known before the program describes its outputs.
 
     An output with joints that nobody describes is like the first input with joints.
     """
     types = config.types
-    first = next(
-        (name for name, port in config.inputs.items() if has_joints(port.type, types)), None
-    )
+    inputs = (name for name, port in config.inputs.items() if has_joints(port.type, types))
+    first = next(inputs, None)
     descriptions = {
         name: Description(like=first)
         for name, port in config.outputs.items()

@@ -1,13 +1,13 @@
 """Formats `json` and `msgpack`: a map for each message."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import msgspec
 from msgspec.structs import astuple
 
-from stepbus_bridge.bridge import Bridge, BridgedProgram
-from stepbus_bridge.framing import BridgeError, show
+from stepbus_bridge.bridge import Bridge, Described
+from stepbus_bridge.program import BridgeError, show
 from stepbus_participant import Config, Step
 from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError, explained
 
@@ -28,8 +28,6 @@ class _Ready(msgspec.Struct):
 
 class Json:
     """One line of JSON. NaN and infinity are `null`; in a list, `null` may be a NaN."""
-
-    name = "JSON"
 
     def length(self, data: bytes | bytearray) -> int:
         """Return the length of the first line; -1: it has no end yet."""
@@ -68,8 +66,6 @@ def _with_nan(value: Any) -> Any:
 class MessagePack:
     """An unsigned 32-bit little-endian length, then a MessagePack map of as many bytes."""
 
-    name = "MessagePack"
-
     def length(self, data: bytes | bytearray) -> int:
         """Return the length of the first message, with its prefix; -1: not yet known."""
         return 4 + int.from_bytes(data[:4], "little") if len(data) >= 4 else -1
@@ -90,15 +86,12 @@ class MessagePack:
         return lambda data: decode(memoryview(data)[4:])
 
 
-CODECS: dict[str, type[Json | MessagePack]] = {"json": Json, "msgpack": MessagePack}
-
-
 class MapBridge(Bridge):
     """A participant whose program speaks JSON or MessagePack."""
 
-    def __init__(self, config: Config, bridged: BridgedProgram) -> None:
-        self._codec = CODECS[bridged.format]()
-        super().__init__(config, bridged, self._codec)
+    def __init__(self, config: Config, argv: Sequence[str], form: str, describe: Described) -> None:
+        self._codec = Json() if form == "json" else MessagePack()
+        super().__init__(config, argv, form, describe, self._codec)
         self._first = config.publishes == "first"
         self._ports = tuple(config.inputs)
         self._outputs = tuple(config.outputs)
@@ -109,16 +102,14 @@ class MapBridge(Bridge):
 
     def describe(self) -> Mapping[str, Description]:
         """Send the program the `welcome`; return how it describes its outputs."""
-        self.link.send(self._codec.encode({"welcome": _welcome(self.config)}))
-        answer: _Ready = self._read(self._codec.decoder(_Ready), self.link.receive())
+        self.program.send(self._codec.encode({"welcome": _welcome(self.config)}))
+        answer: _Ready = self._read(self._codec.decoder(_Ready), self.program.receive())
         self._versions = answer.ready.versions
-        self._check_types(answer.ready.types)
+        declared = Types(answer.ready.types)
+        for text in declared.misfits(self.config.types, "the program", "the scenario"):
+            # A type that it declares differently (P14.5).
+            raise WiringError(f"{self.program}: {text}")
         return {**self._described, **answer.ready.outputs}
-
-    def _check_types(self, declared: Mapping[str, Mapping[str, Any]]) -> None:
-        """Refuse a program that declares a type differently (P14.5)."""
-        for text in Types(declared).misfits(self.config.types, "the program", "the scenario"):
-            raise WiringError(f"{self.link.program}: {text}")
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the program's libraries."""
@@ -126,7 +117,7 @@ class MapBridge(Bridge):
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Send the program the descriptions of its inputs."""
-        self.link.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
+        self.program.send(self._codec.encode({"start": {"inputs": dict(inputs)}}))
 
     def output(self, step: Step) -> Mapping[str, Message]:
         """Ask the program for its outputs before its inputs."""
@@ -145,7 +136,7 @@ class MapBridge(Bridge):
 
     def _ask(self, message: Mapping[str, Any], step: Step, publishes: bool) -> dict[str, Message]:
         """Return the outputs in the answer to a message. publishes: whether there may be any."""
-        answer = self._read(self._decode, self.link.ask(self._codec.encode(message)))
+        answer = self._read(self._decode, self.program.ask(self._codec.encode(message)))
         messages: dict[str, Message] = {}
         if answer.outputs is not None:
             messages = dict(zip(self._outputs, astuple(answer.outputs), strict=True))
@@ -154,7 +145,7 @@ class MapBridge(Bridge):
         if answer.end is not None:
             step.end(answer.end)
         if messages and not publishes:
-            raise self.link.wrong(
+            raise self.program.wrong(
                 "publishes first: it answers `output` with its outputs and `update` with none"
             )
         return messages
@@ -169,8 +160,10 @@ class MapBridge(Bridge):
         known = ", ".join(f"{port} ({row.type})" for port, row in self.config.outputs.items())
         if isinstance(exc, msgspec.ValidationError):
             text = explained(exc, self._answer)
-            return self.link.wrong(f"answered wrongly: {text}; its outputs are {known or 'none'}")
-        return self.link.wrong(f"wrote what {explained(exc)}: {show(data)}")
+            return self.program.wrong(
+                f"answered wrongly: {text}; its outputs are {known or 'none'}"
+            )
+        return self.program.wrong(f"wrote what {explained(exc)}: {show(data)}")
 
 
 def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:

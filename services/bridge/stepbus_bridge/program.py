@@ -1,4 +1,8 @@
-"""The program behind the bridge: a process that reads descriptor 3 and writes descriptor 4."""
+"""The program behind the bridge: a process that reads descriptor 3 and writes descriptor 4.
+
+OutputError (of stepbus)
+└─ BridgeError      the program ended, or wrote something that is no answer
+"""
 
 import fcntl
 import os
@@ -7,34 +11,61 @@ import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-from stepbus_participant import HOST
+from stepbus_participant import HOST, OutputError, last_error
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
+MOST_BYTES = 16 << 20
+"""Longest message of a program."""
+
 _READS, _WRITES = 3, 4
 _LOWEST_FREE = 10
 _CHUNK = 1 << 16
+_REST_S = 1.0
+"""Once a message has started, the rest must follow within this [s]."""
+_POLL_EVERY = 16
 _END_WAIT_S = 0.5
 _POLL_S = 0.005
 _LONGEST_NAME = 80
+_OWN_LOG = Path("/proc/self/fd/2")
+"""Our log, which the program prints to as well."""
+_SHOWN = 60
+
+
+class BridgeError(OutputError):
+    """The program ended, or wrote something that is no answer; the text names it."""
+
+
+class Framing(Protocol):
+    """Where one message ends."""
+
+    def length(self, data: bytes | bytearray) -> int:
+        """Return the length of the message that `data` starts with; -1: not yet known."""
+        ...
+
+    def progress(self, data: bytes | bytearray) -> str:
+        """Return in words how much of a message `data` is."""
+        ...
 
 
 class Program:
-    """A running program and its two pipes.
+    """A running program and its two pipes, over which complete messages go.
 
     It stays in the bridge's process group, which the orchestrator, or its reaper, kills as a
     whole; and it sees the end of descriptor 3 when the bridge dies. In a run in one process, it has
     a group of its own, which the run ends.
 
-    argv: the path of an executable, and its arguments. form: value of STEPBUS_BRIDGE.
-    Raises WiringError when it cannot be executed.
+    argv: the path of an executable, and its arguments. form: value of STEPBUS_BRIDGE. failed:
+    whether it has broken the rules. Raises WiringError when it cannot be executed, BridgeError when
+    an exchange fails.
     """
 
-    def __init__(self, argv: Sequence[str], form: str) -> None:
+    def __init__(self, argv: Sequence[str], form: str, framing: Framing) -> None:
         name = " ".join([Path(argv[0]).name, *argv[1:]])
         self._name = name if len(name) <= _LONGEST_NAME else f"{name[:_LONGEST_NAME]}…"
+        self._framing = framing
         theirs, self._to = _pipe()
         self._from, answers = _pipe()
         try:
@@ -47,6 +78,8 @@ class Program:
             os.close(theirs)
             os.close(answers)
         self.exit_code: int | None = None
+        self.failed = False
+        self._asked = 0
         self._open = True
         self._poll = select.poll()
         self._poll.register(self._from, select.POLLIN)
@@ -54,19 +87,79 @@ class Program:
     def __str__(self) -> str:
         return f"{self._name} (pid {self.pid})"
 
-    def write(self, data: bytes | bytearray) -> None:
-        """Write all of the data; raises BrokenPipeError when the program has closed its end."""
-        sent = os.write(self._to, data)
-        while sent < len(data):
-            sent += os.write(self._to, memoryview(data)[sent:])
+    # --- messages ----------------------------------------------------------------------------
 
-    def read(self) -> bytes:
+    def ask(self, data: bytes | bytearray) -> bytes | bytearray:
+        """Send a message and return the program's answer."""
+        # A poll costs as much as a write; what this one misses, a later one finds.
+        self._asked += 1
+        if self._asked % _POLL_EVERY == 1 and self.has_written():
+            unasked = self._read()
+            if unasked:
+                raise self.wrong(
+                    f"wrote {show(unasked)} without being asked; one answer to each message"
+                )
+            raise self._gone()
+        self.send(data)
+        return self.receive()
+
+    def send(self, data: bytes | bytearray) -> None:
+        """Send a message."""
+        try:
+            sent = os.write(self._to, data)
+            while sent < len(data):
+                sent += os.write(self._to, memoryview(data)[sent:])
+        except BrokenPipeError:
+            raise self._gone() from None
+
+    def receive(self) -> bytes | bytearray:
+        """Return the next message, however long it takes; the orchestrator has the deadline."""
+        data = self._read()
+        if data and self._framing.length(data) == len(data):
+            return data
+        return self._receive_pieces(data)
+
+    def _receive_pieces(self, chunk: bytes) -> bytearray:
+        data = bytearray()
+        while chunk:
+            data += chunk
+            length = self._framing.length(data)
+            longest = max(length, len(data))
+            if longest > MOST_BYTES:
+                raise self.wrong(
+                    f"wrote a message of {longest} bytes; at most {MOST_BYTES} are taken"
+                )
+            if 0 <= length <= len(data):
+                if length < len(data):
+                    raise self.wrong(f"wrote {show(data[length:])} behind its answer")
+                return data
+            if not self.has_written(_REST_S):
+                raise self.wrong(f"wrote half a message, {self._framing.progress(data)}")
+            chunk = self._read()
+        raise self._gone(f", half a message left: {self._framing.progress(data)}" if data else "")
+
+    def _read(self) -> bytes:
         """Wait until it has written something, and return it; empty: it writes no more."""
         return os.read(self._from, _CHUNK)
 
     def has_written(self, timeout_s: float = 0.0) -> bool:
         """Return whether data or the end can be read within a time [s]."""
         return bool(self._poll.poll(timeout_s * 1000))
+
+    def wrong(self, what: str) -> BridgeError:
+        """Return the error of a program that broke the rules of the bridge."""
+        self.failed = True
+        return BridgeError(f"{self} {what}")
+
+    # --- its end -----------------------------------------------------------------------------
+
+    def _gone(self, half: str = "") -> BridgeError:
+        """Return the error of a program that writes no more."""
+        ended = self.how_it_ended()
+        host = HOST.get()
+        error = last_error(_OWN_LOG if host is None or host.log is None else host.log)
+        tail = f'; its last error: "{error}"' if error else ""
+        return self.wrong(f"{ended}{half}{tail}")
 
     def has_ended(self, *, wait: bool = False) -> bool:
         """Return whether it has ended, and set `exit_code`. wait: until it has."""
@@ -94,6 +187,12 @@ class Program:
             self._open = False
             os.close(self._to)
         self.has_ended(wait=True)
+
+
+def show(data: bytes | bytearray) -> str:
+    """Return the beginning of what a program wrote, for a message."""
+    text = bytes(data[:_SHOWN]).decode(errors="backslashreplace")
+    return repr(text) + ("…" if len(data) > _SHOWN else "")
 
 
 def _pipe() -> tuple[int, int]:

@@ -4,7 +4,7 @@ import math
 import struct
 from collections.abc import Mapping, Sequence
 
-from stepbus_bridge.bridge import Bridge, BridgedProgram
+from stepbus_bridge.bridge import Bridge, Described
 from stepbus_participant import Config, Step
 from stepbus_schemas import (
     PROTOCOL_VERSION,
@@ -20,36 +20,34 @@ Row = list[float]
 _LACKING = {"names": "joints", "shape": "length"}
 
 
-class Block:
-    """Always the same number of float64; `count` may change between two messages."""
+class RawBridge(Bridge):
+    """A participant whose program speaks numbers alone; it is its own framing."""
 
-    count = 1
+    def __init__(self, config: Config, argv: Sequence[str], form: str, describe: Described) -> None:
+        inputs = {name: port.type for name, port in config.inputs.items()}
+        outputs = {name: port.type for name, port in config.outputs.items()}
+        if mistake := raw_problem(config.publishes, inputs, outputs, config.types):
+            raise WiringError(f"participants.{config.name}.bridge: {mistake}")
+        super().__init__(config, argv, form, describe, self)
+        self._in: list[tuple[str, RawLayout, Sequence[int]]] = []
+        self._out: list[tuple[str, RawLayout]] = []
+        # The program's first number says that it is ready.
+        self._codes = (struct.Struct(""), struct.Struct("<d"))
 
     def length(self, _data: bytes | bytearray) -> int:
-        """Return the length of a message."""
-        return 8 * self.count
+        """Return the length of a message of the program."""
+        return self._codes[1].size
 
     def progress(self, data: bytes | bytearray) -> str:
         """Return in words how much of a message `data` is."""
-        return f"{len(data)} of {8 * self.count} bytes ({self.count} numbers)"
-
-
-class RawBridge(Bridge):
-    """A participant whose program speaks numbers alone."""
-
-    def __init__(self, config: Config, bridged: BridgedProgram) -> None:
-        _check(config)
-        self._block = Block()
-        super().__init__(config, bridged, self._block)
-        self._in: list[tuple[str, RawLayout, Sequence[int]]] = []
-        self._out: list[tuple[str, RawLayout]] = []
-        self._codes = (struct.Struct(""), struct.Struct(""))
+        size = self.length(data)
+        return f"{len(data)} of {size} bytes ({size // 8} numbers)"
 
     def describe(self) -> Mapping[str, Description]:
         """Wait until the program has written its 1.0."""
-        (ready,) = struct.unpack("<d", self.link.receive())
+        (ready,) = struct.unpack("<d", self.program.receive())
         if ready != 1.0:
-            raise self.link.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
+            raise self.program.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
         return self._described
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -76,10 +74,9 @@ class RawBridge(Bridge):
             self._out.append((name, layout))
         n_in = 2 + sum(1 + layout.width for _, layout, _ in self._in)
         n_out = sum(layout.width for _, layout in self._out)
-        self._block.count = n_out
         self._codes = (struct.Struct(f"<{n_in}d"), struct.Struct(f"<{n_out}d"))
         header = self._header(n_in, n_out)
-        self.link.send(struct.pack(f"<{len(header)}d", *header))
+        self.program.send(struct.pack(f"<{len(header)}d", *header))
 
     def _layout(self, type_name: str, description: Description, names: int) -> RawLayout:
         length = description.shape[0] if description.shape else 0
@@ -92,13 +89,12 @@ class RawBridge(Bridge):
     def _header(self, n_in: int, n_out: int) -> Row:
         config = self.config
         params = [
-            float(value)
+            value
             for value in config.params.values()
             if isinstance(value, int | float) and not isinstance(value, bool)
         ]
-        dt = config.step_ns * 1e-9
-        rest = (config.every, 0, n_in, n_out, config.seed, len(params))
-        return [float(PROTOCOL_VERSION), dt, *map(float, rest), *params]
+        sizes = (config.every, 0, n_in, n_out, config.seed, len(params))
+        return [PROTOCOL_VERSION, config.step_ns * 1e-9, *sizes, *params]
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Send the inputs of a step to the program and return its outputs."""
@@ -113,18 +109,15 @@ class RawBridge(Bridge):
             except ValueError as exc:
                 raise RunError(f"input {name!r}: {exc}") from exc
         pack, unpack = self._codes
-        answer = unpack.unpack(self.link.ask(pack.pack(*numbers)))
-        return self._messages(answer)
-
-    def _messages(self, numbers: Sequence[float]) -> dict[str, Message]:
+        answer = unpack.unpack(self.program.ask(pack.pack(*numbers)))
         messages: dict[str, Message] = {}
         start = 0
         for name, layout in self._out:
             end = start + layout.width
             try:
-                messages[name] = layout.unflatten(numbers[start:end])
+                messages[name] = layout.unflatten(answer[start:end])
             except ValueError as exc:
-                raise self.link.wrong(f"answered wrongly: {name}: {exc}") from exc
+                raise self.program.wrong(f"answered wrongly: {name}: {exc}") from exc
             start = end
         return messages
 
@@ -134,12 +127,3 @@ def _order(names: Sequence[str], wanted: Sequence[str]) -> Sequence[int]:
     if list(names) == list(wanted) or sorted(names) != sorted(wanted):
         return ()
     return [names.index(name) for name in wanted]
-
-
-def _check(config: Config) -> None:
-    """Raise WiringError for what numbers alone cannot carry."""
-    inputs = {name: port.type for name, port in config.inputs.items()}
-    outputs = {name: port.type for name, port in config.outputs.items()}
-    mistake = raw_problem(config.publishes, inputs, outputs, config.types)
-    if mistake:
-        raise WiringError(f"participants.{config.name}.bridge: {mistake}")

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from stepbus.testing import feed
-from stepbus_bridge.bridge import BridgedProgram
 from stepbus_bridge.map_bridge import MapBridge
 from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_participant import Config
@@ -62,15 +61,14 @@ def started():
     def start(cls, form, program, description, settings=None):
         argv = [sys.executable, "-c", program]
         describe = {"out": {"names": ["left", "right"]}}
-        bridged = BridgedProgram(argv=argv, format=form, describe=describe)
-        made.append(cls(settings or config(), bridged))
+        made.append(cls(settings or config(), argv, form, describe))
         made[-1].describe()
         made[-1].start({"in": description})
         return made[-1]
 
     yield start
     for item in made:
-        item.link.failed = True
+        item.program.failed = True
         item.close()
 
 

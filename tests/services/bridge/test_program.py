@@ -10,9 +10,8 @@ import pytest
 from support.runs.bridge import BRIDGED
 
 from stepbus.testing import feed
-from stepbus_bridge.bridge import BridgedProgram
-from stepbus_bridge.framing import BridgeError
 from stepbus_bridge.map_bridge import MapBridge
+from stepbus_bridge.program import BridgeError
 from stepbus_bridge.raw_bridge import RawBridge
 from stepbus_participant import Config
 from stepbus_schemas import (
@@ -56,16 +55,16 @@ def bridge():
     def make(form, kind, words=None, **changes):
         words = words or [sys.executable, str(BRIDGED), form, kind, "1"]
         cls = RawBridge if form == "raw" else MapBridge
-        made.append(cls(config(**changes), BridgedProgram(argv=words, format=form)))
+        made.append(cls(config(**changes), words, form, {}))
         made[-1].describe()
         made[-1].start(JOINTS)
         return made[-1]
 
     yield make
     for item in made:
-        item.link.failed = True
-        if not item.link.program.has_ended():
-            os.kill(item.link.program.pid, signal.SIGKILL)
+        item.program.failed = True
+        if not item.program.has_ended():
+            os.kill(item.program.pid, signal.SIGKILL)
         item.close()
 
 
@@ -117,7 +116,7 @@ def test_each_mistake_in_numbers_has_its_own_sentence(bridge, kind, sentence):
 def test_a_word_that_nobody_asked_for_is_refused_at_the_next_step(bridge):
     code = "import os; os.read(3, 4096); os.write(4, b'{\"ready\": {}}\\n'); os.read(3, 4096); os.write(4, b'{}\\n'); os.read(3, 1)"
     made = bridge("json", "", [sys.executable, "-c", code])
-    assert made.link.program.has_written(timeout_s=20)
+    assert made.program.has_written(timeout_s=20)
     with pytest.raises(BridgeError, match=r"wrote '\{\}\\n' without being asked"):
         made.update(step_at(0, [0.0, 1.0]))
 
@@ -159,7 +158,7 @@ def test_a_program_that_exits_with_a_code_at_the_stop_is_an_error(bridge):
 
 def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
     outputs = {"command": OutputConfig(type="JointCommand/1"), "news": OutputConfig(type="Event/1")}
-    described = MapBridge(config(outputs=outputs), BridgedProgram(argv=RIGHT, format="json"))
+    described = MapBridge(config(outputs=outputs), RIGHT, "json", {})
     try:
         assert described.describe() == {"command": Description(like="joint_state")}
     finally:
