@@ -9,7 +9,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.replay.rerun import attached, fingerprint
 from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
-from stepbus_orchestrator.scenario import ParticipantSpec, builtin_folders, programs_in
+from stepbus_orchestrator.scenario import ParticipantSpec, programs_in, scenario_folders
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -92,7 +92,9 @@ def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
 
 def _is_shipped(name: str, content: bytes) -> bool:
     """Return whether a file is that of an installed scenario."""
-    scenarios = (scenario for folder in builtin_folders() for scenario in folder.iterdir())
+    scenarios = (
+        scenario for folder in scenario_folders().values() for scenario in folder.iterdir()
+    )
     return any(_has(scenario / name, content) for scenario in scenarios)
 
 

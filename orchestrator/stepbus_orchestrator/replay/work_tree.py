@@ -18,7 +18,7 @@ import msgspec
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import RESULT_FILE
-from stepbus_orchestrator.scenario import ParticipantSpec, builtin_folders, override, programs_in
+from stepbus_orchestrator.scenario import ParticipantSpec, override, programs_in, scenario_folders
 from stepbus_orchestrator.scenario import read_data as read_scenario
 from stepbus_orchestrator.scenario.scenario_files import BUILT, is_file, is_folder, is_scenario
 from stepbus_participant import SettingsError, read_file
@@ -198,7 +198,7 @@ def _is_searched(path: Path) -> bool:
 
 
 def _is_builtin(path: Path) -> bool:
-    return any(path.is_relative_to(folder) for folder in builtin_folders())
+    return any(path.is_relative_to(folder) for folder in scenario_folders().values())
 
 
 def _owner(path: Path) -> int:

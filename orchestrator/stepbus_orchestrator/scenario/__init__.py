@@ -3,8 +3,7 @@
 from stepbus_orchestrator.scenario.check import check_classes
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_data
-from stepbus_orchestrator.scenario.locate import builtin_folders, builtin_names
-from stepbus_orchestrator.scenario.packages import NEEDS, check_installed, missing
+from stepbus_orchestrator.scenario.locate import builtin_names, scenario_folders
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant.parameters import Problem
 
@@ -23,9 +22,16 @@ from .model import (
     Scenario,
     low_latency,
 )
-from .override import override
-from .program import command, programs_in, replaced_program, start_command
-from .python_values import Overrides, override_texts, plain_value, yaml_text
+from .override import Overrides, override, override_texts, plain_value, yaml_text
+from .program import (
+    NEEDS,
+    check_installed,
+    command,
+    missing,
+    programs_in,
+    replaced_program,
+    start_command,
+)
 from .resolve import resolved
 from .schedule import Schedule
 
@@ -47,7 +53,6 @@ __all__ = [
     "Problem",
     "Scenario",
     "Schedule",
-    "builtin_folders",
     "builtin_names",
     "check_classes",
     "check_data",
@@ -67,6 +72,7 @@ __all__ = [
     "read_fault",
     "replaced_program",
     "resolved",
+    "scenario_folders",
     "start_command",
     "upgraded",
     "yaml_text",

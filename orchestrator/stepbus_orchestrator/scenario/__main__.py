@@ -18,8 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
-from stepbus_orchestrator.scenario.packages import participant_classes
 from stepbus_orchestrator.scenario.parameter_tables import table, tables
+from stepbus_orchestrator.scenario.program import participant_classes
 from stepbus_orchestrator.scenario.scenario_schema import SchemaWriter
 from stepbus_participant import Settings, declared_parameters
 

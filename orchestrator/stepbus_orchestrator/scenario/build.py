@@ -22,6 +22,8 @@ from stepbus_orchestrator.scenario.override import TOP_KEYS
 from stepbus_participant import LONGEST_NS, Problems, whole_steps
 from stepbus_participant.parameters import Keys, read
 
+_MOST_PARTICIPANTS = 1000
+"""Any two have a link, and each participant is a process."""
 _RESERVED = ("orchestrator", *TOP_KEYS)
 
 
@@ -30,10 +32,15 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
 
     Values that are wrong are added to the problems and replaced by defaults.
     """
+    participants = data.get("participants")
+    if isinstance(participants, dict) and len(participants) > _MOST_PARTICIPANTS:
+        text = f"has {len(participants)}; a run has at most {_MOST_PARTICIPANTS}"
+        problems.add(("participants",), text)
+        problems.refuse()
     row = read(ScenarioFile, data, problems)
     types, type_files = read_types(row.types, file.parent, problems)
     specs = [_participant(name, item, row, problems) for name, item in row.participants.items()]
-    if data.get("participants") == {}:
+    if participants == {}:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
     for spec in specs:
         check_types(spec, data["participants"][spec.name], types, problems)

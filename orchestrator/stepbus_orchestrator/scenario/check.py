@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from functools import partial
 
 from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.program import PYTHON, check_class, check_command
+from stepbus_orchestrator.scenario.program import PYTHON, check_program
 from stepbus_orchestrator.scenario.schedule import find_loops
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
@@ -164,15 +164,8 @@ def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec], ty
 
 def _check_programs(scenario: Scenario, problems: Problems) -> None:
     for spec in scenario.participants:
-        # What somebody else starts need not be on this machine.
-        if spec.is_external:
-            continue
-        key = "participant" if spec.participant else "exec"
-        check_program = (
-            partial(check_class, spec.participant)
-            if spec.participant
-            else partial(check_command, spec.exec)
-        )
-        keys = ("participants", spec.name, key)
-        if (spec.participant or spec.exec) and not problems.has(keys):
-            problems.attempt(keys, partial(check_program, scenario.folder))
+        keys = ("participants", spec.name, "participant" if spec.participant else "exec")
+        is_given = bool(spec.participant or spec.exec) and not problems.has(keys)
+        # What the user starts need not be on this machine.
+        if is_given and not spec.is_external:
+            problems.attempt(keys, partial(check_program, spec, scenario.folder))

@@ -7,70 +7,9 @@ from typing import Any
 
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
 from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_orchestrator.scenario.template import (
-    check_count,
-    instantiate,
-    merged,
-    refuse_crowd,
-)
-from stepbus_participant import SettingsError, suggest
-from stepbus_participant.parameters import Problem, YamlFile, read_yaml, show
-
-_SECTIONS = ("exec", "params", "with")
-
-
-def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:
-    """Return a scenario of one folder with its files named from another one.
-
-    These are in `exec`, `params`, `with`, `files` and `types`. A file that ships with stepbus
-    becomes `package://stepbus_scenarios/…`.
-    """
-    if old.resolve() == new.resolve():
-        return document
-    data = dict(document.data)
-    if "types" in data:
-        data["types"] = _renamed(data["types"], old, new)
-    for section in ("participants", "templates"):
-        rows = data.get(section)
-        if isinstance(rows, dict):
-            data[section] = {name: _row(row, old, new) for name, row in rows.items()}
-    return dataclasses.replace(document, data=data)
-
-
-def _row(row: Any, old: Path, new: Path) -> Any:
-    if not isinstance(row, dict):
-        return row
-    row = {k: _renamed(v, old, new) if k in _SECTIONS else v for k, v in row.items()}
-    source, colon, name = str(row.get("participant") or "").rpartition(":")
-    if source.endswith(".py"):
-        row["participant"] = f"{os.path.relpath(old / source, new)}{colon}{name}"
-    if isinstance(row.get("files"), list):
-        # Patterns name no file.
-        row["files"] = [f"{os.path.relpath(old, new)}/{pattern}" for pattern in row["files"]]
-    return row
-
-
-def _renamed(value: Any, old: Path, new: Path) -> Any:
-    """Return a value in which every text that is the name of a file is renamed."""
-    if isinstance(value, dict):
-        return {key: _renamed(item, old, new) for key, item in value.items()}
-    if isinstance(value, list):
-        return [_renamed(item, old, new) for item in value]
-    if not isinstance(value, str):
-        return value
-    option, equals, name = value.partition("=")
-    if equals and value.startswith("-"):
-        return f"{option}={_renamed(name, old, new)}"
-    is_name = value and "://" not in value and not Path(value).is_absolute()
-    return _name(old / value, new) if is_name and is_file(old / value) else value
-
-
-def _name(file: Path, folder: Path) -> str:
-    path = Path(os.path.normpath(file))
-    name = package_url(path) or os.path.relpath(path, folder)
-    # A program is looked for on PATH where its name has no folder.
-    return name if "/" in name else f"./{name}"
-
+from stepbus_orchestrator.scenario.template import instantiate, merged
+from stepbus_participant import suggest
+from stepbus_participant.parameters import YamlFile, read_yaml, show
 
 _KEY = "extends"
 _EXPECTED = "a scenario has at least name, step and participants"
@@ -84,9 +23,7 @@ def read_extended(path: Path) -> YamlFile:
     are made from a template have all their keys.
     Raises SettingsError when a file cannot be read or extends itself.
     """
-    document = _read(path, path.name, ())
-    check_count(document)
-    return instantiate(document)
+    return instantiate(_read(path, path.name, ()))
 
 
 def read_data(path: Path) -> dict[str, Any]:
@@ -98,23 +35,29 @@ def read_data(path: Path) -> dict[str, Any]:
 
 
 def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
-    refuse_crowd(path)
     document = read_yaml(path, _EXPECTED, file=file)
     if _KEY not in document.data:
         return document
     name = document.data[_KEY]
-    base = locate_from(name, path.parent) if isinstance(name, str) and name else None
     chain = (*above, path.resolve())
-    mistake = _mistake(name, base, path, chain)
-    if base is None or mistake is not None:
-        line = document.places[_KEY,].line
-        problem = Problem(file=file, line=line, path=_KEY, message=mistake or "")
-        raise SettingsError([*document.own_problems, problem])
+    base = locate_from(name, path.parent) if isinstance(name, str) and name else None
+    if base is None or base.resolve() in chain:
+        problems = document.problems()
+        problems.add((_KEY,), _mistake(name, base, path, chain))
+        raise problems.error()
     below = _read(base, base.name if base.parent == path.parent else name, chain)
-    return _on_top(document, moved(below, base.parent, path.parent))
+    return YamlFile(
+        file=document.file,
+        data=merged(
+            moved(below, base.parent, path.parent).data,
+            {key: value for key, value in document.data.items() if key != _KEY},
+        ),
+        places={**below.places, **document.places},
+        own_problems=(*below.own_problems, *document.own_problems),
+    )
 
 
-def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...]) -> str | None:
+def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...]) -> str:
     """Return what is wrong with a base. chain: the files that lead to it."""
     if not isinstance(name, str) or not name:
         return f"must name a scenario, not {show(name)}"
@@ -122,18 +65,54 @@ def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...
         others = sorted(item.name for item in path.parent.glob("*.yaml") if item != path)
         known = suggest(name, (*others, *builtin_names()))
         return f"no file {name!r} in {path.parent}, and no built-in scenario{known}"
-    if base.resolve() in chain:
-        circle = (*chain[chain.index(base.resolve()) :], base)
-        return f"a circle: {' → '.join(file.name for file in circle)}"
-    return None
+    circle = (*chain[chain.index(base.resolve()) :], base)
+    return f"a circle: {' → '.join(file.name for file in circle)}"
 
 
-def _on_top(top: YamlFile, base: YamlFile) -> YamlFile:
-    """Return the two as one document."""
-    own = {key: value for key, value in top.data.items() if key != _KEY}
-    return YamlFile(
-        file=top.file,
-        data=merged(base.data, own),
-        places={**base.places, **top.places},
-        own_problems=(*base.own_problems, *top.own_problems),
-    )
+def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:
+    """Return a scenario of one folder with its files named from another one.
+
+    These are in `participant`, `exec`, `params`, `with`, `files` and `types`. A file that ships
+    with stepbus becomes `package://stepbus_scenarios/…`.
+    """
+    if old.resolve() == new.resolve():
+        return document
+    data = dict(document.data)
+    if "types" in data:
+        data["types"] = _renamed(data["types"], old, new)
+    for section in ("participants", "templates"):
+        if isinstance(rows := data.get(section), dict):
+            data[section] = {name: _row(row, old, new) for name, row in rows.items()}
+    return dataclasses.replace(document, data=data)
+
+
+def _row(row: Any, old: Path, new: Path) -> Any:
+    if not isinstance(row, dict):
+        return row
+    named = {key: _renamed(row[key], old, new) for key in ("exec", "params", "with") if key in row}
+    source, colon, name = str(row.get("participant") or "").rpartition(":")
+    if source.endswith(".py"):
+        named["participant"] = f"{os.path.relpath(old / source, new)}{colon}{name}"
+    if isinstance(row.get("files"), list):
+        # Patterns name no file.
+        named["files"] = [f"{os.path.relpath(old, new)}/{pattern}" for pattern in row["files"]]
+    return {**row, **named}
+
+
+def _renamed(value: Any, old: Path, new: Path) -> Any:
+    """Return a value in which every text that is the name of a file is renamed."""
+    if isinstance(value, dict):
+        return {key: _renamed(item, old, new) for key, item in value.items()}
+    if isinstance(value, list):
+        return [_renamed(item, old, new) for item in value]
+    if not isinstance(value, str):
+        return value
+    option, equals, name = value.partition("=")
+    if equals and value.startswith("-"):
+        return f"{option}={_renamed(name, old, new)}"
+    path = Path(os.path.normpath(old / value))
+    if not value or "://" in value or Path(value).is_absolute() or not is_file(path):
+        return value
+    name = package_url(path) or os.path.relpath(path, new)
+    # A program is looked for on PATH where its name has no folder.
+    return name if "/" in name else f"./{name}"

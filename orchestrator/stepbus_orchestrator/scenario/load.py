@@ -19,15 +19,12 @@ from stepbus_participant.parameters import YamlFile
 
 from .model import Scenario
 
-Check = Callable[[Scenario, Problems], None]
-"""Adds what is wrong with a scenario whose parts fit together."""
-
 
 def load(
     path_or_name: str | Path,
     overrides: Sequence[str] = (),
     faults: Sequence[str] = (),
-    last_check: Check | None = None,
+    last_check: Callable[[Scenario, Problems], None] | None = None,
 ) -> Scenario:
     """Load and check a scenario; nothing is started.
 
@@ -68,7 +65,7 @@ def _checked(
     path: Path,
     overrides: Sequence[str],
     faults: Sequence[str],
-    last_check: Check | None = None,
+    last_check: Callable[[Scenario, Problems], None] | None = None,
 ) -> Scenario:
     file = add_faults(override(file, overrides), faults)
     problems = file.problems()

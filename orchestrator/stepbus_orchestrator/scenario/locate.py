@@ -1,8 +1,9 @@
 """Where a scenario is: a file, a folder, or one of those that ship with stepbus."""
 
+from importlib.util import find_spec
 from pathlib import Path
 
-from stepbus_orchestrator.scenario.packages import scenario_folders
+from stepbus_orchestrator.plugins import points
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder, is_scenario
 from stepbus_participant import extra_hint, suggest
 from stepbus_participant.parameters import fatal
@@ -43,11 +44,6 @@ def package_url(file: Path) -> str | None:
     return None
 
 
-def builtin_names() -> tuple[str, ...]:
-    """Return the names of the scenarios that ship with stepbus, sorted."""
-    return tuple(_builtin_files())
-
-
 def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
     hint = extra_hint(name.partition("/")[0])
     if hint and not path.suffix:
@@ -62,17 +58,34 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
     )
 
 
-def builtin_folders() -> tuple[Path, ...]:
-    """Return the folders of the scenarios that ship with stepbus."""
-    return tuple(scenario_folders().values())
+def builtin_names() -> tuple[str, ...]:
+    """Return the names of the scenarios that ship with stepbus, sorted."""
+    return tuple(_builtin_files())
 
 
 def _builtin_files() -> dict[str, Path]:
     """Return the built-in scenarios by name, sorted."""
-    files = [file for folder in builtin_folders() for file in folder.glob("*/*.yaml")]
+    files = [file for folder in scenario_folders().values() for file in folder.glob("*/*.yaml")]
     return {_name(file): file.resolve() for file in sorted(files, key=_name) if is_scenario(file)}
 
 
 def _name(file: Path) -> str:
     folder = file.parent.name
     return folder if file.name == MAIN_FILE else f"{folder}/{file.stem}"
+
+
+def scenario_folders() -> dict[str, Path]:
+    """Return package → folder of the scenarios that installed packages declare."""
+    names = sorted({point.value for point in points("stepbus.scenarios")})
+    folders = {name: _folder(name) for name in names}
+    return {name: folder for name, folder in folders.items() if folder is not None}
+
+
+def _folder(package: str) -> Path | None:
+    """Return the folder of a package; imports nothing."""
+    top, *below = package.split(".")
+    spec = find_spec(top)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    folder = Path(next(iter(spec.submodule_search_locations)), *below).resolve()
+    return folder if folder.is_dir() else None

@@ -1,8 +1,10 @@
-"""`--set controller.params.kp=80`: one value of a scenario replaced from the command line."""
+"""One value of a scenario replaced: `--set controller.params.kp=80`, or the same in Python."""
 
-import contextlib
 import dataclasses
-from collections.abc import Sequence
+import json
+import math
+from collections.abc import Mapping, Sequence
+from os import PathLike
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
@@ -10,8 +12,10 @@ from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.template import without_replaced
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
-from stepbus_schemas import WiringError
+from stepbus_schemas import Message, WiringError, type_name
 
+Overrides = Mapping[str, Any] | Sequence[str]
+"""Path → value, or texts such as `controller.params.kp=80`."""
 TOP_KEYS = tuple(
     name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}
 )
@@ -29,7 +33,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
         file = argument("--set", value=setting)
         try:
             keys, value = _parsed(data, setting, file)
-            data = _replaced(data, keys, 0, value)
+            data = _replaced(data, (), keys, value)
             places = {at: place for at, place in places.items() if at[: len(keys)] != keys}
             places[keys] = Place(file=file, line=0)
         except SettingsError as exc:
@@ -82,36 +86,27 @@ def _parameter(data: dict[str, Any], key: str) -> str:
     return f"did you mean {' or '.join(paths)}?" if paths else ""
 
 
-def _replaced(node: Any, keys: Keys, depth: int, value: Any) -> Any:
-    """Return `node`, which stands at `keys[:depth]`, with the value at `keys` replaced."""
-    key = str(keys[depth])
-    last = depth == len(keys) - 1
-    if last and depth == 2 and keys[0] == "participants" and isinstance(node, dict):
-        node = without_replaced(node, {key: value})
+def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
+    """Return `node`, which stands at `at`, with the value at `keys` below it replaced."""
+    key, rest = str(keys[0]), keys[1:]
+    here = ".".join(map(str, at)) or "the scenario"
     if isinstance(node, list):
-        index = _index(node, key, keys[:depth])
-        inner = value if last else _replaced(node[index], keys, depth + 1, value)
-        return [*node[:index], inner, *node[index + 1 :]]
+        index = int(key) if key.isdecimal() else len(node)
+        if index >= len(node):
+            raise WiringError(f"{here} is a list of {len(node)}; {key!r} is none of its indices")
+        new = _replaced(node[index], (*at, key), rest, value) if rest else value
+        return [*node[:index], new, *node[index + 1 :]]
     if not isinstance(node, dict):
-        here = ".".join(map(str, keys[:depth]))
         raise WiringError(f"{here} is {show(node)} and has no keys; set it as a whole")
-    if last and value is None:
+    if rest:
+        below = node.get(key)
+        if below is None and not _may_be_new((*at, key)):
+            raise WiringError(f"{here} has no {key!r}{suggest(key, node)}")
+        return {**node, key: _replaced({} if below is None else below, (*at, key), rest, value)}
+    if value is None:
         return {name: item for name, item in node.items() if name != key}
-    return {
-        **node,
-        key: value if last else _replaced(_child(node, keys, depth), keys, depth + 1, value),
-    }
-
-
-def _child(node: dict[str, Any], keys: Keys, depth: int) -> Any:
-    """Return the value at `keys[:depth + 1]`; an empty map where one may be left out."""
-    key = str(keys[depth])
-    if node.get(key) is not None:
-        return node[key]
-    if _may_be_new(keys[: depth + 1]):
-        return {}
-    here = ".".join(map(str, keys[:depth])) or "the scenario"
-    raise WiringError(f"{here} has no {key!r}{suggest(key, node)}")
+    is_row = len(at) == 2 and at[0] == "participants"
+    return {**(without_replaced(node, {key: value}) if is_row else node), key: value}
 
 
 def _may_be_new(keys: Keys) -> bool:
@@ -126,9 +121,38 @@ def _may_be_new(keys: Keys) -> bool:
             return False
 
 
-def _index(node: Sequence[Any], key: str, keys: Keys) -> int:
-    with contextlib.suppress(ValueError):
-        if 0 <= int(key) < len(node):
-            return int(key)
-    here = ".".join(map(str, keys))
-    raise WiringError(f"{here} is a list of {len(node)}; {key!r} is none of its indices")
+def override_texts(given: Overrides) -> list[str]:
+    """Return overrides as the command line writes them: `path=YAML`."""
+    if isinstance(given, Mapping):
+        return [f"{path}={yaml_text(value)}" for path, value in given.items()]
+    return list(given)
+
+
+def plain_value(value: Any) -> Any:
+    """Return a value as YAML has it: message classes by name, NumPy values and paths as plain ones.
+
+    Anything else is returned as it is.
+    """
+    if isinstance(value, type) and issubclass(value, Message):
+        return type_name(value)
+    if isinstance(value, PathLike):
+        return str(value)
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): plain_value(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain_value(item) for item in value]
+    return value
+
+
+def yaml_text(value: Any) -> str:
+    """Return a value as one line of YAML that reads back as the same value."""
+    value = plain_value(value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return ".nan" if math.isnan(value) else ".inf" if value > 0 else "-.inf"
+    if isinstance(value, list):
+        return f"[{', '.join(map(yaml_text, value))}]"
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{json.dumps(k)}: {yaml_text(v)}' for k, v in value.items())}}}"
+    return json.dumps(value)

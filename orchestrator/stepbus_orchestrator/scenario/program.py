@@ -1,4 +1,4 @@
-"""Which program a participant's `exec` starts, and whether it is there."""
+"""Which program or class a participant starts, and whether it is there."""
 
 import importlib.util
 import json
@@ -12,14 +12,21 @@ from typing import Any
 
 from msgspec import structs
 
+from stepbus_orchestrator.plugins import points
 from stepbus_orchestrator.scenario.earlier import upgraded
-from stepbus_orchestrator.scenario.packages import participant_classes
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
-from stepbus_participant import extra_hint, is_installed, suggest
+from stepbus_participant import PARTICIPANTS, ExtraMissing, extra_hint, is_installed, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
-from .model import BridgeSpec, ParticipantSpec
+from .model import BridgeSpec, ParticipantSpec, Scenario
 
+NEEDS = {
+    "stepbus_controller": ("pinocchio",),
+    "stepbus_gym": ("gymnasium",),
+    "stepbus_mission.round_trip": ("pinocchio",),
+    "stepbus_plant": ("pybullet",),
+}
+"""Package of a participant, or a module in it → what it imports at its start."""
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
     "node": "nodejs",
@@ -44,17 +51,14 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     """
     program, rest = words[0], words[1:]
     if program == "python":
-        return (*(PYTHON if _runs_ours(rest) else PYTHON[:1]), *rest)
+        launch, name = _python_target(rest)
+        runs_ours = launch == "module" and is_installed(name)
+        return (*(PYTHON if runs_ours else PYTHON[:1]), *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
         return _bridge_command(rest[1:], folder)
     if program == "stepbus":
         return (*PYTHON, "-m", "stepbus_orchestrator.cli", *rest)
     return (_find(program, folder), *rest)
-
-
-def _runs_ours(arguments: Sequence[str]) -> bool:
-    launch, name = python_target(arguments)
-    return launch == "module" and is_installed(name)
 
 
 def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
@@ -67,6 +71,13 @@ def start_command(spec: ParticipantSpec, folder: Path) -> tuple[str, ...]:
     described = spec.bridge.describe
     describe = ("--describe", json.dumps(described)) if described else ()
     return _bridge_command(("--format", spec.bridge.format, *describe, "--", *spec.exec), folder)
+
+
+def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
+    """Return the command of the bridge; the bridged program, after `--`, is found first."""
+    split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
+    program = command(arguments[split:], folder) if arguments[split:] else ()
+    return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
 
 
 def programs_in(data: Mapping[str, Any]) -> dict[str, ParticipantSpec]:
@@ -99,25 +110,6 @@ def replaced_program(
     return structs.replace(spec, participant="", exec=replaced, bridge=through)
 
 
-def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
-    """Return the command of the bridge; the bridged program, after `--`, is found first."""
-    split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
-    program = command(arguments[split:], folder) if arguments[split:] else ()
-    return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
-
-
-def check_command(words: Sequence[str], folder: Path) -> None:
-    """Raise WiringError when the program, or what `python` is to run, is missing."""
-    command(words, folder)
-    if words[0] == "python":
-        launch, name = python_target(words[1:])
-        if launch == "module":
-            _check_module(name, folder)
-        elif launch == "script" and not (is_file(folder / name) or is_folder(folder / name)):
-            scripts = [item.name for item in folder.glob("*.py")]
-            raise WiringError(f"no file {name!r} in {folder}{suggest(name, sorted(scripts))}")
-
-
 def _find(program: str, folder: Path) -> str:
     path = folder / program
     if is_file(path):
@@ -145,7 +137,7 @@ def _remedy(program: str, folder: Path) -> str:
     return "is it installed?"
 
 
-def python_target(arguments: Sequence[str]) -> tuple[str, str]:
+def _python_target(arguments: Sequence[str]) -> tuple[str, str]:
     """Return (`module` or `script`, its name) of what a Python command line runs, or two blanks."""
     rest = iter(arguments)
     for word in rest:
@@ -153,26 +145,49 @@ def python_target(arguments: Sequence[str]) -> tuple[str, str]:
             return "module", next(rest, "")
         if word in _FLAGS_WITH_VALUE:
             next(rest, None)
-        elif word.startswith("-"):
-            if word == "-c":
-                break
-        else:
+        elif not word.startswith("-"):
             return "script", word
+        elif word == "-c":
+            break
     return "", ""
 
 
-def _check_module(name: str, folder: Path) -> None:
-    """Raise WiringError when `python -m name` cannot work; imports nothing."""
-    spec = _find_module(name, folder)
-    if spec.submodule_search_locations and not _submodule(spec, f"{name}.__main__"):
-        raise WiringError(
-            f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
-        )
+def check_program(spec: ParticipantSpec, folder: Path) -> None:
+    """Raise WiringError when a program, or what Python is to run, is missing; imports nothing."""
+    launch = name = ""
+    if spec.participant:
+        name = spec.participant.rpartition(":")[0]
+        launch = "script" if name.endswith(".py") else "module"
+    else:
+        command(spec.exec, folder)
+        if spec.exec[0] == "python":
+            launch, name = _python_target(spec.exec[1:])
+    # Python runs a folder too, where that has a __main__.py.
+    is_there = is_file(folder / name) or (is_folder(folder / name) and not spec.participant)
+    if launch == "script" and not is_there:
+        scripts = [item.name for item in folder.glob("*.py")]
+        raise WiringError(f"no file {name!r} in {folder}{suggest(name, sorted(scripts))}")
+    if launch == "module":
+        module = _find_module(name, folder)
+        is_package = not spec.participant and module.submodule_search_locations
+        if is_package and not _submodule(module, f"{name}.__main__"):
+            raise WiringError(
+                f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
+            )
 
 
 def _find_module(name: str, folder: Path) -> ModuleSpec:
-    """Return where a module is; raises WiringError where it is not. Imports nothing."""
-    spec = _module_spec(name, folder)
+    """Return where a module is; raises WiringError where it is not."""
+    parts = name.split(".")
+    spec = None
+    if all(part.isidentifier() for part in parts) and parts[0] != "__main__":
+        # A file may have been written since this process last checked.
+        importlib.invalidate_caches()
+        # `python -m` puts the working directory, the scenario's folder, first; not for ours.
+        own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
+        spec = own or importlib.util.find_spec(parts[0])
+    for depth in range(2, len(parts) + 1):
+        spec = _submodule(spec, ".".join(parts[:depth])) if spec else None
     if spec is not None:
         return spec
     where = f"neither installed for {sys.executable} nor in {folder}"
@@ -182,30 +197,38 @@ def _find_module(name: str, folder: Path) -> ModuleSpec:
     raise WiringError(f"no Python module {name!r}, {where}{suggest(name, known)}")
 
 
-def check_class(name: str, folder: Path) -> None:
-    """Raise WiringError when the file or module of `participant` is missing; imports nothing."""
-    source = name.rpartition(":")[0]
-    if not source.endswith(".py"):
-        _find_module(source, folder)
-    elif not is_file(folder / source):
-        scripts = [item.name for item in folder.glob("*.py")]
-        raise WiringError(f"no file {source!r} in {folder}{suggest(source, sorted(scripts))}")
-
-
-def _module_spec(name: str, folder: Path) -> ModuleSpec | None:
-    parts = name.split(".")
-    if not all(part.isidentifier() for part in parts) or parts[0] == "__main__":
-        return None
-    # A file may have been written since this process last checked.
-    importlib.invalidate_caches()
-    # `python -m` puts the working directory, which is the scenario's folder, first; not for ours.
-    own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
-    spec = own or importlib.util.find_spec(parts[0])
-    for depth in range(2, len(parts) + 1):
-        spec = _submodule(spec, ".".join(parts[:depth])) if spec else None
-    return spec
-
-
 def _submodule(parent: ModuleSpec, name: str) -> ModuleSpec | None:
     locations = parent.submodule_search_locations
     return PathFinder.find_spec(name, list(locations)) if locations else None
+
+
+def participant_classes() -> list[str]:
+    """Return the participants that packages declare, as `participant` of a scenario names them."""
+    return sorted({point.value for point in points(PARTICIPANTS)})
+
+
+def missing(spec: ParticipantSpec) -> str:
+    """Return which packages a participant lacks here, and how to install them; empty: none."""
+    module = spec.participant.rpartition(":")[0]
+    needs = (needed for key, needed in NEEDS.items() if f"{module}.".startswith(f"{key}."))
+    lacking = [name for names in needs for name in names if not _is_here(name)]
+    if not lacking:
+        return ""
+    verb = "is" if len(lacking) == 1 else "are"
+    names = " and ".join(lacking)
+    return f"{module} needs {names}, which {verb} not installed{extra_hint(lacking[0])}"
+
+
+def _is_here(module: str) -> bool:
+    try:
+        return importlib.util.find_spec(module) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def check_installed(scenario: Scenario) -> None:
+    """Raise ExtraMissing where participants cannot start for want of a package."""
+    lacking = ((spec.name, missing(spec)) for spec in scenario.participants if not spec.is_external)
+    lines = [f"participants.{name}: {text}" for name, text in lacking if text]
+    if lines:
+        raise ExtraMissing("\n".join(lines))

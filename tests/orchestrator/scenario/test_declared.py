@@ -11,7 +11,7 @@ from support.runs.scenario import load_text, problem_of, problems_of, write
 
 import stepbus
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.scenario.packages import participant_classes
+from stepbus_orchestrator.scenario.program import participant_classes
 
 SCENARIO = """\
 name: own

@@ -8,7 +8,7 @@ import pytest
 
 import stepbus
 from stepbus_orchestrator.scenario import NEEDS, check_installed, load
-from stepbus_orchestrator.scenario.packages import participant_classes
+from stepbus_orchestrator.scenario.program import participant_classes
 
 WITHOUT = """
 import sys
