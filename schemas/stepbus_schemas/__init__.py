@@ -35,7 +35,7 @@ if TYPE_CHECKING:
         raw_fields,
         raw_problem,
     )
-    from stepbus_schemas.schema import json_schema, not_null
+    from stepbus_schemas.schema import field_docstrings, json_schema, not_null
     from stepbus_schemas.tables import raw_table, types_page
     from stepbus_schemas.vectors import types_vectors
 
@@ -50,7 +50,7 @@ _MODULES = {
         "raw_fields",
         "raw_problem",
     ),
-    "schema": ("json_schema", "not_null"),
+    "schema": ("field_docstrings", "json_schema", "not_null"),
     "tables": ("raw_table", "types_page"),
     "vectors": ("types_vectors",),
     "types.units": ("unit_problem",),
@@ -139,6 +139,7 @@ __all__ = [
     "encoding_of",
     "error_text",
     "explained",
+    "field_docstrings",
     "json_schema",
     "message_class",
     "meta",

@@ -72,7 +72,7 @@ def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
         part = cls
     text = schema.get("description") or ("" if part is None else _docstring(part))
     schema["description"] = inspect.cleandoc(text)
-    texts = {} if part is None or issubclass(part, messages.Message) else _field_docstrings(part)
+    texts = {} if part is None or issubclass(part, messages.Message) else field_docstrings(part)
     for field, properties in schema["properties"].items():
         properties.setdefault("description", texts.get(field, ""))
 
@@ -95,7 +95,7 @@ def _docstring(cls: type) -> str:
 
 
 @cache
-def _field_docstrings(cls: type) -> dict[str, str]:
+def field_docstrings(cls: type) -> dict[str, str]:
     """Return the string below each annotated field; Python itself keeps none of them."""
     (definition,) = ast.parse(inspect.getsource(cls)).body
     statements = definition.body if isinstance(definition, ast.ClassDef) else []

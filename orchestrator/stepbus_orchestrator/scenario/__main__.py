@@ -18,9 +18,8 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
-from stepbus_orchestrator.scenario.parameter_tables import table, tables
+from stepbus_orchestrator.scenario.parameter_docs import SchemaWriter, tables
 from stepbus_orchestrator.scenario.program import participant_classes
-from stepbus_orchestrator.scenario.scenario_schema import SchemaWriter
 from stepbus_participant import Settings, declared_parameters
 
 CHECKOUT = Path(__file__).resolve().parents[3]
@@ -82,7 +81,7 @@ def _class(name: str) -> type[Settings]:
 
 def _block(match: re.Match[str]) -> str:
     settings = _class(f"{match[2]}:{match[3]}")
-    return f"{match[1]}{(table if match[4] else tables)(settings)}{match[5]}"
+    return f"{match[1]}{tables(settings, only=bool(match[4]))}{match[5]}"
 
 
 def _indented(value: Any) -> str:
