@@ -54,7 +54,7 @@ def test_the_contract_offers_exactly_this() -> None:
         "JointCommand JointMode JointReference JointState LaserScan Log Message MessageError OutputConfig "
         "Outputs Plan PlanRequest Point PointCloud Poses Quaternion RawField RawLayout Ready Refusal RunError "
         "Scalars SensedJoints Shape Spiral Start StepbusError Stop TextMessage Transforms Trigger Types Waiting Welcome "
-        "WiringError Wrench class_declaration declaration_of due_step encode encoding_of error_text explained json_schema "
+        "WiringError Wrench class_declaration declaration_of due_step encode encoding_of error_text explained field_docstrings json_schema "
         "message_class meta not_null parse_shapes raw_fields raw_problem raw_table text_of type_name type_problems "
         "types_page types_vectors unit_problem valid_unicode"
     )

@@ -1,11 +1,12 @@
-"""Check the parameters of every participant that declares them, without starting it.
+"""Checks what no part of a scenario shows by itself: connections, programs, parameters.
 
-They are the class `Params` (`stepbus.Settings`) of the module, or file, that `participant` names.
+Parameters are those of the class `Params` (`stepbus.Settings`) in the module, or file, that
+`participant` names; nothing is started.
 """
 
 import json
 import subprocess
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
@@ -13,12 +14,99 @@ from stepbus_orchestrator.scenario.program import PYTHON, check_program
 from stepbus_orchestrator.scenario.schedule import find_loops
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
-from stepbus_schemas import Types, raw_problem
+from stepbus_schemas import raw_problem
 
 _LONGEST_S = 30.0
 
 
-def check_params(scenario: Scenario, problems: Problems) -> None:
+def check(scenario: Scenario, problems: Problems) -> None:
+    """Add to `problems` all that cannot work although each part is well formed."""
+    specs = {spec.name: spec for spec in scenario.participants}
+    for spec in scenario.participants:
+        keys: Keys = ("participants", spec.name)
+        _add(problems, keys, _mistakes(spec, specs, scenario))
+        program = (*keys, "participant" if spec.participant else "exec")
+        is_given = bool(spec.participant or spec.exec) and not problems.has(program)
+        # What the user starts need not be on this machine.
+        if is_given and not spec.is_external:
+            problems.attempt(program, partial(check_program, spec, scenario.folder))
+    _check_loops(scenario, specs, problems)
+    _check_params(scenario, problems)
+
+
+def _add(problems: Problems, keys: Keys, mistakes: Iterable[tuple[Keys, str]]) -> None:
+    for below, message in mistakes:
+        problems.add((*keys, *below), message)
+
+
+def _mistakes(
+    spec: ParticipantSpec, specs: Mapping[str, ParticipantSpec], scenario: Scenario
+) -> Iterator[tuple[Keys, str]]:
+    """Yield why a participant cannot be connected, held or bridged: keys below it, and a text."""
+    for port, item in spec.inputs.items():
+        if mistake := _connection_mistake(spec, item, specs):
+            yield ("inputs", port), mistake
+    if spec.hold is not None and (mistake := _holding_mistake(spec)):
+        yield ("on_fault",), mistake
+    if spec.bridge is not None and spec.bridge.format == "raw":
+        outputs = {port: output.type for port, output in spec.outputs.items()}
+        inputs = {
+            port: specs[item.source].outputs[item.port].type
+            for port, item in spec.inputs.items()
+            if item.source in specs and item.port in specs[item.source].outputs
+        }
+        if mistake := raw_problem(spec.publishes, inputs, outputs, scenario.types):
+            yield ("bridge",), mistake
+
+
+def _connection_mistake(
+    spec: ParticipantSpec, item: InputSpec, specs: Mapping[str, ParticipantSpec]
+) -> str:
+    """Return why an input cannot be connected, or nothing."""
+    source = specs.get(item.source)
+    if source is None:
+        others = [name for name in specs if name != spec.name]
+        return f"no participant {item.source!r}{suggest(item.source, others)}"
+    if source is spec:
+        return f"{spec.name!r} reads its own output; let it keep that as its own state"
+    output = source.outputs.get(item.port)
+    if output is None:
+        return f"{item.source!r} has no output {item.port!r}{suggest(item.port, source.outputs)}"
+    if item.type is not None and output.type and item.type != output.type:
+        return (
+            f"expects {item.type}, but {item.source}.{item.port} is {output.type} "
+            f"(participants.{item.source}.outputs.{item.port})"
+        )
+    return ""
+
+
+def _holding_mistake(spec: ParticipantSpec) -> str:
+    """Return why no other can stand in for a participant, or nothing."""
+    if spec.publishes == "first":
+        return "hold is for those who command; a participant that publishes first cannot be held"
+    if not spec.outputs:
+        return "hold needs an output to hold"
+    bulk = [port for port, output in spec.outputs.items() if output.bulk]
+    return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else ""
+
+
+def _check_loops(
+    scenario: Scenario, specs: Mapping[str, ParticipantSpec], problems: Problems
+) -> None:
+    for loop in find_loops(scenario.participants):
+        source, reader = loop[0], loop[1]
+        inputs = specs[reader].inputs
+        port = next(p for p, i in inputs.items() if i.source == source and i.delay == 0)
+        if source != reader:
+            problems.add(
+                ("participants", reader, "inputs", port),
+                f"algebraic loop {' → '.join(loop)}: each waits for another's output of the same "
+                "step; give one of these inputs `delay: 1`, or set `publishes: first` for one that "
+                "publishes its state before it reads its inputs, as a plant does",
+            )
+
+
+def _check_params(scenario: Scenario, problems: Problems) -> None:
     """Add what is wrong with the parameters of participants.
 
     Modules of ours are imported here: with their parameters, they load nothing heavy. All others
@@ -27,11 +115,9 @@ def check_params(scenario: Scenario, problems: Problems) -> None:
     others = []
     for spec in scenario.participants:
         keys: Keys = ("participants", spec.name)
-        if not spec.participant or any(
-            problems.has((*keys, key)) for key in ("participant", "params")
-        ):
-            continue
         source = spec.participant.rpartition(":")[0]
+        if not source or any(problems.has((*keys, key)) for key in ("participant", "params")):
+            continue
         if not is_ours(source):
             others.append(spec)
             continue
@@ -73,99 +159,3 @@ def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems
         return
     for spec, answer in zip(specs, answers, strict=True):
         _add(problems, ("participants", spec.name), [(tuple(k), text) for k, text in answer])
-
-
-def _add(problems: Problems, keys: Keys, rows: Iterable[tuple[Keys, str]]) -> None:
-    for below, message in rows:
-        problems.add((*keys, *below), message)
-
-
-def check(scenario: Scenario, problems: Problems) -> None:
-    """Add to `problems` all that cannot work although each part is well formed."""
-    specs = {spec.name: spec for spec in scenario.participants}
-    for spec in scenario.participants:
-        for name, item in spec.inputs.items():
-            message = _connection_mistake(spec, item, specs)
-            if message is not None:
-                problems.add(("participants", spec.name, "inputs", name), message)
-    _check_loops(scenario, specs, problems)
-    _check_programs(scenario, problems)
-    for spec in scenario.participants:
-        mistake = _holding_mistake(spec)
-        if mistake is not None:
-            problems.add(("participants", spec.name, "on_fault"), mistake)
-        mistake = _bridge_mistake(spec, specs, scenario.types)
-        if mistake:
-            problems.add(("participants", spec.name, "bridge"), mistake)
-    check_params(scenario, problems)
-
-
-def _connection_mistake(
-    spec: ParticipantSpec, item: InputSpec, specs: dict[str, ParticipantSpec]
-) -> str | None:
-    """Return why an input cannot be connected, or None."""
-    source = specs.get(item.source)
-    if source is None:
-        others = [name for name in specs if name != spec.name]
-        return f"no participant {item.source!r}{suggest(item.source, others)}"
-    if source is spec:
-        return f"{spec.name!r} reads its own output; let it keep that as its own state"
-    output = source.outputs.get(item.port)
-    if output is None:
-        return f"{item.source!r} has no output {item.port!r}{suggest(item.port, source.outputs)}"
-    if item.type is not None and output.type and item.type != output.type:
-        return (
-            f"expects {item.type}, but {item.source}.{item.port} is {output.type} "
-            f"(participants.{item.source}.outputs.{item.port})"
-        )
-    return None
-
-
-def _check_loops(scenario: Scenario, specs: dict[str, ParticipantSpec], problems: Problems) -> None:
-    for loop in find_loops(scenario.participants):
-        source, reader = loop[0], loop[1]
-        inputs = specs[reader].inputs
-        port = next(p for p, i in inputs.items() if i.source == source and i.delay == 0)
-        if source == reader:
-            continue
-        problems.add(
-            ("participants", reader, "inputs", port),
-            f"algebraic loop {' → '.join(loop)}: each waits for another's output of the same "
-            "step; give one of these inputs `delay: 1`, or set `publishes: first` for one that "
-            "publishes its state before it reads its inputs, as a plant does",
-        )
-
-
-def _holding_mistake(spec: ParticipantSpec) -> str | None:
-    """Return why nobody can stand in for a participant, or None."""
-    if spec.hold is None:
-        return None
-    if spec.publishes == "first":
-        return "hold is for those who command; a participant that publishes first cannot be held"
-    if not spec.outputs:
-        return "hold needs an output to hold"
-    bulk = [port for port, output in spec.outputs.items() if output.bulk]
-    return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else None
-
-
-def _bridge_mistake(spec: ParticipantSpec, specs: dict[str, ParticipantSpec], types: Types) -> str:
-    """Return why a participant cannot be bridged, or nothing."""
-    if spec.bridge is None or spec.bridge.format != "raw":
-        return ""
-    outputs = {name: output.type for name, output in spec.outputs.items()}
-    sources = {
-        name: specs[item.source].outputs.get(item.port)
-        for name, item in spec.inputs.items()
-        if item.source in specs
-    }
-    inputs = {name: output.type for name, output in sources.items() if output is not None}
-    return raw_problem(spec.publishes, inputs, outputs, types)
-
-
-def _check_programs(scenario: Scenario, problems: Problems) -> None:
-    for spec in scenario.participants:
-        keys = ("participants", spec.name, "participant" if spec.participant else "exec")
-        is_given = bool(spec.participant or spec.exec) and not problems.has(keys)
-        # What the user starts need not be on this machine.
-        if is_given and not spec.is_external:
-            problems.attempt(keys, partial(check_program, spec, scenario.folder))
