@@ -17,7 +17,7 @@ from support.properties import DEFAULT
 from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
 
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 # A folder of `testpaths` is never ignored itself; what is in it is.
 collect_ignore_glob = [] if find_spec("stepbus_store") else ["store/tests/*"]

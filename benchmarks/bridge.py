@@ -23,7 +23,7 @@ from rich.table import Table
 
 from stepbus_orchestrator.recording.timing import StepTiming
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 HERE = Path(__file__).parent
 EXAMPLES = HERE.parent / "examples/controllers"

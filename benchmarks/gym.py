@@ -20,7 +20,7 @@ from stepbus_gym import StepbusEnv
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 Speed = tuple[float, float]
 """Steps/s by the wall clock, and by the processor's."""

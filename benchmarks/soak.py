@@ -25,7 +25,7 @@ from rich.table import Table
 from stepbus_orchestrator.run.reports import Progress
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 STEPS = 1_000_000
 STEP_MS = 5

@@ -23,7 +23,7 @@ from mcap.reader import make_reader
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 TYPES = ("cola", "juice", "water", "soup")
 _ROW = re.compile(

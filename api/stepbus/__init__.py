@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.run.extensions.pace import Pace
     from stepbus_orchestrator.run.reports import Observer, Progress
     from stepbus_orchestrator.run.result import Result
-    from stepbus_orchestrator.scenario import Scenario
+    from stepbus_orchestrator.scenario.model import Scenario
     from stepbus_participant import (
         Config,
         Method,

@@ -24,15 +24,11 @@ from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import (
-    Overrides,
-    Scenario,
-    check_data,
-    check_installed,
-    override_texts,
-    plain_value,
-)
-from stepbus_orchestrator.scenario import load as load_scenario
+from stepbus_orchestrator.scenario.load import check_data
+from stepbus_orchestrator.scenario.load import load as load_scenario
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import Overrides, override_texts, plain_value
+from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_schemas import CallReply, StepbusError, WiringError
 
 AnyScenario = str | PathLike[str] | Mapping[str, Any] | Scenario

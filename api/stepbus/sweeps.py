@@ -8,7 +8,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Literal
 
-from stepbus_orchestrator.scenario import Overrides, override_texts, yaml_text
+from stepbus_orchestrator.scenario.override import Overrides, override_texts, yaml_text
 from stepbus_tools.sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
 from stepbus_tools.sweep import sweep as run_sweep
 

@@ -23,7 +23,7 @@ from mcap.reader import make_reader
 from stepbus_orchestrator.recording.timing import StepTiming
 from stepbus_orchestrator.run.run_scenario import Options, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 from .cases import BENCHMARKS, CONTROLLER_C, RUST, STEP_MS
 

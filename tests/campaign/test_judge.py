@@ -19,7 +19,7 @@ from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS, Scenario
 from support.messages.recordings import rewrite
 
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 CODES = frozenset({0, 5, 6, 130})
 GOOD = {"exit_code": 0, "participant": None, "reason": "finished", "at_step": 61, "steps": 61}

@@ -8,7 +8,7 @@ from support.paths import DOCS
 
 from stepbus_orchestrator.cli.commands import load_commands
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.scenario import builtin_names
+from stepbus_orchestrator.scenario.locate import builtin_names
 
 PAGE = (DOCS / "reference/cli.md").read_text(encoding="utf-8")
 INTRODUCTION, *PARTS = re.split(r"^## ", PAGE, flags=re.MULTILINE)

@@ -6,7 +6,7 @@ from support.paths import CHECKOUT
 
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 README = (CHECKOUT / "README.md").read_text(encoding="utf-8")
 START = (CHECKOUT / "docs/guide/getting_started.md").read_text(encoding="utf-8")

@@ -6,8 +6,10 @@ import pytest
 from support.paths import DOCS
 from support.runs.scenario import shipped, write
 
-from stepbus_orchestrator.scenario import builtin_names, load, resolved
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.locate import builtin_names
 from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
+from stepbus_orchestrator.scenario.resolve import resolved
 
 PAGE = (DOCS / "reference/scenario.md").read_text(encoding="utf-8")
 

@@ -12,7 +12,7 @@ from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture

@@ -16,7 +16,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"

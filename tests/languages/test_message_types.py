@@ -12,7 +12,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"

@@ -13,7 +13,7 @@ from support.tools import needs
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 SCENARIO = """\
 name: counter

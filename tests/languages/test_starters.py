@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli.new import STARTERS, write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import conformance, select
 
 TOOLS = {"c": ("make", "cc"), "java": ("javac",), "js": ("node",), "octave": ("octave-cli",)}

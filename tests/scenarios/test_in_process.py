@@ -3,7 +3,8 @@
 import pytest
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import builtin_names, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.locate import builtin_names
 
 STEPS = 60
 

@@ -25,7 +25,7 @@ from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
 from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode

@@ -9,7 +9,7 @@ import pytest
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RunFailure
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
 from stepbus_tools.selftest import selftest
 

@@ -22,7 +22,8 @@ from stepbus.runs import AnyScenario
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.episode import Episode
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.scenario import Overrides, Scenario, override_texts
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
 

@@ -12,7 +12,7 @@ from stepbus_schemas import InputConfig, Message, OutputConfig, Types, type_name
 
 if TYPE_CHECKING:
     from stepbus.runs import AnyScenario
-    from stepbus_orchestrator.scenario import Overrides
+    from stepbus_orchestrator.scenario.override import Overrides
 
 
 def make_config(

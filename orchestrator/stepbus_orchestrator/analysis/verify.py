@@ -14,8 +14,7 @@ from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import Scenario
-from stepbus_orchestrator.scenario.model import Transport
+from stepbus_orchestrator.scenario.model import Scenario, Transport
 from stepbus_schemas import WiringError
 
 WINDOWS = (1, 2, 8, 64)

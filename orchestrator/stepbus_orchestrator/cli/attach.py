@@ -15,8 +15,9 @@ from stepbus_orchestrator.cli.parameters import command
 from stepbus_orchestrator.processes.launcher import participant_environment
 from stepbus_orchestrator.processes.shared_ticket import await_ticket
 from stepbus_orchestrator.run.live_file import call
-from stepbus_orchestrator.scenario import BridgeSpec, ParticipantSpec, start_command
-from stepbus_orchestrator.scenario import command as program_command
+from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.program import command as program_command
+from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import parse_duration, suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import BridgeFormat, WiringError

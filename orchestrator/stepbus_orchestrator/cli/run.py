@@ -32,7 +32,9 @@ from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports import Lateness, in_units
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of, run
-from stepbus_orchestrator.scenario import Scenario, check_installed, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.

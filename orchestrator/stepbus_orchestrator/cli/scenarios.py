@@ -19,7 +19,8 @@ from stepbus_orchestrator.run.describe import (
     describe,
     rehearse,
 )
-from stepbus_orchestrator.scenario import Schedule, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import load_types
 from stepbus_participant.parameters import is_file_name, read_yaml
 from stepbus_schemas import (

@@ -15,7 +15,7 @@ from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.processes.launcher import is_set
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import make_new_folder
 
 _SHOWN_HASH = 12

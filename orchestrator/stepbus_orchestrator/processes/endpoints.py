@@ -18,7 +18,7 @@ from stepbus_orchestrator.processes.credentials import (
     passwords,
 )
 from stepbus_orchestrator.processes.port_users import PortUsers
-from stepbus_orchestrator.scenario import Scenario, low_latency
+from stepbus_orchestrator.scenario.model import Scenario, low_latency
 from stepbus_participant import Endpoint
 
 _SOCKET_PATH_BYTES = 107

@@ -12,7 +12,7 @@ from stepbus_orchestrator.processes.external import External
 from stepbus_orchestrator.processes.port_users import cut_links
 from stepbus_orchestrator.processes.reaping import LeftBehind, Reaper
 from stepbus_orchestrator.processes.shared_ticket import JoinTicket, SharedTicket
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import (
     NO_CHECKPOINTS,
     ONE_THREAD,

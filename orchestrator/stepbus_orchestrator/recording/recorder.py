@@ -12,7 +12,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.step_order import Published, StepOrder
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import (
     SHIPPED,
     UNDECODABLE,

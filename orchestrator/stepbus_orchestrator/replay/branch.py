@@ -19,7 +19,8 @@ from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import Overrides, Scenario, override_texts
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 

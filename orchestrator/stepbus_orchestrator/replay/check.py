@@ -8,7 +8,7 @@ from stepbus_orchestrator.replay.comparison import Comparison
 from stepbus_orchestrator.replay.recorded import Ports, counts_from_of
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.failures import at
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import CallRecord, MessageError
 
 

@@ -13,7 +13,8 @@ from stepbus_orchestrator.recording.step_order import Published
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.scenario import Scenario, Schedule
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_schemas import CallRecord, Description
 
 

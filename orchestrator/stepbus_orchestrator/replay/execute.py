@@ -34,14 +34,10 @@ from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_files import NoTiming
-from stepbus_orchestrator.scenario import (
-    Overrides,
-    ParticipantSpec,
-    Scenario,
-    Schedule,
-    override_texts,
-    replaced_program,
-)
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.override import Overrides, override_texts
+from stepbus_orchestrator.scenario.program import replaced_program
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import make_new_folder
 from stepbus_schemas import BridgeFormat, Decoder, MessageError, Outputs
 

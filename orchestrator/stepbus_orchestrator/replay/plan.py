@@ -17,7 +17,9 @@ from stepbus_orchestrator.replay.rerun import (
     version_notes,
 )
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, format_fault, load
+from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import suggest, whole_steps
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import CallRecord, WiringError

@@ -12,7 +12,7 @@ from typing import Any
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs, outputs_of
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import Bus, stamp
 from stepbus_schemas import HANDSHAKE_STEP, due_step, encode
 

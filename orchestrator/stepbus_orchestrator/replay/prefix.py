@@ -19,7 +19,7 @@ from stepbus_orchestrator.run.kernel.failures import at as at_step
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
 from stepbus_schemas import CallRecord
 

@@ -15,7 +15,9 @@ from stepbus_orchestrator.replay.recorded import replayable_steps
 from stepbus_orchestrator.replay.trust import recorded_programs
 from stepbus_orchestrator.replay.work_tree import WorkTree
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, find_files, load, low_latency
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
+from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 

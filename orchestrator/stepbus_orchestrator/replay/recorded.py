@@ -13,7 +13,7 @@ from stepbus_orchestrator.recording.layout import (
     topic_of,
     versions_owner,
 )
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Outputs
 
 Ports = dict[str, bytes]

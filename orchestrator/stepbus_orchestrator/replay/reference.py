@@ -9,7 +9,8 @@ from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Rec
 from stepbus_orchestrator.replay.prepare import Prepared
 from stepbus_orchestrator.replay.recorded import recorded_versions
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario import Schedule, resolved
+from stepbus_orchestrator.scenario.resolve import resolved
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import irregular
 
 

@@ -15,7 +15,8 @@ from stepbus_orchestrator.analysis.divergence import (
 )
 from stepbus_orchestrator.analysis.tolerance import Tolerance, short
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.scenario import Scenario, Schedule
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
 
 
 class InputValue(msgspec.Struct, frozen=True, kw_only=True):

@@ -19,14 +19,11 @@ from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import (
-    Overrides,
-    Scenario,
-    command,
-    load,
-    override_texts,
-    resolved,
-)
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import Overrides, override_texts
+from stepbus_orchestrator.scenario.program import command
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
 from stepbus_participant.parameters import is_file_name, parse_yaml
 from stepbus_schemas import CallRecord

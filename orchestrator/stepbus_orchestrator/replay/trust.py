@@ -9,7 +9,9 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.replay.rerun import attached, fingerprint
 from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
-from stepbus_orchestrator.scenario import ParticipantSpec, programs_in, scenario_folders
+from stepbus_orchestrator.scenario.locate import scenario_folders
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.program import programs_in
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError

@@ -18,8 +18,11 @@ import msgspec
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import RESULT_FILE
-from stepbus_orchestrator.scenario import ParticipantSpec, override, programs_in, scenario_folders
-from stepbus_orchestrator.scenario import read_data as read_scenario
+from stepbus_orchestrator.scenario.extend import read_data as read_scenario
+from stepbus_orchestrator.scenario.locate import scenario_folders
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.override import override
+from stepbus_orchestrator.scenario.program import programs_in
 from stepbus_orchestrator.scenario.scenario_files import BUILT, is_file, is_folder, is_scenario
 from stepbus_participant import SettingsError, read_file
 from stepbus_participant.parameters import YamlFile, parse_yaml

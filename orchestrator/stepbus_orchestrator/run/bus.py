@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, ZenohBus
 from stepbus_schemas import CallReply, Refusal, Stop, Trigger, Welcome, encode, encoding_of
 

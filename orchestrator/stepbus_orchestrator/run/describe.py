@@ -14,14 +14,10 @@ from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import (
-    ParticipantSpec,
-    Scenario,
-    Schedule,
-    check_classes,
-    command,
-    missing,
-)
+from stepbus_orchestrator.scenario.check import check_classes
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.program import command, missing
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import Problems, is_ours
 from stepbus_schemas import Description, encode
 

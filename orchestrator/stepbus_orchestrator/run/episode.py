@@ -19,7 +19,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.local_run import HostedCaller
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Config, Participant, Queue, Step, StepsOver
 from stepbus_schemas import StepbusError, WiringError
 

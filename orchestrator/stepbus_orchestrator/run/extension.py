@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.kernel.barrier import FAR, Gate
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import error_text
 
 if TYPE_CHECKING:

@@ -13,7 +13,9 @@ from pathlib import Path
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.recording import McapFile, layout
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.scenario import Scenario, format_fault, resolved
+from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"

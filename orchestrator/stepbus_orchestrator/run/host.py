@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from stepbus_orchestrator.processes.endpoints import Mesh
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, Clock, Disk
 
 from .extension import RunExtension

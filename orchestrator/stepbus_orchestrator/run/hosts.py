@@ -16,7 +16,8 @@ from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, start_command
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import Bus, Clock, Disk
 
 

@@ -6,7 +6,7 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.safe_messages import motion_at_end
-from stepbus_orchestrator.scenario import Schedule
+from stepbus_orchestrator.scenario.schedule import Schedule
 
 from .kernel.deadlines import check_bulk, check_closing, check_step
 from .liveness import LAST_REPORTS_S

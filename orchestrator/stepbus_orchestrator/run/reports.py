@@ -8,7 +8,7 @@ import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import Decoder, Event, JointState, MessageError
 
 _TYPE = "JointState/1"

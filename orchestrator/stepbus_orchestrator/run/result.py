@@ -16,7 +16,7 @@ from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Disk, installed_version, write_file
 
 if TYPE_CHECKING:

@@ -9,7 +9,8 @@ from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.folder import attach
 from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.reports import Events
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, Schedule
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import is_shared
 from stepbus_schemas import Decoder, Event, MessageError, Outputs, type_name
 

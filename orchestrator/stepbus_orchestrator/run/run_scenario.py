@@ -21,7 +21,8 @@ from stepbus_orchestrator.run.reports import Events, Observer, Silent
 from stepbus_orchestrator.run.result import Result, result_of
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_files import RunFiles
-from stepbus_orchestrator.scenario import Scenario, check_installed
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.program import check_installed
 
 __all__ = ["Options", "default_folder", "host_of", "run"]
 

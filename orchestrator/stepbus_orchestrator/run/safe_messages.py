@@ -6,7 +6,7 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import (
     SHIPPED,
     BaseCommand,

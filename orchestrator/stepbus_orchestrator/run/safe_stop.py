@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.safe_messages import MOMENTARY, safe_message
-from stepbus_orchestrator.scenario import HoldSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import HoldSpec, ParticipantSpec
 from stepbus_schemas import SHIPPED, Decoder, Description, MessageError, Outputs, Types, encode
 
 _decode_outputs = Decoder(Outputs)

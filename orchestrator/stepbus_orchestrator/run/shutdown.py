@@ -7,7 +7,7 @@ from stepbus_orchestrator.processes.child import TERM_GRACE_S
 from stepbus_orchestrator.run.kernel.failures import seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import SHORT_TICK_S, Run
-from stepbus_orchestrator.scenario import Deadlines
+from stepbus_orchestrator.scenario.model import Deadlines
 from stepbus_participant import Clock
 
 _LAST_S = 0.5

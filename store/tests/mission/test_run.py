@@ -10,7 +10,7 @@ from support.store_paths import STORE_PROGRAMS, STORE_TESTS
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ from mcap.reader import make_reader
 from support.services.planner import write_arm
 
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Decoder, Plan
 
 pytestmark = pytest.mark.slow

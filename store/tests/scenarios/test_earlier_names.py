@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_orchestrator.scenario import upgraded
+from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_participant import import_participant
 
 EARLIER = {

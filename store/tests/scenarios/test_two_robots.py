@@ -10,7 +10,8 @@ from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load, read_data
+from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
 

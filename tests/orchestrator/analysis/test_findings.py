@@ -15,7 +15,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Description, Goal, JointState
 
 DELAYED = "plant.inputs.command={from: controller.command, delay: 1}"

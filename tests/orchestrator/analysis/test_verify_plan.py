@@ -5,7 +5,7 @@ from itertools import product
 import pytest
 
 from stepbus_orchestrator.analysis.verify import TRANSPORTS, WINDOWS, plan
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ from support.runs.joints import fault, write_scenario
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.analysis.verify import plan, verify
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 # Reads something that is another in each run: its own process id.
 RACY = """

@@ -11,7 +11,7 @@ from support.runs.joints import leftovers
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.run.describe import describe
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 PROGRAM = """
 import stepbus

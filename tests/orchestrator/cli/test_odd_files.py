@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 SCENARIO = Path(stepbus_scenarios.__file__).parent / "two_link"
 SINE = "amplitude: null, omega: null, phase: null"

@@ -15,7 +15,7 @@ import stepbus
 from stepbus_orchestrator.cli.commands import load_commands
 from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import command, number, parameter_texts
-from stepbus_orchestrator.scenario import Overrides
+from stepbus_orchestrator.scenario.override import Overrides
 
 
 def paint(

@@ -13,7 +13,8 @@ from support.runs.joints import leftovers
 
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import FAULT_TYPES, load
+from stepbus_orchestrator.scenario.faults import FAULT_TYPES
+from stepbus_orchestrator.scenario.load import load
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
 

@@ -21,7 +21,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import JointState, encode
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))

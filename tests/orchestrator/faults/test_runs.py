@@ -10,7 +10,7 @@ from support.runs.large import write_large
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 NAMES = ("plant", "controller", "mission")
 FAST = [f"{name}.step_timeout=1s" for name in NAMES]

@@ -3,7 +3,9 @@
 import pytest
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import FAULT_TYPES, format_fault, load, resolved
+from stepbus_orchestrator.scenario.faults import FAULT_TYPES, format_fault
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.resolve import resolved
 
 
 def texts(*faults, overrides=("duration=1s",)):

@@ -12,7 +12,7 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 

@@ -11,7 +11,7 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed, RunFailure, S
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 STEP = "controller.step_timeout=500ms"
 STOP = "controller.stop_timeout=500ms"

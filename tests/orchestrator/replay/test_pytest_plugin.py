@@ -8,7 +8,7 @@ import pytest
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 pytest_plugins = ["pytester"]
 

@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 class Stopper(Silent):

@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, 
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 def write_log(path, scenario="name: x", files=None, versions=None):

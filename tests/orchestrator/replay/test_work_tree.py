@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.replay.work_tree import find_work_tree
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
 
 REPLAY = ("--participant", "controller")

@@ -6,7 +6,7 @@ from mcap.reader import make_reader
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 ECHO = '''
 from stepbus import Event, Participant

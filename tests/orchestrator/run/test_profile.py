@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.report import write_report
 
 STEPS = 40

@@ -10,8 +10,8 @@ from ruamel.yaml import YAML
 from support.paths import CHECKOUT
 from support.runs.scenario import shipped
 
-from stepbus_orchestrator.scenario import builtin_names
 from stepbus_orchestrator.scenario.__main__ import generated_files, main
+from stepbus_orchestrator.scenario.locate import builtin_names
 
 COMMENT = "# yaml-language-server: $schema="
 SCENARIO = """\

@@ -13,7 +13,8 @@ from support.properties import examples
 from support.runs.scenario import TWO_LINK, plain, write
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
 
 SCALARS = [
     None,

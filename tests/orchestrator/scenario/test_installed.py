@@ -7,8 +7,8 @@ import sys
 import pytest
 
 import stepbus
-from stepbus_orchestrator.scenario import NEEDS, check_installed, load
-from stepbus_orchestrator.scenario.program import participant_classes
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.program import NEEDS, check_installed, participant_classes
 
 WITHOUT = """
 import sys

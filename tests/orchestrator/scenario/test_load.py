@@ -5,15 +5,9 @@ from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, writ
 
 from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.plugins import all_points
-from stepbus_orchestrator.scenario import (
-    BusSpec,
-    Deadlines,
-    InputSpec,
-    OutputSpec,
-    builtin_names,
-    load,
-)
-from stepbus_orchestrator.scenario.locate import locate, package_url
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.locate import builtin_names, locate, package_url
+from stepbus_orchestrator.scenario.model import BusSpec, Deadlines, InputSpec, OutputSpec
 from stepbus_participant import is_installed
 
 

@@ -5,7 +5,7 @@ import sys
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problem_of, write
 
-from stepbus_orchestrator.scenario import command
+from stepbus_orchestrator.scenario.program import command
 
 
 def executed(folder, exec_):

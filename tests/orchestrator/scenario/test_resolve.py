@@ -5,7 +5,8 @@ from hypothesis import strategies as st
 from support.properties import examples
 from support.runs.scenario import TWO_LINK, changed, load_text, wiring, write
 
-from stepbus_orchestrator.scenario import load, resolved
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.resolve import resolved
 
 RESOLVED = """\
 name: arm

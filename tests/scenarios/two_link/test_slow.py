@@ -3,7 +3,7 @@
 import pytest
 
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 pytestmark = pytest.mark.slow
 

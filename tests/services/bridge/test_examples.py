@@ -14,7 +14,7 @@ from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 EXAMPLES = CHECKOUT / "examples/controllers"
 TOOLS = {"c": ("cc", "make"), "javascript": ("node",)}

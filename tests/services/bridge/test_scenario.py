@@ -6,7 +6,9 @@ import sys
 import pytest
 from support.runs.scenario import changed, load_text, problem_of
 
-from stepbus_orchestrator.scenario import BridgeSpec, command, resolved, start_command
+from stepbus_orchestrator.scenario.model import BridgeSpec
+from stepbus_orchestrator.scenario.program import command, start_command
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_schemas import WiringError
 
 OWN = "exec: [python, -c, pass]\n    inputs: {joint_state: plant.joint_state, reference"

@@ -6,7 +6,7 @@ from stepbus_orchestrator import cli
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.run import describe as rehearsal
 from stepbus_orchestrator.run.kernel.admission import welcome_of
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Config
 from stepbus_plant.check import problems
 

@@ -6,7 +6,7 @@ from support.runs.joints import PROGRAM, SCENARIO
 
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 BRIDGED = PROGRAM.with_name("bridged.py")
 SILENT = {"hang", "stop", "child"}

@@ -6,7 +6,7 @@ import threading
 
 from support.paths import PROGRAMS
 
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import CHECKS, select
 from stepbus_tools.conformance.check import run_checks
 from stepbus_tools.conformance.kit import Kit

@@ -14,7 +14,7 @@ from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 JOIN = (sys.executable, "-m", "stepbus_orchestrator.cli", "join")
 QUIET = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}

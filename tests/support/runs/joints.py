@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.host import Host
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 PROGRAM = PROGRAMS / "joints.py"
 

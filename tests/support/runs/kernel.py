@@ -12,13 +12,8 @@ from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario import (
-    InputSpec,
-    OutputSpec,
-    ParticipantSpec,
-    Scenario,
-    Schedule,
-)
+from stepbus_orchestrator.scenario.model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_schemas import Decoder, JointState, Log, Outputs, Ready, Stop, Trigger, encode
 
 TOKEN = "00c0ffee00c0ffee"

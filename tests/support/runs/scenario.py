@@ -10,7 +10,8 @@ import pytest
 from ruamel.yaml import YAML
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
 
 TWO_LINK = """\
 name: arm

@@ -7,7 +7,7 @@ import pytest
 from support.paths import PROGRAMS
 from support.runs.conformance import failed, outcomes, program
 
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance.material import record
 
 SCENARIO = """\

@@ -10,7 +10,7 @@ from support.runs.conformance import FOUND_BY, MAY_FAIL, failed, material, ours,
 from support.runs.joints import leftovers
 
 from stepbus_orchestrator.errors import Interrupted, ScenarioError
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import conformance
 
 EXAMPLES = sorted(path.parent for path in CHECKOUT.glob("examples/controllers/*/scenario.yaml"))

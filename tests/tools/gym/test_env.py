@@ -16,7 +16,7 @@ import stepbus_gym
 from stepbus_gym import StepbusEnv
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.run.episode import Episode
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Participant
 from stepbus_schemas import WiringError
 

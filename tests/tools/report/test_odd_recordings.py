@@ -6,7 +6,7 @@ import msgspec
 import pytest
 
 from stepbus_orchestrator.recording import McapFile, Recorder
-from stepbus_orchestrator.scenario import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, JointReference, JointState, Outputs, encode
 from stepbus_tools.report import write_report
 

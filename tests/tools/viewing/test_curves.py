@@ -8,8 +8,7 @@ import pytest
 from support.browser import Curves, needs_chromium, opened
 
 from stepbus_orchestrator.recording import McapFile, Recorder, Tail
-from stepbus_orchestrator.scenario import ParticipantSpec
-from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
 from stepbus_tools.viewing.stage import Signal, open_page

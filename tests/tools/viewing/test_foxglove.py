@@ -22,7 +22,7 @@ from websockets.sync.client import connect
 import stepbus
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Event, JointState, StepbusError
 from stepbus_tools.viewing.foxglove_feed import follow, play
 from stepbus_tools.viewing.foxglove_server import open_server

@@ -10,7 +10,7 @@ from support.paused import Paused, calls_of, followed
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_tools.viewing.run_client import newest
 

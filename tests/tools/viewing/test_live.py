@@ -18,7 +18,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.live_page import follow
 from stepbus_tools.viewing.stage import open_page
 

@@ -9,7 +9,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.stage import open_page

@@ -14,7 +14,7 @@ from stepbus_orchestrator.cli.output import Answer, say, visible
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import PROTOCOL_VERSION, BridgeFormat
 from stepbus_tools.conformance import CheckResult, Report, conformance, select, write_junit
 from stepbus_tools.doctor import examine

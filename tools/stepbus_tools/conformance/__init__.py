@@ -8,12 +8,8 @@ from pathlib import Path
 
 from msgspec import structs
 
-from stepbus_orchestrator.scenario import (
-    ParticipantSpec,
-    Scenario,
-    replaced_program,
-    start_command,
-)
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.program import replaced_program, start_command
 from stepbus_schemas import BridgeFormat, raw_fields
 from stepbus_tools.conformance.check import Check, run_checks
 from stepbus_tools.conformance.checks import CHECKS, select

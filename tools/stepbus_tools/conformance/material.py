@@ -15,7 +15,7 @@ from stepbus_orchestrator.replay.recorded import RecordedOutputs, recorded_descr
 from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario, low_latency
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Envelope, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed, Ports

@@ -7,7 +7,7 @@ import msgspec
 from msgpack import ExtType
 
 from stepbus_orchestrator.recording import raw_map
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,

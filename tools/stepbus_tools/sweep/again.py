@@ -8,7 +8,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.journal import Journal

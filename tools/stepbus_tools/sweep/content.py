@@ -8,7 +8,8 @@ from pathlib import Path
 
 from stepbus_orchestrator.replay.rerun import unpack_files
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario import Scenario, resolved
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import read_file, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.whole_file import replaced

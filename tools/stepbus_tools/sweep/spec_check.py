@@ -6,7 +6,8 @@ from functools import partial
 from typing import Any
 
 from stepbus_orchestrator.errors import ScenarioError, argument
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Problems, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import FAULTS, Axis, parse_axis

@@ -15,7 +15,8 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import Scenario, load
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report import write_report

@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.extensions.pace import Pace, Speed
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.extensions.save_checkpoints import SaveCheckpoints
 from stepbus_orchestrator.run.extensions.steering import Steering
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import load_class
 from stepbus_schemas import WiringError, error_text
 

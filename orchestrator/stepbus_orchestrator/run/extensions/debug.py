@@ -7,7 +7,7 @@ from typing import Any
 from msgspec import structs
 
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 

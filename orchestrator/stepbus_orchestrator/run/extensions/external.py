@@ -12,14 +12,8 @@ from msgspec import structs
 
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
-from stepbus_orchestrator.scenario import (
-    EXTERNAL_SPAWN_S,
-    PROCESS_FAULTS,
-    ParticipantSpec,
-    Scenario,
-    faults_of,
-    format_fault,
-)
+from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
+from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
 from stepbus_participant import suggest, write_file
 from stepbus_schemas import WiringError
 

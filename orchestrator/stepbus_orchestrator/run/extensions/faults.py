@@ -10,15 +10,13 @@ from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import Process
-from stepbus_orchestrator.scenario import (
+from stepbus_orchestrator.scenario.faults import (
     MESSAGE_FAULTS,
     PROCESS_FAULTS,
-    FaultSpec,
-    ParticipantSpec,
-    Scenario,
     faults_of,
     format_fault,
 )
+from stepbus_orchestrator.scenario.model import FaultSpec, ParticipantSpec, Scenario
 from stepbus_participant import MessageFault
 
 if TYPE_CHECKING:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.scenario import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import ProfileOrder, make_new_folder
 
 from .debug import check_names

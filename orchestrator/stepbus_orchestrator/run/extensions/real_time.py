@@ -17,7 +17,7 @@ from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Lateness
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Clock
 
 if TYPE_CHECKING:

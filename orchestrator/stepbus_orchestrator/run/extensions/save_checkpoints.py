@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.recording import CheckpointWriter
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import CheckpointOrder, read_stamp
 
 if TYPE_CHECKING:

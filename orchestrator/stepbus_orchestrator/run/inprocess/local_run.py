@@ -29,15 +29,9 @@ from stepbus_orchestrator.run.inprocess.watch import Watch
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario import (
-    PROCESS_FAULTS,
-    Deadlines,
-    ParticipantSpec,
-    Scenario,
-    faults_of,
-    format_fault,
-    start_command,
-)
+from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
+from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import (
     Clock,
     Config,

@@ -3,13 +3,8 @@
 import hashlib
 from collections.abc import Mapping
 
-from stepbus_orchestrator.scenario import (
-    MESSAGE_FAULTS,
-    ParticipantSpec,
-    Scenario,
-    faults_of,
-    low_latency,
-)
+from stepbus_orchestrator.scenario.faults import MESSAGE_FAULTS, faults_of
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     Hello,

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable
 from operator import add
 
-from stepbus_orchestrator.scenario import InputSpec, Scenario
+from stepbus_orchestrator.scenario.model import InputSpec, Scenario
 from stepbus_schemas import due_step
 
 FAR = 1 << 62

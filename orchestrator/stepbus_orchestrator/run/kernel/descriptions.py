@@ -4,7 +4,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.recording import Descriptions
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import Description
 
 from .participants import Participants, ParticipantState

@@ -8,7 +8,7 @@ from stepbus_orchestrator.errors import (
     StepTimeout,
 )
 from stepbus_orchestrator.run.kernel.barrier import Barrier
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import due_step
 
 from .participants import PHASE_DEADLINES, KeptThread, Participants, ParticipantState, Phase

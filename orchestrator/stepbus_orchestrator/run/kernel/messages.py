@@ -8,7 +8,7 @@ import msgspec
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
     UNDECODABLE,

@@ -6,7 +6,7 @@ from enum import IntEnum
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
-from stepbus_orchestrator.scenario import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import Ready, Waiting
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
 from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.participants import Participants, Phase
-from stepbus_orchestrator.scenario import Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest
 from stepbus_schemas import Decoder, Message, WiringError, message_class
 

@@ -7,7 +7,7 @@ import pytest
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 # So weak a shoulder cannot hold many poses.
 WEAK = ["seed=3", "plant.params.effort.left_s1=40", "plant.params.effort.right_s1=40"]

@@ -13,7 +13,7 @@ from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_tools.report.curves import JointCurves
 

@@ -8,7 +8,7 @@ from support.runs.store import last, moves, store, texts
 
 from stepbus_orchestrator.errors import ExitCode, ScenarioError
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 pytestmark = pytest.mark.slow
 

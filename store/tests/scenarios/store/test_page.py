@@ -4,7 +4,7 @@ import pytest
 from support.browser import needs_chromium, opened
 from support.paused import Paused, calls_of, followed
 
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.mark.slow

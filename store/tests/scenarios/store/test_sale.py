@@ -9,7 +9,7 @@ from support.runs.store import NAMES, last, moves, store, texts
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 pytestmark = pytest.mark.slow
 

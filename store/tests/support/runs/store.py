@@ -3,7 +3,8 @@
 import numpy as np
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import PROCESS_FAULTS, faults_of, load
+from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of
+from stepbus_orchestrator.scenario.load import load
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
 OTHERS = {"store": NAMES, "store/spiral": ("plant", "goals", "controller", "planner")}

@@ -13,7 +13,7 @@ from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import CallRecord
 
 STEPS = 300

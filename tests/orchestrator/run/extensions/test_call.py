@@ -21,7 +21,7 @@ from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call, forget
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
 

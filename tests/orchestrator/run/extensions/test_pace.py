@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
 
 

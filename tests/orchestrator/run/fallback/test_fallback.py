@@ -4,7 +4,7 @@ import msgspec
 import pytest
 
 from stepbus_orchestrator.run.safe_stop import Substitute
-from stepbus_orchestrator.scenario import HoldSpec, OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import HoldSpec, OutputSpec, ParticipantSpec
 from stepbus_schemas import (
     BaseCommand,
     Decoder,

@@ -23,7 +23,7 @@ from stepbus_orchestrator.run.inprocess.surroundings import ScenarioModules
 from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, Turns, make_file
 from stepbus_orchestrator.run.reports import Silent
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
 from stepbus_schemas import Batch, Outputs, encode, encoding_of
 

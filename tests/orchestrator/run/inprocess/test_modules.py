@@ -7,7 +7,7 @@ from support.runs.joints import write_scenario
 
 import stepbus
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 SPEAKER = """
 from stepbus import Event, Participant

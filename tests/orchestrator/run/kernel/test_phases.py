@@ -11,7 +11,7 @@ from support.surroundings import comes_true
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.state import NEXT, RunPhase
-from stepbus_orchestrator.scenario import HoldSpec
+from stepbus_orchestrator.scenario.model import HoldSpec
 
 TWO_STEPS = "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
 HELD = participant("controller", "plant", "mission", on_fault=HoldSpec(keep_ns=0, hold_ns=10**7))

@@ -5,7 +5,7 @@ import pytest
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.run_scenario import Options, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 STEPS = 3
 BYTES = 6_000_000

@@ -11,7 +11,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 SCENARIO = """
 name: mistakes

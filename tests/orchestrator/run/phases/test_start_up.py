@@ -4,7 +4,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 LINGERS = """
 import atexit

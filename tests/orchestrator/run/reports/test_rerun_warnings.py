@@ -5,7 +5,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import pytest
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.run.run_scenario import default_folder
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 def test_every_default_folder_is_a_new_one(tmp_path):

@@ -6,7 +6,7 @@ import pytest
 from support.runs.scenario import changed, load_text, problems_of, write
 from support.tools import fake
 
-from stepbus_orchestrator.scenario import resolved
+from stepbus_orchestrator.scenario.resolve import resolved
 
 
 def started(exec_, more=""):

@@ -4,7 +4,7 @@ import pytest
 from support.runs.scenario import write
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 ROW = "  p{}:\n    exec: [python, p.py]\n    outputs: {{out: JointState/1}}\n"
 HEAD = "name: crowd\nstep: 5ms\nduration: 50ms\n"

@@ -4,7 +4,7 @@ import pytest
 from support.runs.scenario import changed, problem_of, problems_of, write
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture

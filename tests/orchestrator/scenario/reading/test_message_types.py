@@ -5,7 +5,8 @@ import sys
 import pytest
 
 from stepbus_orchestrator.errors import ScenarioError
-from stepbus_orchestrator.scenario import load, resolved
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.resolve import resolved
 
 SCENARIO = """\
 name: own

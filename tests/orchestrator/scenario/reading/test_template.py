@@ -3,7 +3,7 @@
 import pytest
 from support.runs.scenario import changed, load_text, problems_of, write
 
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 CONTROLLER = """\
   controller:

@@ -11,7 +11,7 @@ from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import CallError
 from stepbus_schemas import JointCommand, JointState
 

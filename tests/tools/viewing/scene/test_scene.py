@@ -9,7 +9,7 @@ import pytest
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene import Pose, build_scene
 from stepbus_tools.viewing.scene.primitives import about, from_rpy

@@ -6,7 +6,7 @@ from support.browser import needs_chromium, opened
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario import load
+from stepbus_orchestrator.scenario.load import load
 
 
 @pytest.fixture(scope="module")
