@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from copy import copy
 from typing import Any, Literal
 
 import msgspec
@@ -58,7 +59,7 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
         )
 
 
-class FieldCount(msgspec.Struct, frozen=True, kw_only=True):
+class FieldCount(msgspec.Struct, kw_only=True):
     """How much one field of a port differs.
 
     different: messages in which it is not equal to the bit. beyond: those in which it is beyond
@@ -66,11 +67,20 @@ class FieldCount(msgspec.Struct, frozen=True, kw_only=True):
     """
 
     field: str
-    different: int
-    beyond: int
-    largest: float
-    at_step: int
-    at: str
+    different: int = 0
+    beyond: int = 0
+    largest: float = 0.0
+    at_step: int = -1
+    at: str = ""
+
+    def take(self, step: int, values: Sequence[Difference]) -> None:
+        """Count the differences of one message."""
+        self.different += 1
+        self.beyond += any(item.beyond for item in values)
+        for item in values:
+            size = difference(item.first, item.second)
+            if size is not None and size > self.largest:
+                self.largest, self.at_step, self.at = size, step, item.path
 
 
 class PortResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -139,9 +149,6 @@ def _field(count: FieldCount) -> str:
     return text
 
 
-_decode_any = msgspec.msgpack.Decoder().decode
-
-
 class PortComparison:
     """Compares one port, message by message in the order of their steps.
 
@@ -158,25 +165,23 @@ class PortComparison:
         self.divergence: Divergence | None = None
         self.decode = _decoder(type_name, types)
         self._tolerance = tolerance
-        self._by_value = tolerance.concerns(topic)
         self._fields: dict[str, FieldTolerance | None] = {}
-        self._counts: dict[str, _Count] = {}
-        self._equal = self._within = self._different = self._missing = self._added = 0
+        self._counts: dict[str, FieldCount] = {}
+        self._messages = dict.fromkeys(("equal", "within", "different", "missing", "added"), 0)
 
     def take(self, step: int, first: bytes | None, second: bytes | None) -> bool:
         """Compare the messages of one step, None for none; return whether they count as equal."""
         if first == second:
-            self._equal += first is not None
+            self._messages["equal"] += first is not None
             return True
+        divergence: Divergence | None
         if first is None or second is None:
-            return self._one_sided(step, first, second)
-        divergence = self._compare(step, first, second)
-        if divergence is None:
-            self._within += 1
-            return True
-        self._different += 1
-        self._add(divergence)
-        return False
+            divergence = self._one_sided(step, first, second)
+        else:
+            divergence = self._compare(step, first, second)
+            self._messages["different" if divergence else "within"] += 1
+        self.divergence = self.divergence or divergence
+        return divergence is None
 
     def plain(self, data: bytes) -> Any:
         """Return a message as plain values; the bytes in hexadecimal where they are none."""
@@ -190,87 +195,45 @@ class PortComparison:
         return PortResult(
             topic=self.topic,
             type=self.type_name,
-            equal=self._equal,
-            within=self._within,
-            different=self._different,
-            missing=self._missing,
-            added=self._added,
-            fields=tuple(count.result(name) for name, count in self._counts.items()),
+            fields=tuple(map(copy, self._counts.values())),
             divergence=self.divergence,
+            **self._messages,
         )
 
-    def _one_sided(self, step: int, first: bytes | None, second: bytes | None) -> bool:
-        self._missing += second is None
-        self._added += first is None
+    def _one_sided(self, step: int, first: bytes | None, second: bytes | None) -> Divergence:
+        side: DivergenceType = "missing" if second is None else "added"
+        self._messages[side] += 1
         one, other = (None if data is None else self.plain(data) for data in (first, second))
-        self._add(self._divergence(step, "missing" if second is None else "added", one, other))
-        return False
-
-    def _add(self, divergence: Divergence) -> None:
-        self.divergence = self.divergence or divergence
+        return Divergence(step=step, topic=self.topic, type=side, first=one, second=other)
 
     def _compare(self, step: int, first: bytes, second: bytes) -> Divergence | None:
         """Return the first field beyond its tolerance, None where there is none."""
         one, other = self.plain(first), self.plain(second)
         if not isinstance(one, dict) or not isinstance(other, dict):
-            return self._divergence(step, "value", one, other)
+            return Divergence(step=step, topic=self.topic, type="value", first=one, second=other)
         worst: Difference | None = None
-        any_difference = False
+        is_explained = self._tolerance.concerns(self.topic)
         for name in dict.fromkeys((*one, *other)):
-            tolerance = self._tolerance_of(name)
-            values = list(differences(name, one.get(name), other.get(name), tolerance))
+            values = list(differences(name, one.get(name), other.get(name), self._allowed(name)))
             if values:
-                any_difference = True
-                self._counts.setdefault(name, _Count()).take(step, values)
+                is_explained = True
+                self._counts.setdefault(name, FieldCount(field=name)).take(step, values)
                 worst = worst or next((item for item in values if item.beyond), None)
         if worst is not None:
-            return self._divergence(step, "value", worst.first, worst.second, worst.path)
-        unexplained = not any_difference and not self._by_value
-        return self._divergence(step, "encoding") if unexplained else None
+            return Divergence(
+                step=step,
+                topic=self.topic,
+                type="value",
+                field=worst.path,
+                first=worst.first,
+                second=worst.second,
+            )
+        return None if is_explained else Divergence(step=step, topic=self.topic, type="encoding")
 
-    def _divergence(
-        self,
-        step: int,
-        divergence_type: DivergenceType,
-        first: Any = None,
-        second: Any = None,
-        field: str = "",
-    ) -> Divergence:
-        return Divergence(
-            step=step,
-            topic=self.topic,
-            type=divergence_type,
-            field=field,
-            first=first,
-            second=second,
-        )
-
-    def _tolerance_of(self, name: str) -> FieldTolerance | None:
+    def _allowed(self, name: str) -> FieldTolerance | None:
         if name not in self._fields:
             self._fields[name] = self._tolerance.of(self.topic, name)
         return self._fields[name]
-
-
-class _Count:
-    """A `FieldCount` that grows."""
-
-    def __init__(self) -> None:
-        self.different = 0
-        self.beyond = 0
-        self.largest = 0.0
-        self.at_step = -1
-        self.at = ""
-
-    def take(self, step: int, values: Sequence[Difference]) -> None:
-        self.different += 1
-        self.beyond += any(item.beyond for item in values)
-        for item in values:
-            size = difference(item.first, item.second)
-            if size is not None and size > self.largest:
-                self.largest, self.at_step, self.at = size, step, item.path
-
-    def result(self, name: str) -> FieldCount:
-        return FieldCount(field=name, **vars(self))
 
 
 def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
@@ -286,4 +249,4 @@ def _decoder(type_name: str, types: Types) -> Callable[[bytes], Any]:
     try:
         return recorded_decoder(types[type_name])
     except WiringError:
-        return _decode_any
+        return msgspec.msgpack.Decoder().decode

@@ -1,4 +1,4 @@
-"""Compares plain values: numbers, texts, lists, maps."""
+"""Compares plain values: equal to the bit, or numbers within a tolerance."""
 
 from __future__ import annotations
 
@@ -15,6 +15,8 @@ from stepbus_participant import NonNegative, Settings, suggest
 from stepbus_participant.parameters import read_value, read_yaml
 from stepbus_schemas import WiringError
 
+ANY = "*"
+"""Stands for every port, or for every field of a port."""
 _SHOWN_CHARACTERS = 300
 
 
@@ -41,7 +43,8 @@ def differences(
         for index, (a, b) in enumerate(zip(one, other, strict=True)):
             yield from differences(f"{path}[{index}]", a, b, tolerance)
     elif not _same(one, other):
-        yield Difference(path, one, other, not _allowed(one, other, tolerance))
+        beyond = tolerance is None or not tolerance.allows(one, other)
+        yield Difference(path, one, other, beyond)
 
 
 def difference(one: Any, other: Any) -> float | None:
@@ -72,42 +75,28 @@ def _same(one: Any, other: Any) -> bool:
     return type(one) is type(other) and bool(one == other)
 
 
-def _allowed(one: Any, other: Any, tolerance: FieldTolerance | None) -> bool:
-    if tolerance is None:
-        return False
-    if _is_number(one) and _is_number(other):
-        return tolerance.allows(one, other)
-    return tolerance.ignore
-
-
 def _is_number(value: Any) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-ANY = "*"
-"""Stands for every port, or for every field of a port."""
+class FieldTolerance(Settings):
+    """How far two values of one field may differ: |a − b| ≤ abs + rel · |a|, a the recorded."""
 
-
-@dataclass(frozen=True, kw_only=True)
-class FieldTolerance:
-    """How far two values of one field may differ: |a − b| ≤ abs + rel · |a|, a the recorded.
-
-    ignore: any two values are equal. NaN equals NaN, and an infinity only itself.
-    """
-
-    abs: float = 0.0
-    rel: float = 0.0
+    abs: NonNegative = 0.0
+    """[the field's unit]"""
+    rel: NonNegative = 0.0
+    """[-]"""
     ignore: bool = False
+    """Any two values are equal."""
 
-    def allows(self, recorded: float, other: float) -> bool:
-        """Return whether two numbers count as equal."""
-        if self.ignore or recorded == other:
-            return True
-        if math.isnan(recorded) or math.isnan(other):
-            return math.isnan(recorded) and math.isnan(other)
-        if math.isinf(recorded) or math.isinf(other):
-            return False
-        return abs(recorded - other) <= self.abs + self.rel * abs(recorded)
+    def allows(self, recorded: Any, other: Any) -> bool:
+        """Return whether two values that differ count as equal; an infinity equals only itself."""
+        if self.ignore or not (_is_number(recorded) and _is_number(other)):
+            return self.ignore
+        gap = difference(recorded, other)
+        if recorded == other or gap is None or math.isinf(gap):
+            return bool(recorded == other)
+        return gap <= self.abs + self.rel * math.fabs(recorded)
 
 
 @dataclass(frozen=True)
@@ -150,17 +139,6 @@ def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Ite
         yield f"tolerance: no field {name!r} {where}{suggest(name, known)}"
 
 
-class _Field(Settings):
-    """What a tolerance file says about a field: |a − b| ≤ abs + rel · |a|."""
-
-    abs: NonNegative = 0.0
-    rel: NonNegative = 0.0
-
-
-_FieldRow = Literal["ignore"] | _Field
-_TopicRow = Literal["ignore"] | dict[str, _FieldRow]
-
-
 AnyTolerance = float | Mapping[str, float] | str | PathLike[str] | Tolerance | None
 """An absolute tolerance for all, or by `PORT[.FIELD]`; a YAML file; None: equal to the byte."""
 
@@ -175,10 +153,13 @@ def tolerance_of(given: AnyTolerance, participant: str = "") -> Tolerance:
         case float() | int():
             return parse_tolerance([str(given)], (), (), participant)
         case Mapping():
-            rows = [f"{field}={value}" for field, value in given.items()]
-            return parse_tolerance(rows, (), (), participant)
+            limits = [f"{field}={value}" for field, value in given.items()]
+            return parse_tolerance(limits, (), (), participant)
         case _:
             return read_tolerance(Path(given))
+
+
+_Row = Literal["ignore"] | FieldTolerance
 
 
 def read_tolerance(path: Path) -> Tolerance:
@@ -188,23 +169,17 @@ def read_tolerance(path: Path) -> Tolerance:
     """
     file = read_yaml(path, "a tolerance file is a map from topics to fields")
     problems = file.problems()
-    topics: dict[str, _TopicRow] = read_value(dict[str, _TopicRow], file.data, problems)
+    topics: dict[str, Literal["ignore"] | dict[str, _Row]] = read_value(
+        dict[str, Literal["ignore"] | dict[str, _Row]], file.data, problems
+    )
     problems.refuse()
-    rules: dict[tuple[str, str], FieldTolerance] = {}
-    for topic, row in topics.items():
-        fields = {ANY: row} if isinstance(row, str) else row
-        rules |= {(topic, name): _field_tolerance(item) for name, item in fields.items()}
-    return Tolerance(rules)
-
-
-def _field_tolerance(row: _FieldRow) -> FieldTolerance:
-    if isinstance(row, _Field):
-        return FieldTolerance(abs=row.abs, rel=row.rel)
-    return FieldTolerance(ignore=True)
-
-
-def _is_valid(value: float) -> bool:
-    return math.isfinite(value) and value >= 0
+    return Tolerance(
+        {
+            (topic, name): FieldTolerance(ignore=True) if isinstance(row, str) else row
+            for topic, fields in topics.items()
+            for name, row in ({ANY: fields} if isinstance(fields, str) else fields).items()
+        }
+    )
 
 
 def parse_tolerance(
@@ -215,16 +190,13 @@ def parse_tolerance(
     absolute, relative: `[PORT[.FIELD]=]NUMBER`. ignored: `PORT[.FIELD]`. A port is a topic such as
     `controller/command`, or a port of `participant`. Raises WiringError for one that is not valid.
     """
-    limits: dict[tuple[str, str], dict[str, float]] = {}
+    limits: dict[tuple[str, str], dict[str, Any]] = {}
     for option, settings in (("abs", absolute), ("rel", relative)):
         for setting in settings:
             target, _, number = setting.rpartition("=")
             value = _parsed(f"--{option} {setting}", number)
             limits.setdefault(_target(target, participant), {})[option] = value
-    rules = {
-        key: FieldTolerance(abs=limit.get("abs", 0.0), rel=limit.get("rel", 0.0))
-        for key, limit in limits.items()
-    }
+    rules = {key: FieldTolerance(**limit) for key, limit in limits.items()}
     rules |= {_target(target, participant): FieldTolerance(ignore=True) for target in ignored}
     return Tolerance(rules)
 
@@ -234,7 +206,7 @@ def _parsed(option: str, number: str) -> float:
         value = float(number)
     except ValueError:
         value = math.nan
-    if not _is_valid(value):
+    if not 0 <= value < math.inf:
         raise WiringError(
             f"{option}: {number!r} is not a finite number ≥ 0; "
             "write [PORT[.FIELD]=]NUMBER, e.g. command.values=1e-9"
