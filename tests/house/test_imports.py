@@ -30,7 +30,7 @@ EXPORTING = {
             "run.bus", "run.describe", "run.episode", "run.extension", "run.extensions.external",
             "run.extensions.pace", "run.extensions.real_time", "run.folder", "run.hosts",
             "run.inprocess.local_run", "run.kernel.admission", "run.kernel.descriptions", "run.live_file",
-            "run.reports", "run.result", "run.run_scenario", "scenario.load", "scenario.model",
+            "run.reports", "run.result", "run.run_scenario", "scenario.faults", "scenario.load", "scenario.model",
             "scenario.override", "scenario.program", "scenario.resolve",
         )
     ),

@@ -8,7 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.recording import Port, Recording, layout, recorded_decoder
 from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.scenario import read_fault
+from stepbus_orchestrator.scenario.faults import read_fault
 from stepbus_schemas import CallRecord, Event, GoalStatus, StepbusError
 
 from .history import History
