@@ -54,9 +54,9 @@ def test_the_python_starter_passes_the_kit_in_full(tmp_path):
 @pytest.mark.parametrize("language", STARTERS)
 def test_a_starter_has_all_files_of_its_example(language, tmp_path):
     written = set(map(str, write_starter(tmp_path / "arm", language)))
-    for part in STARTERS[language].parts:
-        if part.folder.startswith("examples"):
-            assert tracked(part.folder) <= written
+    for _, folder, _ in STARTERS[language].parts:
+        if folder.startswith("examples"):
+            assert tracked(folder) <= written
 
 
 @pytest.mark.parametrize("language", STARTERS)

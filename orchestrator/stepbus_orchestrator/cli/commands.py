@@ -10,8 +10,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any, NoReturn
 
-from stepbus_orchestrator.cli.outlet import hurry
 from stepbus_orchestrator.cli.output import print_error
+from stepbus_orchestrator.cli.stdout_buffer import hurry
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_participant import suggest

@@ -51,11 +51,11 @@ def _guarded() -> int:
     retry_swallowed()
     if _hosts_participants() and not adopt():
         return supervise(PYTHON)
-    from stepbus_orchestrator.cli.outlet import outlets  # noqa: PLC0415
+    from stepbus_orchestrator.cli.stdout_buffer import buffered  # noqa: PLC0415
 
     from .commands import execute  # noqa: PLC0415  (loads everything)
 
-    with outlets():
+    with buffered():
         code: int | None = None
         try:
             on_signals(interrupt)

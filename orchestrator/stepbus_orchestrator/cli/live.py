@@ -20,92 +20,42 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+Draw = Callable[[Progress], None]
+
 _PLAIN_EVERY_S = 2.0
 _LAST_S = 10.0
-"""How long the last sentences may take; where nobody reads them, the outlet gives up earlier."""
+"""How long the last sentences may take; where nobody reads them, the buffer gives up earlier."""
 
 
 class Display:
-    """Shows sentences only: a debugger has the terminal."""
-
-    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
-        self._title = title
-        self._console = console
-        self._degrees = degrees
-
-    def progress(self, progress: Progress) -> None:
-        """Show the progress of the run."""
-
-    def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Print a sentence, above a table if there is one."""
-        where = who if step < 0 else f"{who} at step {step}"
-        self._print(f"{level}: {where}: {text}")
-
-    def close(self) -> None:
-        """Remove what is not to stay."""
-
-    def _print(self, text: str) -> None:
-        self._console.print(visible(text), markup=False, soft_wrap=True)
-
-
-class LiveTable(Display):
-    """Shows progress as a table, drawn again with each report."""
-
-    def __init__(self, title: str, console: Console, *, degrees: bool = False) -> None:
-        from rich.live import Live  # noqa: PLC0415  see above
-
-        super().__init__(title, console, degrees=degrees)
-        self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._live.start()
-
-    def progress(self, progress: Progress) -> None:
-        """Draw the table again."""
-        angles = f"\n{in_degrees(progress)}" if self._degrees else ""
-        self._live.update(_table(self._title, progress, angles), refresh=True)
-
-    def close(self) -> None:
-        """Remove the table."""
-        self._live.stop()
-
-
-class PlainLines(Display):
-    """Shows progress as a line every two seconds."""
-
-    _shown_s = -_PLAIN_EVERY_S
-
-    def progress(self, progress: Progress) -> None:
-        """Print a line if the last one is two seconds old."""
-        if progress.elapsed_s - self._shown_s >= _PLAIN_EVERY_S:
-            self._shown_s = progress.elapsed_s
-            angles = f"; {in_degrees(progress)}" if self._degrees and progress.angles else ""
-            self._print(f"{self._title}: {_headline(progress)}{angles}")
-
-
-class Aside:
-    """Shows everything from a thread of its own.
+    """Shows progress and sentences from a thread of its own.
 
     A terminal that nobody reads, or that Ctrl-S holds, blocks its writer; the run must continue.
-    When there is no time, progress is left out, sentences are not.
+    When there is no time, progress is left out, sentences are not. draw: shows the progress. clear:
+    removes what is not to stay.
     """
 
-    def __init__(self, display: Display) -> None:
-        self._display = display
-        self._queue: SimpleQueue[Callable[[], None] | None] = SimpleQueue()
+    def __init__(self, console: Console, draw: Draw, clear: Callable[[], object]) -> None:
+        self._console = console
+        self._draw = draw
+        self._clear = clear
+        self._queue: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="display", daemon=True)
         self._thread.start()
 
     def progress(self, progress: Progress) -> None:
         """Show the progress of the run if there is time for it."""
         if self._queue.empty():
-            self._queue.put(partial(self._display.progress, progress))
+            self._queue.put(partial(self._draw, progress))
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Show a sentence."""
-        self._queue.put(partial(self._display.event, level, who, step, text))
+        """Show a sentence, above a table if there is one."""
+        where = who if step < 0 else f"{who} at step {step}"
+        self._queue.put(partial(_print, self._console, f"{level}: {where}: {text}"))
 
     def close(self) -> None:
         """Show what is left if the terminal accepts it, then remove the table."""
-        self._queue.put(self._display.close)
+        self._queue.put(self._clear)
         self._queue.put(None)
         self._thread.join(_LAST_S)
 
@@ -114,14 +64,18 @@ class Aside:
             show()
 
 
+def _print(console: Console, text: str) -> None:
+    console.print(visible(text), markup=False, soft_wrap=True)
+
+
 @contextlib.contextmanager
 def displayed(
     title: str, *, quiet: bool, plain: bool = False, degrees: bool = False, invites: bool = False
-) -> Iterator[Aside | None]:
+) -> Iterator[Display | None]:
     """Yield the display for where stdout goes.
 
     plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
-    invites: even so, sentences go to stderr: somebody has to read whom the run waits for.
+    invites: even so, sentences go to stderr: the user has to read whom the run waits for.
     """
     if quiet and not invites:
         yield None
@@ -131,15 +85,51 @@ def displayed(
     # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
     # and what this prints from its own thread would land in that participant's log.
     console = Console(file=sys.stderr if quiet else sys.stdout)
-    shown = Display if plain or quiet else LiveTable if console.is_terminal else PlainLines
-    with contextlib.closing(Aside(shown(title, console, degrees=degrees))) as display:
+    if plain or quiet:
+        display = Display(console, _do_nothing, _do_nothing)
+    elif console.is_terminal:
+        display = _table_display(title, console, degrees=degrees)
+    else:
+        display = Display(console, _draws_lines(title, console, degrees=degrees), _do_nothing)
+    with contextlib.closing(display):
         yield display
+
+
+def _do_nothing(*_: object) -> None: ...
+
+
+def _table_display(title: str, console: Console, *, degrees: bool) -> Display:
+    """Return a display that draws a table, again with each report."""
+    from rich.live import Live  # noqa: PLC0415  see above
+
+    live = Live(console=console, auto_refresh=False, transient=True)
+    live.start()
+
+    def draw(progress: Progress) -> None:
+        angles = f"\n{in_degrees(progress)}" if degrees else ""
+        live.update(_table(title, progress, angles), refresh=True)
+
+    return Display(console, draw, live.stop)
+
+
+def _draws_lines(title: str, console: Console, *, degrees: bool) -> Draw:
+    """Return what prints a line, where the last one is two seconds old."""
+    shown_s = -_PLAIN_EVERY_S
+
+    def draw(progress: Progress) -> None:
+        nonlocal shown_s
+        if progress.elapsed_s - shown_s >= _PLAIN_EVERY_S:
+            shown_s = progress.elapsed_s
+            angles = f"; {in_degrees(progress)}" if degrees and progress.angles else ""
+            _print(console, f"{title}: {_headline(progress)}{angles}")
+
+    return draw
 
 
 def in_degrees(progress: Progress) -> str:
     """Return the measured angle of each joint [°]."""
-    rows = progress.angles.items()
-    return ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in rows)
+    angles = progress.angles.items()
+    return ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles)
 
 
 def _headline(progress: Progress) -> str:
@@ -154,7 +144,7 @@ def _headline(progress: Progress) -> str:
     return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
 
 
-def _table(title: str, progress: Progress, angles: str = "") -> Table:
+def _table(title: str, progress: Progress, angles: str) -> Table:
     from rich.table import Table  # noqa: PLC0415  see above
 
     table = Table(
@@ -168,10 +158,6 @@ def _table(title: str, progress: Progress, angles: str = "") -> Table:
     for name, phase in progress.phases.items():
         state = "holds the step" if name in progress.holders else phase
         compute = progress.compute_us.get(name)
-        table.add_row(
-            name,
-            state,
-            "" if compute is None else f"{compute:.0f}",
-            str(progress.drops.get(name, 0)),
-        )
+        shown = "" if compute is None else f"{compute:.0f}"
+        table.add_row(name, state, shown, str(progress.drops.get(name, 0)))
     return table

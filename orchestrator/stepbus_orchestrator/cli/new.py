@@ -5,8 +5,8 @@ They are the examples of the repository, so that what a user starts from is what
 
 import re
 import shlex
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
@@ -24,17 +24,9 @@ _NAME = re.compile(r"^name: .*$", re.MULTILINE)
 _WORLD = re.compile(r'"?package://stepbus_scenarios/two_link/world\.yaml"?')
 
 
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """Files of a starter that come from one folder.
-
-    folder: below this package or the checkout. files: patterns, so that what a build has left
-    beside them stays there. target: folder of the starter they go to.
-    """
-
-    folder: str
-    files: tuple[str, ...]
-    target: str = "."
+Part = tuple[str, str, str]
+"""Folder of the starter, folder below this package or the checkout, and patterns of its files, so
+that what a build has left beside them stays there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,37 +37,28 @@ class Starter:
     needed. replace: texts of the examples that are others in a folder of its own.
     """
 
-    parts: tuple[Part, ...]
+    parts: Sequence[Part]
     build: str = ""
-    replace: tuple[tuple[str, str], ...] = ()
+    replace: Mapping[str, str] = field(default_factory=dict)
 
 
-def _example(folder: str, *files: str) -> Part:
-    return Part(
-        folder=f"examples/controllers/{folder}",
-        files=(".gitignore", "README.md", "scenario.yaml", *files),
-    )
+def _example(folder: str, files: str) -> Part:
+    return (".", f"examples/controllers/{folder}", f".gitignore README.md scenario.yaml {files}")
 
 
-STARTERS: dict[str, Starter] = {
-    "c": Starter(parts=(_example("c", "Makefile", "*.c", "*.h"),), build="make -C {folder}"),
-    "java": Starter(parts=(_example("java", "*.java"),)),
-    "js": Starter(parts=(_example("javascript", "*.mjs", "*.js", "package.json"),)),
-    "octave": Starter(parts=(_example("octave", "*.m"),)),
-    "python": Starter(
-        parts=(Part(folder="templates", files=("README.md", "controller.py", "scenario.yaml")),)
-    ),
+STARTERS: Mapping[str, Starter] = {
+    "c": Starter(parts=[_example("c", "Makefile *.c *.h")], build="make -C {folder}"),
+    "java": Starter(parts=[_example("java", "*.java")]),
+    "js": Starter(parts=[_example("javascript", "*.mjs *.js package.json")]),
+    "octave": Starter(parts=[_example("octave", "*.m")]),
+    "python": Starter(parts=[(".", "templates", "README.md controller.py scenario.yaml")]),
     "rust": Starter(
-        parts=(
-            _example("rust", "Cargo.toml", "Cargo.lock", "rustfmt.toml", "src/**/*.rs"),
-            Part(
-                folder="clients/rust",
-                files=(".gitignore", "Cargo.toml", "src/**/*.rs"),
-                target="stepbus",
-            ),
-        ),
+        parts=[
+            _example("rust", "Cargo.toml Cargo.lock rustfmt.toml src/**/*.rs"),
+            ("stepbus", "clients/rust", ".gitignore Cargo.toml src/**/*.rs"),
+        ],
         build="cargo build --release --manifest-path {folder}/Cargo.toml",
-        replace=(("../../../clients/rust", "stepbus"), ("`clients/rust`", "`stepbus/`")),
+        replace={"../../../clients/rust": "stepbus", "`clients/rust`": "`stepbus/`"},
     ),
 }
 """Language, as `stepbus new --language` takes it → its starter."""
@@ -106,32 +89,28 @@ def write_starter(folder: Path, language: str) -> list[Path]:
 
 def _contents(starter: Starter, name: str) -> Iterator[tuple[Path, str]]:
     """Return the files of a starter, as paths relative to its folder, with their text."""
-    for part in starter.parts:
-        source = _source(part.folder)
-        for file in sorted({file for pattern in part.files for file in source.glob(pattern)}):
+    for target, folder, patterns in starter.parts:
+        source = _source(folder)
+        for file in sorted({file for word in patterns.split() for file in source.glob(word)}):
             text = file.read_text(encoding="utf-8")
-            for old, new in starter.replace:
+            for old, new in starter.replace.items():
                 text = text.replace(old, new)
             if file.name == "scenario.yaml":
-                text = _own_scenario(text, name)
-            yield Path(part.target, file.relative_to(source)), text
+                # Under another name, with the world beside it.
+                text = _WORLD.sub("world.yaml", _NAME.sub(f"name: {name}", text, count=1))
+            yield Path(target, file.relative_to(source)), text
     model = _model_folder()
     for model_file in _MODEL_FILES:
         yield Path(model_file), (model / model_file).read_text(encoding="utf-8")
 
 
-def _own_scenario(text: str, name: str) -> str:
-    """Return a scenario under another name, with the world beside it."""
-    return _WORLD.sub("world.yaml", _NAME.sub(f"name: {name}", text, count=1))
-
-
 def _source(folder: str) -> Path:
     """Return a folder of this package, of the checkout, or of the copy the wheel has of that."""
     roots = (_PACKAGE, _CHECKOUT)
-    found = next((root / folder for root in roots if (root / folder).is_dir()), None)
-    if found is None:
+    sources = [root / folder for root in roots if (root / folder).is_dir()]
+    if not sources:
         raise WiringError(f"the files of {folder} are missing; install stepbus again")
-    return found
+    return sources[0]
 
 
 def _model_folder() -> Path:

@@ -4,7 +4,6 @@ import os
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
-from pathlib import Path
 
 import msgspec
 
@@ -24,16 +23,6 @@ def visible(text: str) -> str:
     stay.
     """
     return text.translate(_ESCAPES)
-
-
-def open_closed_streams() -> None:
-    """Put the null device where a standard stream is closed, as after `stepbus run … <&-`.
-
-    Python has None there, and the next file that is opened would get the stream's descriptor.
-    """
-    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
-        if getattr(sys, name) is None:
-            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
 
 
 def say(text: str) -> None:

@@ -35,27 +35,32 @@ def viewed(
     try:
         # At once: each takes a second to load.
         viewers.extend(_Viewer([*_COMMAND, *more, *options]) for options in views)
-        _announce(viewers, interrupt)
+        give_up = time.monotonic() + _START_S
+        for viewer in viewers:
+            viewer.announce(interrupt, give_up)
         yield
         if stays and views:
             print_error("the view stays open until Ctrl-C")
             while not interrupt.wait(_POLL_S) and any(v.process.poll() is None for v in viewers):
                 pass
     finally:
-        _end(viewers)
+        for viewer in viewers:
+            viewer.process.terminate()
+        for viewer in viewers:
+            viewer.end()
 
 
 class _Viewer:
-    """The process of one view. has_begun: it has said where it is, or why it has ended."""
+    """The process of one view, which says first where it is, or why it has ended."""
 
     def __init__(self, command: Sequence[str]) -> None:
         self.process = subprocess.Popen(
             command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         )
-        self.has_begun = threading.Event()
-        self.place = ""
-        self.why_not = ""
-        # Whoever reads a process that is stopped, or slow, waits: the run must not.
+        self._has_begun = threading.Event()
+        self._place = ""
+        self._why_not = ""
+        # A process that is stopped, or slow, makes its reader wait: the run must not.
         self._listener = threading.Thread(target=self._listen, name="viewer", daemon=True)
         self._listener.start()
 
@@ -64,13 +69,31 @@ class _Viewer:
         if stdout is None or stderr is None:
             return
         with stdout, stderr:
-            self.place = stdout.readline().decode().strip()
-            if not self.place:
+            self._place = stdout.readline().decode().strip()
+            if not self._place:
                 words = stderr.read().decode(errors="replace")
                 why = words.strip().rpartition("\n")[2].removeprefix(_PREFIX)
-                self.why_not = why or "the view could not be started"
-            self.has_begun.set()
+                self._why_not = why or "the view could not be started"
+            self._has_begun.set()
             _pass_on(self.process)
+
+    def announce(self, interrupt: threading.Event, give_up: float) -> None:
+        """Print where it is, as soon as it has begun; one that takes very long is left to itself.
+
+        Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
+        """
+        while not self._has_begun.wait(_POLL_S) and not interrupt.is_set():
+            if time.monotonic() > give_up:
+                print_error(
+                    f"the view (pid {self.process.pid}) has not begun after {_START_S:.0f} s; is "
+                    "its process stopped? The run begins without it"
+                )
+                return
+        if interrupt.is_set() and not self._place:
+            raise KeyboardInterrupt
+        if self._why_not:
+            raise WiringError(self._why_not)
+        print_error(self._place)
 
     def end(self) -> None:
         """Wait until its process, which was told to, has ended; kill it where it does not."""
@@ -88,37 +111,3 @@ def _pass_on(viewer: subprocess.Popen[bytes]) -> None:
         # That it is ended with the run is no news.
         if text != _INTERRUPTED:
             print_error(text)
-
-
-def _announce(viewers: Sequence[_Viewer], interrupt: threading.Event) -> None:
-    """Print where the views are, as soon as all have begun.
-
-    One that takes very long is left to itself. Raises WiringError for one that cannot start,
-    KeyboardInterrupt where the user ends this.
-    """
-    give_up = time.monotonic() + _START_S
-    for viewer in viewers:
-        while not viewer.has_begun.wait(_POLL_S):
-            if interrupt.is_set():
-                raise KeyboardInterrupt
-            if time.monotonic() > give_up:
-                pid = viewer.process.pid
-                print_error(
-                    f"the view (pid {pid}) has not begun after {_START_S:.0f} s; is its process "
-                    "stopped? The run begins without it"
-                )
-                break
-        else:
-            if viewer.why_not:
-                if interrupt.is_set():
-                    raise KeyboardInterrupt
-                raise WiringError(viewer.why_not)
-            print_error(viewer.place)
-
-
-def _end(viewers: Sequence[_Viewer]) -> None:
-    """End the processes, whatever they do."""
-    for viewer in viewers:
-        viewer.process.terminate()
-    for viewer in viewers:
-        viewer.end()

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from support.runs.joints import run_joints, write_scenario
 
-from stepbus_orchestrator.cli.outlet import Outlet
+from stepbus_orchestrator.cli.stdout_buffer import StdoutBuffer
 from stepbus_orchestrator.errors import ExitCode
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
@@ -194,15 +194,15 @@ def test_a_terminal_that_is_closed_ends_the_run_cleanly(tmp_path, run_words):
 
 def test_what_runs_nothing_waits_for_its_reader_as_long_as_it_takes():
     read, write = os.pipe()
-    outlet = Outlet(write)
-    writer = threading.Thread(target=outlet.write, args=(bytes(200_000),))
+    buffer = StdoutBuffer(write)
+    writer = threading.Thread(target=buffer.write, args=(bytes(200_000),))
     writer.start()
     writer.join(1.5)
     with os.fdopen(read, "rb") as stream:
         content = stream.read(200_000)
     writer.join(30)
-    assert (len(content), outlet.is_incomplete, outlet.failure) == (200_000, False, 0)
-    outlet.write(b"x")  # The reader has gone, which ends the outlet's thread.
+    assert (len(content), buffer.is_incomplete, buffer.failure) == (200_000, False, 0)
+    buffer.write(b"x")  # The reader has gone, which ends the buffer's thread.
     os.close(write)
 
 
@@ -212,7 +212,7 @@ def test_output_is_written_though_no_thread_can_start(monkeypatch):
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
     read, write = os.pipe()
-    Outlet(write).write(b"why the run failed")
+    StdoutBuffer(write).write(b"why the run failed")
     os.close(write)
     with os.fdopen(read, "rb") as stream:
         assert stream.read() == b"why the run failed"

@@ -1,4 +1,4 @@
-"""Standard output and error that neither fail nor hold up whoever writes to them.
+"""Standard output and error that neither fail nor hold up their writer.
 
 A command ends with its own exit code and in its own time, whatever becomes of its output: a pipe
 that its reader has closed, a full disk, a terminal that Ctrl-S holds or that nobody reads.
@@ -12,9 +12,10 @@ import select
 import sys
 import threading
 from collections.abc import Iterator
-from typing import Any, TextIO
+from pathlib import Path
+from typing import Any
 
-from stepbus_orchestrator.cli.output import open_closed_streams, print_error
+from stepbus_orchestrator.cli.output import print_error
 
 _POLL_S = 0.5
 _PATIENCE_S = 1.0
@@ -23,7 +24,7 @@ _BACKLOG_BYTES = 1 << 16
 _CHUNK_BYTES = 4096
 
 
-class Outlet(io.BufferedIOBase):
+class StdoutBuffer(io.BufferedIOBase):
     """Writes to a descriptor from a thread of its own.
 
     patience_s: how long a write waits for a reader that takes nothing [s]; None: for ever, as a
@@ -84,52 +85,60 @@ class Outlet(io.BufferedIOBase):
 
     def _wake(self) -> None:
         if self._thread is None:
-            thread = threading.Thread(target=self._work, name="outlet", daemon=True)
+            thread = threading.Thread(target=self._work, name="stdout", daemon=True)
             try:
                 thread.start()
             except RuntimeError:
                 # This user may start no more threads (`ulimit -u`).
-                self._write_here()
+                while self._waiting and not self.failure:
+                    self._drop(*self._put(bytes(self._waiting[:_CHUNK_BYTES])))
                 return
             self._thread = thread
         self._changed.notify_all()
-
-    def _write_here(self) -> None:
-        while self._waiting and not self.failure:
-            written, self.failure = self._write(bytes(self._waiting[:_CHUNK_BYTES]))
-            del self._waiting[: None if self.failure else written]
 
     def _work(self) -> None:
         while not self.failure:
             with self._changed:
                 self._changed.wait_for(lambda: self._waiting)  # no time-out: a daemon thread
                 chunk = bytes(self._waiting[:_CHUNK_BYTES])
-            written, failure = self._write(chunk)
+            written = self._put(chunk)
             with self._changed:
-                del self._waiting[: None if failure else written]
-                self.failure, self._is_stuck = failure, False
+                self._drop(*written)
+                self._is_stuck = False
                 self._changed.notify_all()
 
-    def _write(self, chunk: bytes) -> tuple[int, int]:
+    def _put(self, chunk: bytes) -> tuple[int, int]:
         """Return how much could be written, and the error number or 0."""
         try:
             return os.write(self._descriptor, chunk), 0
         except BlockingIOError:
-            # Somebody else has made the terminal or pipe non-blocking.
+            # Another process has made the terminal or pipe non-blocking.
             select.select([], [self._descriptor], [], _POLL_S)
             return 0, 0
         except OSError as exc:
             return 0, exc.errno or errno.EIO
 
+    def _drop(self, written: int, failure: int) -> None:
+        """Forget what is written, or all where nothing more can be."""
+        del self._waiting[: None if failure else written]
+        self.failure = failure
+
 
 @contextlib.contextmanager
-def outlets() -> Iterator[None]:
-    """Let standard output and error be outlets while this is open; report what was lost."""
-    open_closed_streams()
+def buffered() -> Iterator[None]:
+    """Buffer standard output and error while this is open; report what was lost."""
+    # Python has None where a stream is closed, as after `stepbus run … <&-`, and the next file that
+    # is opened would get its descriptor.
+    for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
+        if getattr(sys, name) is None:
+            setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     before = sys.stdout, sys.stderr
     # Copies: a run in one process sends what libraries in C print elsewhere.
-    output, error = (Outlet(os.dup(stream.fileno())) for stream in before)
-    sys.stdout, sys.stderr = _text(output, before[0]), _text(error, before[1])
+    output, error = (StdoutBuffer(os.dup(stream.fileno())) for stream in before)
+    sys.stdout, sys.stderr = (
+        io.TextIOWrapper(buffer, encoding=s.encoding, errors=s.errors, write_through=True)  # type: ignore[type-var]
+        for buffer, s in zip((output, error), before, strict=True)
+    )
     try:
         yield
     finally:
@@ -143,15 +152,9 @@ def outlets() -> Iterator[None]:
         sys.stdout, sys.stderr = before
 
 
-def _text(outlet: Any, stream: TextIO) -> TextIO:
-    return io.TextIOWrapper(
-        outlet, encoding=stream.encoding, errors=stream.errors, write_through=True
-    )
-
-
 def hurry() -> None:
     """Wait for readers only so long from now on: a run ends in time though nobody reads."""
     for stream in (sys.stdout, sys.stderr):
-        outlet = getattr(stream, "buffer", None)
-        if isinstance(outlet, Outlet):
-            outlet.patience_s = _PATIENCE_S
+        buffer = getattr(stream, "buffer", None)
+        if isinstance(buffer, StdoutBuffer):
+            buffer.patience_s = _PATIENCE_S
