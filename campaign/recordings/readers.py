@@ -17,7 +17,8 @@ from stepbus_orchestrator.cli.commands import execute
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.replay_result import inputs_of
-from stepbus_orchestrator.replay.rerun import read_origin, unpack
+from stepbus_orchestrator.replay.sources import trusted_sources
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_schemas import StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.conformance import material
@@ -115,7 +116,10 @@ def _prepare_replay(task: Task) -> None:
 
 
 def _prepare_rerun(task: Task) -> None:
-    unpack(read_origin(task.path), task.folder / "rerun")
+    with Recording(task.path) as recording:
+        trusted_sources(recording, None).unpack(task.folder / "rerun")
+        recording.flaws()
+        recorded_calls(recording)
 
 
 def _conformance(task: Task) -> None:

@@ -27,6 +27,7 @@ EXPORTING = {
             "processes.credentials", "processes.endpoints", "processes.launcher",
             "processes.limits", "processes.watchdog", "recording", "recording.layout",
             "recording.timing", "replay", "replay.branch", "replay.recorded", "replay.rerun",
+            "replay.sources",
             "run.bus", "run.describe", "run.episode", "run.extension", "run.extensions.external",
             "run.extensions.pace", "run.extensions.real_time", "run.folder", "run.hosts",
             "run.inprocess.local_run", "run.kernel.admission", "run.kernel.descriptions", "run.live_file",

@@ -14,7 +14,8 @@ from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
-from stepbus_orchestrator.replay.branch import Branch, BranchPlan, Variant, branch, variants
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan, branch
+from stepbus_orchestrator.replay.branch_change import Variant, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 

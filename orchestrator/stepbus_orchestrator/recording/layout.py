@@ -84,9 +84,13 @@ def file_attachment(name: str) -> str:
     return _FILES + name
 
 
-def attached_file(attachment: str) -> str | None:
-    """Return the file behind an attachment; None where the attachment is no file of a scenario."""
-    return attachment.removeprefix(_FILES) if attachment.startswith(_FILES) else None
+def files_of(attachments: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return the files of a scenario among attachments: name → content."""
+    return {
+        name.removeprefix(_FILES): content
+        for name, content in attachments.items()
+        if name.startswith(_FILES)
+    }
 
 
 def versions_metadata(participant: str) -> str:
@@ -94,9 +98,13 @@ def versions_metadata(participant: str) -> str:
     return _VERSIONS + participant
 
 
-def versions_owner(metadata: str) -> str | None:
-    """Return whose versions a metadata record lists; None where it lists none."""
-    return metadata.removeprefix(_VERSIONS) if metadata.startswith(_VERSIONS) else None
+def versions_of(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, Mapping[str, str]]:
+    """Return what the participants, and the orchestrator, ran on: name → library → version."""
+    return {
+        name.removeprefix(_VERSIONS): versions
+        for name, versions in metadata.items()
+        if name.startswith(_VERSIONS)
+    }
 
 
 def channel_metadata(participant: str, port: str, description: str) -> dict[str, str]:

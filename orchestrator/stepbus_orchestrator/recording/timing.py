@@ -43,17 +43,11 @@ class TriggerTiming(msgspec.Struct, frozen=True, kw_only=True):
     """(step limit, time since the epoch [ns])."""
 
 
-_TYPES: Mapping[str, type[msgspec.Struct]] = {
-    "StepTiming/1": StepTiming,
-    "TimingEvent/1": TimingEvent,
-    "TriggerTiming/1": TriggerTiming,
+_TOPICS: Mapping[type[msgspec.Struct], str] = {
+    TimingEvent: "events",
+    StepTiming: "steps",
+    TriggerTiming: "triggers",
 }
-
-
-def _schema_of(name: str) -> dict[str, Any]:
-    (_,), types = msgspec.json.schema_components([_TYPES[name]])
-    schema: dict[str, Any] = types[_TYPES[name].__name__]
-    return schema
 
 
 class TimingRecorder:
@@ -66,22 +60,20 @@ class TimingRecorder:
     def __init__(self, path: Path, clock: Clock, disk: Disk = os) -> None:
         self._clock = clock
         self._file = McapFile(path, disk)
-        self._channels = {
-            name: self._file.add_channel(topic, name, {}, _schema_of)
-            for topic, name in (
-                ("events", "TimingEvent/1"),
-                ("steps", "StepTiming/1"),
-                ("triggers", "TriggerTiming/1"),
-            )
-        }
+        self._channels = {cls: self._add_channel(cls, topic) for cls, topic in _TOPICS.items()}
         self._sequence = 0
         self._rows: dict[str, list[tuple[int, int, int]]] = {}
         self._arrivals: dict[str, list[tuple[int, int]]] = {}
         self._triggers: list[tuple[int, int]] = []
 
+    def _add_channel(self, cls: type[msgspec.Struct], topic: str) -> int:
+        (_,), types = msgspec.json.schema_components([cls])
+        schema: dict[str, Any] = types[cls.__name__]
+        return self._file.add_channel(topic, f"{cls.__name__}/1", {}, lambda _name: schema)
+
     def event(self, event: str, participant: str = "", text: str = "") -> None:
         """Record that something happened now."""
-        self._add("TimingEvent/1", TimingEvent(event=event, participant=participant, text=text))
+        self._add(TimingEvent(event=event, participant=participant, text=text))
 
     def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
         """Record that a log batch arrived now, and how long its steps took."""
@@ -99,19 +91,17 @@ class TimingRecorder:
 
     def _write_steps(self, participant: str) -> None:
         rows, arrivals = self._rows.pop(participant), self._arrivals.pop(participant)
-        record = StepTiming(participant=participant, rows=rows, arrivals=arrivals)
-        self._add("StepTiming/1", record)
+        self._add(StepTiming(participant=participant, rows=rows, arrivals=arrivals))
 
     def _write_triggers(self) -> None:
-        self._add("TriggerTiming/1", TriggerTiming(rows=self._triggers))
+        self._add(TriggerTiming(rows=self._triggers))
         self._triggers = []
 
-    def _add(self, name: str, record: msgspec.Struct) -> None:
+    def _add(self, record: msgspec.Struct) -> None:
         self._sequence += 1
+        channel, data = self._channels[type(record)], _encode(record)
         with contextlib.suppress(RecordingFailed):
-            self._file.add(
-                self._channels[name], self._clock.time_ns(), _encode(record), self._sequence
-            )
+            self._file.add(channel, self._clock.time_ns(), data, self._sequence)
 
     def close(self) -> None:
         """Write the rest and complete the file, as far as the disk allows."""

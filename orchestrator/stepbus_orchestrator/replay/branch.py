@@ -1,113 +1,49 @@
-"""Variants of a branch: every value of what is varied, each with those of all others."""
+"""A branch: a recording up to a step, and from there on a live run, with a change."""
 
-import itertools
-import json
-import re
 import threading
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.diff import Diff, diff
 from stepbus_orchestrator.recording import Checkpoints, Recording, SavedState
 from stepbus_orchestrator.recording.layout import Source, recording_file
-from stepbus_orchestrator.replay.plan import Change, Plan, choose, plan, to_be_made
+from stepbus_orchestrator.replay.branch_change import Change
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
-from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.replay.recorded import counts_from_of
+from stepbus_orchestrator.replay.rerun import Repeated
+from stepbus_orchestrator.replay.sources import own_version_notes, trusted_sources, unpack_into
+from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports import Observer
-from stepbus_orchestrator.run.result import Result, file_sha256
+from stepbus_orchestrator.run.result import file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
-from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import WiringError
-
-_MOST = 100
-_UNFIT = re.compile(r"[^A-Za-z0-9._=+-]+")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Variant:
-    """One variant. name: `kp=50`, or `kp=50, kd=2`. folder: a name for its folder."""
-
-    name: str
-    overrides: Sequence[str]
-
-    @property
-    def folder(self) -> str:
-        """Return its name without what a folder's should not have."""
-        return _UNFIT.sub("_", self.name.replace(", ", ","))
-
-
-def variants(texts: Sequence[str]) -> list[Variant]:
-    """Return the variants of texts such as `controller.params.kp=50,100,200`.
-
-    Raises WiringError for one that names no values, or where they are too many together.
-    """
-    rows = [_values(text) for text in texts]
-    given = [
-        Variant(
-            name=", ".join(f"{path.rpartition('.')[2]}={value}" for path, value in chosen),
-            overrides=[f"{path}={value}" for path, value in chosen],
-        )
-        for chosen in itertools.islice(itertools.product(*rows), _MOST + 1)
-    ]
-    if len(given) > _MOST:
-        raise WiringError(f"--vary: more than {_MOST} variants")
-    if len({variant.folder for variant in given}) < len(given):
-        raise WiringError("--vary: two variants are the same")
-    return given
-
-
-def _values(text: str) -> list[tuple[str, str]]:
-    path, _, values = text.partition("=")
-    # As YAML has a list, so that a value may be one itself.
-    parsed = parse_yaml(text, f"[{values}]") if path.strip() and values.strip() else []
-    if not parsed:
-        raise WiringError(
-            f"--vary {text!r}: write PATH=VALUE,VALUE…, e.g. controller.params.kp=50,100"
-        )
-    return [(path.strip(), json.dumps(value, ensure_ascii=False)) for value in parsed]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Branch:
+class Branch(Repeated):
     """A run whose first steps are those of a recording.
 
     at: the first step that is not. changed: participants whose own outputs count from there on
-    only. recorded_sha256: of the recording. way_s: how long the run took to get to `at` [s]; 0
-    where it did not get there. restored: participants that started from a checkpoint, each with its
-    step; all others started at step 0.
+    only. way_s: how long the run took to get to `at` [s]; 0 where it did not get there. restored:
+    participants that started from a checkpoint, each with its step; all others started at step 0.
     """
 
-    recording: Path
     at: int
     changed: Sequence[str]
-    recorded_sha256: str
     way_s: float
-    result: Result
     restored: Mapping[str, int] = field(default_factory=dict)
-    notes: Sequence[str] = field(default=())
-
-    @property
-    def equal(self) -> bool:
-        """Return whether the new recording is the old one, byte for byte."""
-        return self.recorded_sha256 == self.result.sha256
-
-    def diff(self) -> Diff:
-        """Compare it with the recording: of one that is cut off, up to its end."""
-        with Recording(self.recording) as recording:
-            is_part = bool(recording.cut_short)
-        return diff(self.recording, self.result.recording, is_part=is_part)
 
 
 class BranchPlan:
     """A branch that is about to start; the recording's files are unpacked in `out/source`.
 
     Arguments as of `branch`; trusted: fingerprint of the programs that may be started, None: any.
-    scenario: what runs. notes: what may make it different from the recording.
+    at: the first live step. scenario: what runs. notes: what may make it different from the
+    recording.
 
     Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
     ScenarioError when the scenario cannot run here; WiringError for a change that no branch can
@@ -126,24 +62,40 @@ class BranchPlan:
         trusted: str | None = None,
         checkpoints: bool = True,
     ) -> None:
-        opened = Recording(recording)
-        change = Change(overrides=overrides, faults=faults, calls=calls)
-        self._plan: Plan = plan(opened, at, out, change, trusted)
-        self._sha256 = file_sha256(opened.path)
-        self._restored: Mapping[str, SavedState] = {}
-        if checkpoints:
-            saved = Checkpoints(opened.path, self._sha256)
-            self._restored = choose(saved, self._plan)
-            self._plan.notes.extend(saved.problems)
-        self._recording = opened
+        self._recording = Recording(recording)
         self._out = out
-        self.scenario: Scenario = self._plan.scenario
-        self.notes: Sequence[str] = self._plan.notes
+        path = unpack_into(out, trusted_sources(self._recording, trusted))
+        change = Change(load(path), load(path, overrides, faults), at)
+        change.check(self._recording)
+        self.at = change.at
+        self.scenario = change.scenario
+        self._changed = change.participants()
+        self._new_calls = [change.call(text) for text in calls]
+        self._calls = recorded_calls(self._recording)
+        self._sha256 = file_sha256(self._recording.path)
+        self.notes = own_version_notes(self._recording)
+        self._restored: dict[str, SavedState] = {}
+        if checkpoints:
+            saved = Checkpoints(self._recording.path, self._sha256)
+            unchanged = (s for s in self.scenario.participants if s.name not in self._changed)
+            chosen = {spec.name: self._newest(saved, spec) for spec in unchanged}
+            self._restored = {name: state for name, state in chosen.items() if state is not None}
+            self.notes += saved.problems
 
-    @property
-    def at(self) -> int:
-        """Return the first live step."""
-        return self._plan.at
+    def _newest(self, saved: Checkpoints, spec: ParticipantSpec) -> SavedState | None:
+        """Return the newest checkpoint of a participant that the branch does not change.
+
+        It is before a step below that of the branch: so at least one step of the participant is
+        compared with the recording.
+        """
+        called = [call.step for call in self._calls if call.participant == spec.name]
+        for state in saved.below(spec.name, self.at):
+            fits = state.step % spec.every == 0
+            # A participant answers calls while it waits for its own next step, behind the state.
+            splits = any(state.step - spec.every < step < state.step for step in called)
+            if fits and not splits:
+                return state
+        return None
 
     def run(
         self,
@@ -155,28 +107,30 @@ class BranchPlan:
         owns_descriptors: bool = False,
     ) -> Branch:
         """Run; arguments as of `stepbus run`. A run that fails has its failure in `result`."""
-        planned = self._plan
-        restored = self._restored
-        prefix = RecordedPrefix(self._recording, planned.at, planned.counts_from, restored)
+        restored = {name: state.step for name, state in self._restored.items()}
+        # What is in a checkpoint is not made again.
+        calls = [c for c in self._calls if c.step >= restored.get(c.participant, 0)]
+        steps = {**counts_from_of(self._recording), **dict.fromkeys(self._changed, self.at)}
+        # In the order of the scenario: it is recorded.
+        names = (spec.name for spec in self.scenario.participants)
+        counts_from = {name: steps[name] for name in names if steps.get(name)}
+        prefix = RecordedPrefix(self._recording, self.at, counts_from, self._restored)
         options = Options(
             out=self._out,
             host=host_of(in_process=in_process, owns_descriptors=owns_descriptors),
-            extensions=[
-                prefix,
-                Calls(to_be_made(planned.calls, restored), planned.new_calls),
-                Debug(debug),
-            ],
+            extensions=[prefix, Calls(calls, self._new_calls), Debug(debug)],
         )
         result = run(self.scenario, options, observer, interrupt)
         return Branch(
             recording=self._recording.path,
-            at=planned.at,
-            changed=planned.changed,
             recorded_sha256=self._sha256,
-            way_s=prefix.took_s,
             result=result,
-            restored={name: item.step for name, item in restored.items()},
+            is_part=bool(self._recording.cut_short),
             notes=self.notes,
+            at=self.at,
+            changed=self._changed,
+            way_s=prefix.took_s,
+            restored=restored,
         )
 
 

@@ -2,26 +2,21 @@
 
 import dataclasses
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
 
 from stepbus_orchestrator.analysis.divergence import fields_of, in_order
-from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import Recording, Sink
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.check import Check, all_but
-from stepbus_orchestrator.replay.prefix import Repetition
 from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
-from stepbus_orchestrator.replay.recorded import (
-    recorded_descriptions,
-)
 from stepbus_orchestrator.replay.reference import new_reference
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
+from stepbus_orchestrator.replay.replayed import Replayed
 from stepbus_orchestrator.replay.trust import programs_of
 from stepbus_orchestrator.replay.work_tree import find_work_tree
 from stepbus_orchestrator.run.bus import Session
@@ -29,73 +24,16 @@ from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, scratch_folder
 from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
-from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_files import NoTiming
-from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import replaced_program
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import make_new_folder
-from stepbus_schemas import BridgeFormat, Decoder, MessageError, Outputs
-
-_decode_outputs = Decoder(Outputs)
-
-
-class _Replayed(Repetition):
-    """Plays all participants of a recording but one.
-
-    folder: where that is started; None: in the folder of the scenario.
-    """
-
-    comparison: Check
-
-    def __init__(
-        self,
-        recording: Recording,
-        scenario: Scenario,
-        participant: str,
-        tolerance: Tolerance,
-        folder: Path | None,
-    ) -> None:
-        super().__init__(recording, all_but(participant, scenario))
-        self.participant = participant
-        self._tolerance = tolerance
-        self._folder = folder
-        self._newest: Any = None
-
-    def attach(self, run: Run) -> None:
-        """Let the run know how all outputs were described, and watch the participant."""
-        super().attach(run)
-        run.descriptions = recorded_descriptions(self.recording)
-        # Nobody waits for it, so that only its outputs themselves show how far it has come.
-        run.session.bus.subscribe(f"out/{self.participant}", self._see)
-
-    def compared(self) -> Check:
-        """Return what counts the differences."""
-        sink, scenario = self.run.recorder, self.run.state.scenario
-        return Check(sink, self.recording, scenario, self.participant, self._tolerance)
-
-    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
-        """Return where the participant is started."""
-        return {} if self._folder is None else {"folder": self._folder}
-
-    def started(self, participant: ParticipantState) -> None:
-        """Let the failures of the participant name the step it was seen to publish."""
-        participant.newest = self._newest_step
-
-    def _see(self, sample: Any) -> None:
-        self._newest = sample
-
-    def _newest_step(self) -> int:
-        bus = self.run.session.bus
-        try:
-            return _decode_outputs(bus.payload(self._newest)).step if self._newest else -1
-        except MessageError:
-            return -1
-
+from stepbus_schemas import BridgeFormat
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""
@@ -129,7 +67,7 @@ def replay(
     program in the work tree. source: folder or file of the scenario in the work tree (default: it
     is searched). bridge: start the program through `stepbus bridge`. program: start this program
     instead of the recorded one, in the current folder; everything after it is its command line.
-    trusted: fingerprint of the programs that may be started (`rerun.fingerprint`); None: any.
+    trusted: fingerprint of the programs that may be started (`Sources.fingerprint`); None: any.
     observer, interrupt: as of `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
@@ -154,20 +92,24 @@ def replay(
             trusted=trusted,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
-        started = _with_program(scenario, participant, program, bridge)
+        specs = [
+            replaced_program(spec, program or (), bridge) if spec.name == participant else spec
+            for spec in scenario.participants
+        ]
+        started = dataclasses.replace(scenario, participants=tuple(specs))
         start_folder = None if program is None else Path.cwd()
-        extension = _Replayed(opened, scenario, participant, tolerance, start_folder)
+        replayed = Replayed(opened, scenario, participant, tolerance, start_folder)
         with new_reference(target, opened, prepared) as sink:
             run = _run(
-                started, extension, sink, folder=folder, observer=observer, interrupt=interrupt
+                started, replayed, sink, folder=folder, observer=observer, interrupt=interrupt
             )
-    check, state = extension.comparison, run.state
+    state = run.state
     # From here on, nothing is expected of the participant.
     end = scenario.steps or 0
-    check.miss_below(end + Schedule.of(scenario).closing(participant, end))
+    replayed.miss_below(end + Schedule.of(scenario).closing(participant, end))
     if state.end is not None:
-        check.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
-    divergence = check.divergence
+        replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
+    divergence = replayed.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
@@ -176,12 +118,12 @@ def replay(
         steps=state.steps,
         divergence=divergence,
         inputs=inputs_of(opened, scenario, participant, divergence.step) if divergence else {},
-        ports=in_order(check.results()),
+        ports=in_order(replayed.results()),
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
         source="" if tree is None else tree.shown(),
         changes=prepared.notes,
-        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *check.notes, *copied],
+        notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
     )
 
 
@@ -197,19 +139,9 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
     return [note]
 
 
-def _with_program(
-    scenario: Scenario, name: str, program: Sequence[str] | None, bridge: BridgeFormat | None
-) -> Scenario:
-    specs = [
-        replaced_program(spec, program or (), bridge) if spec.name == name else spec
-        for spec in scenario.participants
-    ]
-    return dataclasses.replace(scenario, participants=tuple(specs))
-
-
 def _run(
     scenario: Scenario,
-    extension: _Replayed,
+    replayed: Replayed,
     sink: Sink,
     *,
     folder: Path,
@@ -220,8 +152,8 @@ def _run(
 
     folder: gets the participant's log.
     """
-    name, recording = extension.participant, extension.recording
-    extensions = [extension, Calls(recorded_calls(recording, name))]
+    name, recording = replayed.spec.name, replayed.recording
+    extensions = [replayed, Calls(recorded_calls(recording, name))]
     opening = Opening(
         scenario=alone(scenario, name),
         out=folder,

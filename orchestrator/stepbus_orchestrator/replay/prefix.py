@@ -1,23 +1,15 @@
-"""A run that begins with the steps of a recording: they are played to it, and compared.
-
-A branch repeats the steps below one, and is live from there on; a replay repeats all steps of one
-participant, and plays the others.
-"""
+"""The beginning of a branch: all participants repeat what is recorded below a step."""
 
 import dataclasses
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
 from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Recording, SavedState, layout
-from stepbus_orchestrator.replay.comparison import Comparison
-from stepbus_orchestrator.replay.player import Player
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.failures import at as at_step
-from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
@@ -25,59 +17,6 @@ from stepbus_schemas import CallRecord
 
 WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""
-_CHUNK = 1024
-"""How many steps are read from the recording before those that are complete are written."""
-
-
-class Repetition(RunExtension):
-    """The recorded steps of a run: plays recorded outputs, and compares what comes.
-
-    starts_at: as of `Comparison`. at: the first step that nothing is played for.
-    """
-
-    player: Player
-    comparison: Comparison
-
-    def __init__(self, recording: Recording, starts_at: Mapping[str, int], at: int = FAR) -> None:
-        self.recording = recording
-        self.starts_at = starts_at
-        self.at = at
-        self._fed = 0
-
-    def attach(self, run: Run) -> None:
-        """Let each participant start where it does."""
-        super().attach(run)
-        run.state.is_repeating = True
-        for name, step in self.starts_at.items():
-            run.state.barrier.start_at(name, step)
-        self.comparison = run.recorder.reviser = self.compared()
-        self.player = Player(run.session, self.comparison.outputs, self.starts_at)
-
-    def compared(self) -> Comparison:
-        """Return what compares the run with the recording."""
-        raise NotImplementedError
-
-    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
-        """Prove the connection of those that are played, again and again."""
-        if self.run.state.phase is RunPhase.START_UP:
-            self.player.send_handshake()
-
-    def ready(self) -> None:
-        """Compare how the participants describe their outputs."""
-        self.comparison.check_descriptions(self.run.descriptions)
-
-    def act(self) -> None:
-        """Publish the recorded outputs of all steps that may be worked on; compare what came."""
-        state = self.run.state
-        complete, limit = state.barrier.completed, min(state.barrier.step_limit, self.at)
-        while self._fed < limit:
-            self._fed = min(self._fed + _CHUNK, limit)
-            self.player.publish_below(self._fed)
-            # A participant that starts at 100,000 would else keep all below it in memory.
-            self.run.recorder.write_below(min(self._fed, complete, state.last_step))
-        self.run.recorder.write_below(min(complete, state.last_step))
-
-
 _WHY = (
     "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "
     "see docs/guide/testing/branch.md"
@@ -91,10 +30,10 @@ _WHY_RESTORED = (
 class RecordedPrefix(Repetition):
     """The steps of a recording below `at`, as the beginning of a run.
 
-    counts_from: participants that are not those of the recording, each with the step (at most
-    `at`) from which its own outputs count; below, the recorded ones do. restored: participants that
-    start from a checkpoint before a step below `at`; what is before it is taken as recorded.
-    took_s: how long the run took to get to `at` [s], 0 until it is there.
+    restored: participants that start from a checkpoint before a step below `at`. took_s: how long
+    the run took to get to `at` [s], 0 until it is there.
+
+    Raises Diverged with the first difference, and the participant that made it.
     """
 
     is_star = True
@@ -106,9 +45,9 @@ class RecordedPrefix(Repetition):
         counts_from: Mapping[str, int],
         restored: Mapping[str, SavedState] = MappingProxyType({}),
     ) -> None:
-        super().__init__(recording, {name: saved.step for name, saved in restored.items()}, at)
-        self.counts_from = counts_from
-        self.restored = restored
+        starts_at = {name: saved.step for name, saved in restored.items()}
+        super().__init__(recording, at=at, starts_at=starts_at, counts_from=counts_from)
+        self._restored = restored
         self.took_s = 0.0
 
     def adapt(self, scenario: Scenario) -> Scenario:
@@ -128,20 +67,9 @@ class RecordedPrefix(Repetition):
         run.state.barrier.window = max(WINDOW, run.state.scenario.window)
         run.state.ends_from = self.counts_from
 
-    def compared(self) -> Comparison:
-        """Return what ends the run at the first difference."""
-        return _Unchanged(
-            self.run.recorder,
-            self.recording,
-            self.run.state.scenario,
-            until=self.at,
-            starts_at=self.starts_at,
-            counts_from=self.counts_from,
-        )
-
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return the checkpoint that a participant starts from."""
-        saved = self.restored.get(spec.name)
+        saved = self._restored.get(spec.name)
         if saved is None:
             return {}
         every = self.run.state.scenario.checkpoint_steps
@@ -161,7 +89,7 @@ class RecordedPrefix(Repetition):
         if self.player.is_live:
             return
         super().act()
-        if self.comparison.reached >= self.at:
+        if self._compared >= self.at:
             self.player.is_live = True
             run.recorder.reviser = None
             state.is_repeating = False
@@ -174,35 +102,34 @@ class RecordedPrefix(Repetition):
                 step=state.last_step,
             )
 
-
-class _Unchanged(Comparison):
-    """Raises Diverged with the first difference, and the participant that made it."""
-
-    def _describes_otherwise(self, name: str, port: str) -> None:
-        if name not in self._counts_from:
+    def describes_otherwise(self, name: str, port: str) -> None:
+        """Raise Diverged, but for a participant that was changed."""
+        if name not in self.counts_from:
             raise Diverged(
                 f"before the first step: {name} describes {port} (names, units, limits) not as "
                 f"recorded; it is not the program that was recorded",
                 participant=name,
             )
 
-    def _differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
-        divergence = self._comparisons[name][port].divergence
+    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
+        """Raise Diverged, with what may be the cause."""
+        divergence = self.comparisons[name][port].divergence
         text = "" if divergence is None else divergence.text("recording", "now")
         why = _WHY
-        if name in self._starts_at:
+        if name in self.starts_at:
             without = argument("--no-checkpoints", "checkpoints=False")
-            why = _WHY_RESTORED.format(without=without, step=self._starts_at[name])
+            why = _WHY_RESTORED.format(without=without, step=self.starts_at[name])
         raise Diverged(
-            f"{at_step(step, self._scenario.step_ns)}: {name} does not repeat the recording: "
+            f"{at_step(step, self._step_ns)}: {name} does not repeat the recording: "
             f"{text.removeprefix(f'step {step}: ')}; {why}",
             participant=name,
             step=step,
         )
 
-    def _answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
+    def answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
+        """Raise Diverged, with both answers."""
         raise Diverged(
-            f"{at_step(call.step, self._scenario.step_ns)}: {call.participant} answers the call "
+            f"{at_step(call.step, self._step_ns)}: {call.participant} answers the call "
             f"{call.method} with {call.error or call.value!r}, recorded is "
             f"{recorded.error or recorded.value!r}; {_WHY}",
             participant=call.participant,

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from msgspec import structs
+from msgspec import structs, to_builtins
 
-from stepbus_orchestrator.analysis.tolerance import short
+from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import replayable_steps
@@ -21,9 +21,11 @@ from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from .rerun import Origin, origin_of, refuse_others, unpack
+from .sources import trusted_sources
 
 _NO_PROGRAM = "[python]"
+_TESTED = ("participant", "exec", "bridge", "params")
+"""What a replay tests: it is that of the work tree."""
 _MOST_CHANGES = 8
 
 
@@ -62,73 +64,66 @@ def prepare(
     Raises RecordingFailed when there is no scenario in it, WiringError when it has no such
     participant, ScenarioError when it cannot be replayed here.
     """
-    origin = origin_of(recording)
-    refuse_others(origin, trusted)
+    sources = trusted_sources(recording, trusted)
     programs = recorded_programs(recording)
     if participant not in programs:
         known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
-    path = unpack(origin, folder)
     is_other = own_program or tree is not None
     unused = [name for name in programs if is_other or name != participant]
-    scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
-    specs = [
-        structs.replace(
-            _with_program(spec, programs[spec.name]) if spec.name in unused else spec,
-            on_fault="stop",
-        )
-        for spec in scenario.participants
-    ]
+    scenario = _load(sources.unpack(folder), overrides, programs, unused)
     # What was recorded is what came of the faults; they are not injected once more.
-    scenario = dataclasses.replace(scenario, participants=tuple(specs), faults=())
+    specs = tuple(structs.replace(spec, on_fault="stop") for spec in scenario.participants)
+    scenario = dataclasses.replace(scenario, participants=specs, faults=())
     if tree is None:
         return Prepared(scenario=scenario, is_changed=bool(overrides))
-    return _from_tree(origin, scenario, participant, tree, overrides)
+    return _from_tree(sources.files, scenario, participant, tree, overrides)
+
+
+def _load(
+    path: Path,
+    overrides: Sequence[str],
+    programs: Mapping[str, ParticipantSpec],
+    unused: Sequence[str],
+) -> Scenario:
+    """Return a scenario; the programs of those that are unused need not be here."""
+    scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
+    specs = [
+        structs.replace(spec, participant=written.participant, exec=written.exec)
+        if spec.name in unused and (written := programs[spec.name])
+        else spec
+        for spec in scenario.participants
+    ]
+    return dataclasses.replace(scenario, participants=tuple(specs))
 
 
 def _from_tree(
-    origin: Origin, scenario: Scenario, participant: str, tree: WorkTree, overrides: Sequence[str]
+    recorded_files: Mapping[str, bytes],
+    scenario: Scenario,
+    participant: str,
+    tree: WorkTree,
+    overrides: Sequence[str],
 ) -> Prepared:
     """Return a recorded scenario with one participant as it is in the work tree."""
-    names = [name for name in tree.programs if name != participant]
-    unused = [f"{name}.exec={_NO_PROGRAM}" for name in names]
-    today = load(tree.file, [*tree.overrides, *overrides, *unused])
+    unused = [name for name in tree.programs if name != participant]
+    today = _load(tree.file, [*tree.overrides, *overrides], tree.programs, unused)
     new, old = today.participant(participant), scenario.participant(participant)
-    spec = structs.replace(
-        old,
-        participant=new.participant,
-        exec=new.exec,
-        bridge=new.bridge,
-        params=new.params,
-        **{key: getattr(new, key) for key in new.__struct_fields__ if key.endswith("_timeout_ns")},
-    )
+    timeouts = (key for key in new.__struct_fields__ if key.endswith("_timeout_ns"))
+    spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})
     specs = [spec if other is old else other for other in scenario.participants]
-    today_files = find_files(_with_programs(today, tree, names)).paths
-    values = list(_changed_values(old, new))
+    today_files = find_files(today).paths
+    values = _changed_values(old, new)
     return Prepared(
         scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=tree.folder),
         files=today_files,
         is_changed=bool(overrides or values),
         notes=[
             *(argument("--set", value=text) for text in overrides),
-            *_changed_files(origin.files, read_files(today_files)),
+            *_changed_files(recorded_files, read_files(today_files)),
             *values,
             *_rewired(scenario, today, old, new),
         ],
     )
-
-
-def _with_programs(today: Scenario, tree: WorkTree, names: Sequence[str]) -> Scenario:
-    """Return a scenario in which some participants have the programs that the file says."""
-    specs = (
-        _with_program(spec, tree.programs[spec.name]) if spec.name in names else spec
-        for spec in today.participants
-    )
-    return dataclasses.replace(today, participants=tuple(specs))
-
-
-def _with_program(spec: ParticipantSpec, other: ParticipantSpec) -> ParticipantSpec:
-    return structs.replace(spec, participant=other.participant, exec=other.exec)
 
 
 def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) -> Iterator[str]:
@@ -141,24 +136,21 @@ def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) ->
             yield f"{name} is not the recorded one"
 
 
-def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
-    values = [
-        *_values("participant", old.participant, new.participant),
-        *_values("exec", list(old.exec), list(new.exec)),
-        *_values("bridge", old.bridge, new.bridge),
-        *_values("params", old.params, new.params),
+def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
+    changes = [
+        f"{item.path} is {_shown(item.second)}, recorded {_shown(item.first)}"
+        for key in _TESTED
+        for item in differences(
+            f"{old.name}.{key}",
+            to_builtins(getattr(old, key)),
+            to_builtins(getattr(new, key)),
+            None,
+        )
     ]
-    yield from (f"{old.name}.{text}" for text in values[:_MOST_CHANGES])
-    if len(values) > _MOST_CHANGES:
-        yield f"{len(values) - _MOST_CHANGES} more values of {old.name} are not the recorded ones"
-
-
-def _values(path: str, old: Any, new: Any) -> Iterator[str]:
-    if isinstance(old, Mapping) and isinstance(new, Mapping):
-        for key in dict.fromkeys((*old, *new)):
-            yield from _values(f"{path}.{key}", old.get(key), new.get(key))
-    elif old != new:
-        yield f"{path} is {_shown(new)}, recorded {_shown(old)}"
+    more = len(changes) - _MOST_CHANGES
+    if more > 0:
+        changes[_MOST_CHANGES:] = [f"{more} more values of {old.name} are not the recorded ones"]
+    return changes
 
 
 def _shown(value: Any) -> str:
@@ -169,15 +161,10 @@ def _rewired(
     scenario: Scenario, today: Scenario, old: ParticipantSpec, new: ParticipantSpec
 ) -> Iterator[str]:
     """Yield what the work tree connects or times otherwise, which a replay does not follow."""
-    rows = {
-        "step": (scenario.step_ns, today.step_ns),
-        "seed": (scenario.seed, today.seed),
-        **{
-            f"{old.name}.{key}": (getattr(old, key), getattr(new, key))
-            for key in ("every", "publishes", "inputs", "outputs")
-        },
-    }
-    changed = [key for key, (was, now) in rows.items() if was != now]
+    changed = [key for key in ("step_ns", "seed") if getattr(scenario, key) != getattr(today, key)]
+    changed = [key.removesuffix("_ns") for key in changed]
+    wiring = ("every", "publishes", "inputs", "outputs")
+    changed += [f"{old.name}.{key}" for key in wiring if getattr(old, key) != getattr(new, key)]
     if changed:
         yield f"{', '.join(changed)}: not as recorded; replayed as recorded"
 
@@ -192,13 +179,11 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     if holes:
         raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
     steps = replayable_steps(recording, scenario, participant)
-    if not steps and recording.cut_short:
-        raise RecordingFailed(
-            f"{recording.path} has no complete step of {participant}: it {recording.cut_short}"
-        )
     if not steps:
+        cut = recording.cut_short
         raise RecordingFailed(
-            f"{recording.path} has no complete step of {participant}: there is nothing to compare"
+            f"{recording.path} has no complete step of {participant}: "
+            f"{f'it {cut}' if cut else 'there is nothing to compare'}"
         )
     return dataclasses.replace(scenario, steps=steps, window=window, batch=max(1, window // 2))
 

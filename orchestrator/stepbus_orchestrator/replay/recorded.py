@@ -11,7 +11,6 @@ from stepbus_orchestrator.recording.layout import (
     BRANCH_METADATA,
     CHAIN_TOPIC,
     topic_of,
-    versions_owner,
 )
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Outputs
@@ -99,15 +98,6 @@ def counts_from_of(recording: Recording) -> dict[str, int]:
     """Return who was changed by the branch that made a recording: participant → from which step."""
     rows = recording.metadata.get(BRANCH_METADATA, {})
     return {name: int(step) for name, step in rows.items()}
-
-
-def recorded_versions(recording: Recording) -> dict[str, Mapping[str, str]]:
-    """Return what the participants, and the orchestrator, ran on: name → library → version."""
-    return {
-        owner: versions
-        for name, versions in recording.metadata.items()
-        if (owner := versions_owner(name)) is not None
-    }
 
 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:

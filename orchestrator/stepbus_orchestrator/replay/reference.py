@@ -7,7 +7,6 @@ from pathlib import Path
 from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Recording, Sink, layout
 from stepbus_orchestrator.replay.prepare import Prepared
-from stepbus_orchestrator.replay.recorded import recorded_versions
 from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_orchestrator.scenario.schedule import Schedule
@@ -36,7 +35,7 @@ def new_reference(target: Path | None, old: Recording, prepared: Prepared) -> It
     try:
         _describe(file, old, prepared)
         reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
-        reference.recorded_versions = recorded_versions(old)
+        reference.recorded_versions = layout.versions_of(old.metadata)
         yield reference
         part.replace(target)
     finally:
@@ -48,19 +47,16 @@ def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
     text = old.attachments[layout.SCENARIO_ATTACHMENT]
     if prepared.is_changed:
         text = resolved(prepared.scenario).encode()
-    contents = {
-        name: content
-        for attachment, content in old.attachments.items()
-        if (name := layout.attached_file(attachment)) is not None
-    }
+    contents = layout.files_of(old.attachments)
     if prepared.files is not None:
         contents = read_files(prepared.files)
     file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
     for name, content in contents.items():
         file.attach(layout.file_attachment(name), "application/octet-stream", content)
-    for name, versions in old.metadata.items():
-        if layout.versions_owner(name) in {None, layout.ORCHESTRATOR}:
-            file.add_metadata(name, versions)
+    participants = {layout.versions_metadata(spec.name) for spec in prepared.scenario.participants}
+    for name, metadata in old.metadata.items():
+        if name not in participants:
+            file.add_metadata(name, metadata)
 
 
 class _Reference(Recorder):

@@ -1,230 +1,78 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
-import hashlib
-import os
 import re
 import threading
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from os import PathLike
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from stepbus_orchestrator.analysis.diff import Diff, diff
-from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, Source, recording_file
+from stepbus_orchestrator.recording.layout import Source, recording_file
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end
+from stepbus_orchestrator.replay.sources import (
+    Sources,
+    own_version_notes,
+    trusted_sources,
+    unpack_into,
+    version_notes,
+)
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.reports import Observer
-from stepbus_orchestrator.run.result import Result, file_sha256, own_versions
+from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import command
 from stepbus_orchestrator.scenario.resolve import resolved
-from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
-from stepbus_participant.parameters import is_file_name, parse_yaml
-from stepbus_schemas import CallRecord
 
-SOURCE_FOLDER = "source"
-_PROGRAMS = (b"#!", b"\x7fELF")
 _PACKAGE_URL = re.compile(rb"package://[^\s\"'<>,\]})]+")
-_LEVEL = "scenario_folder"
 _OURS = ("python", "stepbus")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Origin:
-    """What a recording holds of where it comes from.
-
-    files: name → content, without the scenario. versions: `orchestrator` or participant →
-    library → version; `cpu` and `machine` are among those of the orchestrator. steps: the newest
-    one with a message, plus one. end: the number of complete steps. flaws: damage and
-    holes. calls: those that changed the run. counts_from: of a branch, the participants that were
-    changed at a step.
-    """
-
-    recording: Path
-    scenario: bytes
-    files: Mapping[str, bytes]
-    versions: Mapping[str, Mapping[str, str]]
-    steps: int
-    end: int
-    flaws: Sequence[str]
-    calls: Sequence[CallRecord] = ()
-    counts_from: Mapping[str, int] = field(default_factory=dict)
-
-
-def read_origin(recording: Path) -> Origin:
-    """Read what a run needs from its recording, which may be cut off behind it.
-
-    Raises RecordingFailed when the file is none, or as `origin_of` does.
-    """
-    return origin_of(Recording(recording))
-
-
-def origin_of(recording: Recording) -> Origin:
-    """Return what a run needs from its recording.
-
-    Raises RecordingFailed when that holds no scenario, or a file whose name leads out of its
-    folder.
-    """
-    scenario, files = attached(recording)
-    return Origin(
-        recording=recording.path,
-        scenario=scenario,
-        files=files,
-        versions={
-            owner: content
-            for name, content in recording.metadata.items()
-            if (owner := layout.versions_owner(name)) is not None
-        },
-        steps=1 + recording.last_step,
-        end=recorded_end(recording),
-        flaws=recording.flaws(),
-        calls=recorded_calls(recording),
-        counts_from=counts_from_of(recording),
-    )
-
-
-def fingerprint(scenario: bytes, files: Mapping[str, bytes]) -> str:
-    """Return the SHA-256 of all that a recording can start: its scenario, and files by name."""
-    digest = hashlib.sha256()
-    for name, content in [("", scenario), *sorted(files.items())]:
-        for part in (name.encode(errors="surrogateescape"), content):
-            digest.update(len(part).to_bytes(8, "little"))
-            digest.update(part)
-    return digest.hexdigest()
-
-
-def attached(recording: Recording) -> tuple[bytes, Mapping[str, bytes]]:
-    """Return the scenario that a recording holds, and its files; raises as `origin_of`."""
-    return attached_files(recording.path, recording.attachments)
-
-
-def attached_files(
-    recording: Path, attachments: Mapping[str, bytes]
-) -> tuple[bytes, Mapping[str, bytes]]:
-    """Return the scenario among the attachments of a recording, and its files.
-
-    Raises as `origin_of`.
-    """
-    if SCENARIO_ATTACHMENT not in attachments:
-        raise RecordingFailed(
-            f"{recording} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
-        )
-    files = _files(recording, attachments)
-    scenario = attachments[SCENARIO_ATTACHMENT]
-    _refuse_modules(recording, scenario)
-    return scenario, files
-
-
-def _refuse_modules(recording: Path, scenario: bytes) -> None:
-    """Raise RecordingFailed where a scenario would import a module: loading it would execute code.
-
-    No run records one: message types of a module are recorded in full.
-    """
-    try:
-        data = parse_yaml(SCENARIO_ATTACHMENT, scenario.decode(errors="replace"))
-    except SettingsError:
-        return
-    given = data.get("types") if isinstance(data, dict) else None
-    for source in given if isinstance(given, list) else [given]:
-        if isinstance(source, str) and not is_file_name(source):
-            raise RecordingFailed(f"{recording}: its types name the module {source!r}: refused")
-
-
-def _files(recording: Path, attachments: Mapping[str, bytes]) -> dict[str, bytes]:
-    files = {
-        name: data
-        for attachment, data in attachments.items()
-        if (name := layout.attached_file(attachment)) is not None
-    }
-    for name in files:
-        path = PurePosixPath(name)
-        below = path.parts[_levels(name) :]
-        if path.is_absolute() or ".." in below or not below or "\0" in name:
-            raise RecordingFailed(f"{recording}: attached file {name!r} leads out of its folder")
-    return files
-
-
-def _levels(name: str) -> int:
-    """Return how many folders above the scenario's a file is."""
-    parts = PurePosixPath(name).parts
-    return next((n for n, part in enumerate(parts) if part != ".."), len(parts))
-
-
-def refuse_others(origin: Origin, trusted: str | None) -> None:
-    """Raise RecordingFailed where a recording has other programs than those that may be started."""
-    if trusted not in {None, fingerprint(origin.scenario, origin.files)}:
-        raise RecordingFailed(f"{origin.recording} has changed since it was checked; try again")
-
-
-def unpack(origin: Origin, folder: Path) -> Path:
-    """Write the scenario and its files to a new folder and return the scenario's path.
-
-    Raises RecordingFailed when they cannot be written.
-    """
-    return unpack_files(origin.scenario, origin.files, folder)
-
-
-def unpack_files(scenario: bytes, files: Mapping[str, bytes], folder: Path) -> Path:
-    """Write a scenario and its files to a new folder and return the scenario's path.
-
-    Where files are in folders above the scenario's (`../models/arm.urdf`), the scenario is as many
-    levels below the new folder. Raises RecordingFailed when they cannot be written.
-    """
-    levels = max(map(_levels, files), default=0)
-    home = folder.joinpath(*[_LEVEL] * levels)
-    path = home / SCENARIO_ATTACHMENT
-    try:
-        make_new_folder(folder)
-        make_folder(home)
-        for name, content in files.items():
-            file = Path(os.path.normpath(home / name))
-            make_folder(file.parent)
-            write_file(file, content, 0o755 if content.startswith(_PROGRAMS) else 0o644)
-        write_file(path, scenario)
-    except OSError as exc:
-        raise RecordingFailed(
-            f"{exc.filename or folder} cannot be written: {exc.strerror}; "
-            f"choose another {argument('--out')}"
-        ) from exc
-    return path
-
-
-@dataclass(frozen=True, kw_only=True)
-class Rerun:
+class Repeated:
     """A run made from a recording.
 
-    recorded_sha256: of the recording it was made from. recorded_steps: how many steps that has.
-    is_part: whether it is cut off, has a hole, or ended before its scenario does. flaws: its damage
-    and holes. notes: what may make it different, one sentence each, its flaws among them.
+    recorded_sha256: of the recording it was made from. is_part: whether that is cut off, has a
+    hole, or ended before this run did. notes: what may make it different, one sentence each.
     """
 
     recording: Path
     recorded_sha256: str
     result: Result
-    recorded_steps: int = 0
     is_part: bool = False
-    flaws: Sequence[str] = ()
-    notes: Sequence[str] = field(default=())
+    notes: Sequence[str] = ()
 
     @property
     def equal(self) -> bool:
         """Return whether the new recording is the old one, byte for byte."""
         return self.recorded_sha256 == self.result.sha256
 
+    def diff(self) -> Diff:
+        """Compare what both have: of a recording that is cut off, up to its end."""
+        return diff(self.recording, self.result.recording, is_part=self.is_part)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Rerun(Repeated):
+    """A run of the same scenario.
+
+    recorded_steps: how many steps the recording has. flaws: its damage and holes, which are among
+    the notes too.
+    """
+
+    recorded_steps: int = 0
+    flaws: Sequence[str] = ()
+
     @property
     def compares(self) -> bool:
         """Return whether there is anything to compare: steps in both."""
         return bool(self.recorded_steps and self.result.steps)
-
-    def diff(self) -> Diff:
-        """Compare what both have: of a recording that is cut off, up to its end."""
-        return diff(self.recording, self.result.recording, is_part=self.is_part)
 
 
 class Preparation:
@@ -244,62 +92,48 @@ class Preparation:
         *,
         trusted: str | None = None,
     ) -> None:
-        self._origin = read_origin(recording)
-        refuse_others(self._origin, trusted)
+        self._recording = Recording(recording)
         self._out = out
         self._is_changed = bool(overrides)
-        if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
-            raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
-        path = unpack(self._origin, out / SOURCE_FOLDER)
-        self.scenario = load(path, overrides)
-        recorded = self._origin.versions.get(layout.ORCHESTRATOR, {})
+        sources = trusted_sources(self._recording, trusted)
+        self.scenario = load(unpack_into(out, sources), overrides)
+        self._flaws = self._recording.flaws()
         self.notes = [
-            *_damage(self._origin),
-            *_changes(self._origin, self.scenario, overrides),
-            *_open_end(self._origin, self.scenario),
-            *version_notes("the orchestrator", recorded, own_versions()),
-            *_outside(self._origin, self.scenario),
+            *(f"the recording {flaw}" for flaw in self._flaws),
+            *_changes(sources, self.scenario, overrides),
+            *_open_end(self._recording, self.scenario),
+            *own_version_notes(self._recording),
+            *_outside(sources, self.scenario),
         ]
 
     def run(
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
     ) -> Rerun:
         """Run, and compare with the recording; observer, interrupt: as of `run`."""
-        extensions = [*self._prefix(), Calls(self._origin.calls)]
-        options = Options(out=self._out, extensions=extensions)
+        recording, end = self._recording, recorded_end(self._recording)
+        # The first steps of a branch can only come from its recording.
+        changed = counts_from_of(recording)
+        prefix = [RecordedPrefix(recording, max(changed.values()), changed)] if changed else []
+        options = Options(out=self._out, extensions=[*prefix, Calls(recorded_calls(recording))])
         result = run(self.scenario, options, observer, interrupt)
-        now = read_origin(result.recording).versions
+        now = layout.versions_of(Recording(result.recording).metadata)
         later = [
             note
-            for name, recorded in self._origin.versions.items()
+            for name, recorded in layout.versions_of(recording.metadata).items()
             if name != layout.ORCHESTRATOR and name in now
             for note in version_notes(name, recorded, now[name])
         ]
+        planned = self.scenario.steps
+        ends_early = planned is not None and not self._is_changed and end < planned
         return Rerun(
-            recording=self._origin.recording,
-            recorded_sha256=file_sha256(self._origin.recording),
+            recording=recording.path,
+            recorded_sha256=file_sha256(recording.path),
             result=result,
-            recorded_steps=self._origin.end,
-            is_part=self._is_part(result),
-            flaws=self._origin.flaws,
+            recorded_steps=end,
+            is_part=bool(self._flaws) or (ends_early and end < result.steps),
+            flaws=self._flaws,
             notes=[*self.notes, *later],
         )
-
-    def _prefix(self) -> list[RecordedPrefix]:
-        """Return the steps that a branch has from its recording; only there can they come from."""
-        changed = self._origin.counts_from
-        if not changed:
-            return []
-        recording = Recording(self._origin.recording)
-        return [RecordedPrefix(recording, max(changed.values()), changed)]
-
-    def _is_part(self, result: Result) -> bool:
-        """Return whether the recording has less than this run without being different."""
-        if self._origin.flaws:
-            return True
-        planned = self.scenario.steps
-        is_short = planned is not None and self._origin.end < planned
-        return is_short and not self._is_changed and self._origin.end < result.steps
 
 
 def rerun(
@@ -322,53 +156,38 @@ def rerun(
     return preparation.run(observer, interrupt)
 
 
-def _damage(origin: Origin) -> list[str]:
-    return [f"the recording {flaw}" for flaw in origin.flaws]
+def _changes(sources: Sources, scenario: Scenario, overrides: Sequence[str]) -> Iterator[str]:
+    if resolved(scenario).encode() != sources.scenario:
+        given = argument("--set", value=" ".join(overrides))
+        cause = given if overrides else "this version reads it differently"
+        yield f"the scenario is not the recorded one: {cause}"
 
 
-_OTHER_VERSION = "this version reads it differently"
+def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:
+    if scenario.steps is None:
+        yield (
+            f"the scenario has no duration, the recording has {1 + recording.last_step} steps; if "
+            "no participant ends the run, end it with Ctrl-C or give it one with "
+            f"{argument('--set', value='duration=…')}"
+        )
 
 
-def _changes(origin: Origin, scenario: Scenario, overrides: Sequence[str]) -> list[str]:
-    if resolved(scenario).encode() == origin.scenario:
-        return []
-    cause = argument("--set", value=" ".join(overrides)) if overrides else _OTHER_VERSION
-    return [f"the scenario is not the recorded one: {cause}"]
-
-
-def _open_end(origin: Origin, scenario: Scenario) -> list[str]:
-    if scenario.steps is not None:
-        return []
-    note = (
-        f"the scenario has no duration, the recording has {origin.steps} steps; if no participant "
-        "ends the run, end it with Ctrl-C or give it one with "
-        f"{argument('--set', value='duration=…')}"
-    )
-    return [note]
-
-
-def version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
-    """Return a sentence for each thing that is another than it was."""
-    return [
-        f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is {now.get(name, 'absent')}"
-        for name in sorted({*recorded, *now})
-        if recorded.get(name) != now.get(name)
-    ]
-
-
-def _outside(origin: Origin, scenario: Scenario) -> list[str]:
-    """Return a sentence for each file that the run takes from this machine."""
-    contents = [origin.scenario, *origin.files.values()]
+def _outside(sources: Sources, scenario: Scenario) -> Iterator[str]:
+    """Yield a sentence for each file that the run takes from this machine."""
+    contents = [sources.scenario, *sources.files.values()]
     urls = {url.decode(errors="replace") for text in contents for url in _PACKAGE_URL.findall(text)}
-    packages = tuple(f"/{url.removeprefix('package://')}" for url in urls)
-    kept = {package for package in packages if any(f"/{f}".endswith(package) for f in origin.files)}
-    urls = {url for url in urls if f"/{url.removeprefix('package://')}" not in kept}
+    lacking = {
+        url
+        for url in urls
+        if not any(
+            f"/{name}".endswith(f"/{url.removeprefix('package://')}") for name in sources.files
+        )
+    }
     programs = {
         command(spec.program, scenario.folder)[0]
         for spec in scenario.participants
         if spec.program[0] not in _OURS
     }
-    outside = {path for path in programs if not Path(path).is_relative_to(scenario.folder)}
-    return [
-        f"not in the recording, taken from this machine: {name}" for name in sorted(urls | outside)
-    ]
+    lacking |= {path for path in programs if not Path(path).is_relative_to(scenario.folder)}
+    for name in sorted(lacking):
+        yield f"not in the recording, taken from this machine: {name}"

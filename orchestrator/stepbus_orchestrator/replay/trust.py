@@ -7,7 +7,7 @@ from pathlib import Path, PurePosixPath
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
-from stepbus_orchestrator.replay.rerun import attached, fingerprint
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.model import ParticipantSpec
@@ -61,7 +61,8 @@ def programs_of(
     Raises RecordingFailed or WiringError when the recording holds no scenario, or a file whose
     name leads out of its folder.
     """
-    scenario, files = attached(recording)
+    sources = Sources.of(recording.path, recording.attachments)
+    files = sources.files
     specs = recorded_programs(recording)
     code = {name: files[name] for name in files if PurePosixPath(name).suffix.lower() not in _DATA}
     if tree is not None and participant is not None:
@@ -78,7 +79,7 @@ def programs_of(
             recording, specs if commands else {}, others
         )
     return Programs(
-        fingerprint=fingerprint(scenario, files), commands=commands, files=shown, is_yours=is_own
+        fingerprint=sources.fingerprint, commands=commands, files=shown, is_yours=is_own
     )
 
 

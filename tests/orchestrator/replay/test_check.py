@@ -7,7 +7,7 @@ from support.messages.recordings import write
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Recording, Sink
-from stepbus_orchestrator.replay.check import Check
+from stepbus_orchestrator.replay.replayed import Replayed
 from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec, Scenario
 from stepbus_schemas import BytesMessage, Outputs, Scalars, encode
 
@@ -37,7 +37,7 @@ def sink(tmp_path):
         folder=tmp_path, file=tmp_path / "scenario.yaml",
     )  # fmt: skip
     sink = Sink([spec])
-    sink.reviser = Check(sink, Recording(path), scenario, "plant", Tolerance())
+    Replayed(Recording(path), scenario, "plant", Tolerance()).compare(sink, scenario)
     return sink
 
 

@@ -10,8 +10,9 @@ from support.runs.joints import fault, run_joints
 
 import stepbus_scenarios
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
-from stepbus_orchestrator.recording import McapFile
-from stepbus_orchestrator.replay.rerun import Origin, Preparation, read_origin, unpack
+from stepbus_orchestrator.recording import McapFile, Recording, layout
+from stepbus_orchestrator.replay.rerun import Preparation
+from stepbus_orchestrator.replay.sources import Sources, trusted_sources
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -64,7 +65,7 @@ def test_the_log_alone_is_enough(tmp_path):
 def test_a_program_of_the_log_can_be_executed_again(tmp_path):
     files = {"bin/start.sh": b"#!/bin/sh\n", "world.yaml": b"{}"}
     log = write_log(tmp_path / "run.mcap", files=files)
-    unpack(read_origin(log), tmp_path / "source")
+    trusted_sources(Recording(log), None).unpack(tmp_path / "source")
     assert os.access(tmp_path / "source" / "bin" / "start.sh", os.X_OK)
     assert not os.access(tmp_path / "source" / "world.yaml", os.X_OK)
 
@@ -91,9 +92,13 @@ def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
 
 def test_other_versions_and_another_processor_are_noted(tmp_path):
     recorded = run_joints(tmp_path, "duration=50ms", in_process=True).recording
-    origin = read_origin(recorded)
-    versions = {**origin.versions, "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"}}
-    old = write_log(tmp_path / "old.mcap", origin.scenario.decode(), origin.files, versions)
+    opened = Recording(recorded)
+    sources = trusted_sources(opened, None)
+    versions = {
+        **layout.versions_of(opened.metadata),
+        "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"},
+    }
+    old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
     notes = Preparation(old, tmp_path / "again").notes
     now = own_versions()
     assert f"the orchestrator ran with cpu Z80, now it is {now['cpu']}" in notes
@@ -102,10 +107,11 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
 
 @pytest.mark.slow
 def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path):
-    origin = read_origin(two_link_recording)
-    plant = dict.fromkeys(origin.versions["plant"], "0.1")
-    versions = {**origin.versions, "plant": plant}
-    old = write_log(tmp_path / "old.mcap", origin.scenario.decode(), origin.files, versions)
+    opened = Recording(two_link_recording)
+    sources = trusted_sources(opened, None)
+    plant = dict.fromkeys(layout.versions_of(opened.metadata)["plant"], "0.1")
+    versions = {**layout.versions_of(opened.metadata), "plant": plant}
+    old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
     again = Preparation(old, tmp_path / "again", ["duration=20ms"]).run()
     assert len(plant) > 0
     assert [note.startswith("plant ran with") for note in again.notes].count(True) == len(plant)
@@ -137,11 +143,14 @@ def test_files_and_programs_outside_the_log_are_named(tmp_path):
 
 def test_a_scenario_without_a_duration_is_noted(tmp_path):
     recorded = run_joints(tmp_path, fault("controller", "end", 9), in_process=True)
-    origin = read_origin(recorded.recording)
+    opened = Recording(recorded.recording)
+    sources = trusted_sources(opened, None)
     endless = "\n".join(
-        line for line in origin.scenario.decode().splitlines() if not line.startswith("duration")
+        line for line in sources.scenario.decode().splitlines() if not line.startswith("duration")
     )
-    log = write_log(tmp_path / "run.mcap", endless, origin.files, origin.versions)
+    log = write_log(
+        tmp_path / "run.mcap", endless, sources.files, layout.versions_of(opened.metadata)
+    )
     assert "the scenario has no duration" in " ".join(Preparation(log, tmp_path / "again").notes)
 
 
@@ -172,10 +181,7 @@ def test_files_in_folders_above_are_where_the_scenario_names_them(tmp_path, name
     shared = home / name
     shared.parent.mkdir(parents=True, exist_ok=True)
     shared.write_text("1")
-    origin = Origin(
-        recording=tmp_path, scenario=b"", files={name: b"1"}, versions={}, steps=0, end=0, flaws=()
-    )
-    scenario = unpack(origin, tmp_path / "copy")
+    scenario = Sources(b"", {name: b"1"}).unpack(tmp_path / "copy")
     assert (scenario.parent / name).read_text() == "1"
     assert scenario.is_relative_to(tmp_path / "copy")
 

@@ -177,7 +177,7 @@ class Transcript:
         self.problems.setdefault(clause, text)
 
     def _check_codecs(self, what: str, data: bytes) -> None:
-        if problem := _disagreement(data):
+        if problem := disagreement(data):
             self._break("P3.3", f"{what}: {problem}")
 
     def _check_type(self, step: int, port: str, data: bytes | msgspec.Raw) -> None:
@@ -232,7 +232,7 @@ class Transcript:
             )
 
 
-def _disagreement(data: bytes) -> str:
+def disagreement(data: bytes) -> str:
     """Return how msgpack and msgspec differ in what they make of a message; empty: they agree."""
     try:
         theirs = raw_map(data)

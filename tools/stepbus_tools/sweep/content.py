@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.replay.rerun import unpack_files
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.resolve import resolved
@@ -46,7 +46,7 @@ class Content:
 
         Raises RecordingFailed where it cannot be written.
         """
-        scenario = unpack_files(self.scenario, self.files, folder / "scenario")
+        scenario = Sources(self.scenario, self.files).unpack(folder / "scenario")
         for name, content in self.modules.items():
             with replaced(folder / _METRICS / name) as part:
                 part.write_bytes(content)

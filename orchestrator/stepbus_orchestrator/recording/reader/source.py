@@ -16,10 +16,11 @@ from stepbus_orchestrator.recording.index import Block, Index, read_summary
 from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
+    STEP_END,
     DamagedRecord,
     RecordFile,
-    check_head,
     chunk_content,
+    split,
 )
 from stepbus_orchestrator.recording.reserved_file import is_locked
 from stepbus_orchestrator.recording.scanner import Scanner
@@ -29,6 +30,8 @@ LATEST_NS = 2**63 - 1
 _ENDLESS = 2**63
 _RECORD = struct.Struct(HEAD.format + MESSAGE_HEAD.format[1:])
 """Of a message: opcode, length, channel, sequence, log time, publish time."""
+
+_DESCRIBING = frozenset((Opcode.SCHEMA, Opcode.CHANNEL, STEP_END))
 
 Row = tuple[int, int, int, bytes]
 """One message: its channel, step, simulation time [ns] and bytes."""
@@ -186,24 +189,13 @@ def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:
     offset, size = 0, len(data)
     while offset < size:
         if size - offset < fixed or data[offset] != message:
-            offset = _skip(data, offset)
+            _, content = next(split(data[offset:], _DESCRIBING))
+            offset += HEAD.size + len(content)
             continue
         _, length, channel, step, t_ns, _ = unpack(data, offset)
         end = offset + HEAD.size + length
         if length < MESSAGE_HEAD.size or end > size or t_ns > LATEST_NS:
-            check_head(message, length, offset, size)
             raise DamagedRecord(f"inside a chunk: a message of {length} bytes at {t_ns} ns")
         if channel in channels:
             yield channel, step, t_ns, data[offset + fixed : end]
         offset = end
-
-
-def _skip(data: bytes, offset: int) -> int:
-    """Return where a record ends that is no message; raises DamagedRecord."""
-    if len(data) - offset < HEAD.size:
-        raise DamagedRecord(f"inside a chunk: it ends in the head of the record at {offset}")
-    opcode, length = HEAD.unpack_from(data, offset)
-    check_head(opcode, length, offset, len(data))
-    if opcode == Opcode.MESSAGE:
-        raise DamagedRecord(f"inside a chunk: a message of {length} bytes")
-    return offset + HEAD.size + int(length)

@@ -54,7 +54,6 @@ class Tail:
         self.attachments = self._index.attachments
         self._descriptions: dict[str, Description] = {}
         self._newest: dict[str, tuple[int, bytes]] = {}
-        self._decoded: dict[str, tuple[int, Message]] = {}
         self._kept: dict[str, list[tuple[int, bytes]]] = {}
         self._position = len(MAGIC)
         self._taken = 0
@@ -159,16 +158,9 @@ class Tail:
 
     def latest(self, topic: str) -> tuple[int, Message] | None:
         """Return (step, message) of the newest message of a port; None without one to read."""
-        if topic not in self._newest:
-            return None
-        step, data = self._newest[topic]
-        known = self._decoded.get(topic)
-        if known is None or known[0] != step:
-            message = self.decode(topic, data)
-            if message is None:
-                return None
-            known = self._decoded[topic] = (step, message)
-        return known
+        step, data = self._newest.get(topic, (-1, b""))
+        message = None if step < 0 else self.decode(topic, data)
+        return None if message is None else (step, message)
 
     def decode(self, topic: str, data: bytes) -> Message | None:
         """Return a message of a port; None for one that cannot be read."""

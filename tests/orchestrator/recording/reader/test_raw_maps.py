@@ -9,7 +9,7 @@ from support.messages.vectors import load_vectors, messages
 from stepbus_orchestrator.recording import raw_map
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_schemas import Description, JointState, MessageError, encode
-from stepbus_tools.conformance.feeds import disagreement
+from stepbus_tools.conformance.transcript import disagreement
 
 TAKEN = [
     bytes.fromhex(row["hex"])

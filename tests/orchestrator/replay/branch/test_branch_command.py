@@ -8,7 +8,7 @@ from support.runs.joints import fault, run_joints
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.replay.branch import variants
+from stepbus_orchestrator.replay.branch_change import variants
 from stepbus_schemas import WiringError
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import PortInfo, Recording, Tail, layout
-from stepbus_orchestrator.replay.rerun import attached_files, unpack_files
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_participant import scratch_folder
 from stepbus_schemas import parse_shapes
 from stepbus_tools.viewing.scene.primitives import Pose
@@ -37,8 +37,8 @@ def build_scene(source: Recording | Tail) -> Scene:
     if layout.SCENARIO_ATTACHMENT in source.attachments:
         with tempfile.TemporaryDirectory(prefix="stepbus-scene-", dir=scratch_folder()) as folder:
             try:
-                scenario, files = attached_files(source.path, source.attachments)
-                origin = Origin(unpack_files(scenario, files, Path(folder) / "source"))
+                sources = Sources.of(source.path, source.attachments)
+                origin = Origin(sources.unpack(Path(folder) / "source"))
             except RecordingFailed as exc:
                 origin.notes.append(str(exc))
     else:

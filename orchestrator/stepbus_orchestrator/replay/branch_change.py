@@ -1,0 +1,169 @@
+"""What a branch changes, from which step on, and in which variants."""
+
+import itertools
+import json
+import re
+import shlex
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from stepbus_orchestrator.errors import RecordingFailed, argument
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end, replayable_steps
+from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_participant import suggest, whole_steps
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import CallRecord, WiringError
+
+_KEPT = ("every", "publishes", "inputs", "outputs")
+"""They decide who reads what at which step: a branch keeps them."""
+_CHANGEABLE = ("participant", "exec", "bridge", "params")
+
+
+class Change:
+    """The scenario of a branch beside the recorded one.
+
+    at: the first live step, by its number, or a time such as `6s`. Raises WiringError for neither.
+    """
+
+    def __init__(self, recorded: Scenario, scenario: Scenario, at: int | str) -> None:
+        self.scenario = scenario
+        self._recorded = recorded
+        if isinstance(at, int) or at.strip().isdecimal():
+            self.at = int(at)
+            return
+        try:
+            self.at = whole_steps(at, scenario.step_ns)
+        except WiringError as exc:
+            raise WiringError(f"at: {exc}; or give the number of a step") from exc
+
+    def check(self, recording: Recording) -> None:
+        """Raise RecordingFailed or WiringError for what no branch of a recording can be."""
+        self._check_wiring()
+        self._check_step(recording)
+        at, scenario = self.at, self.scenario
+        if scenario.steps is not None and at > scenario.steps:
+            raise WiringError(
+                f"duration: the branch would end at step {scenario.steps}, before {at}"
+            )
+        for fault in scenario.faults:
+            if fault.step < at and fault not in self._recorded.faults:
+                raise WiringError(
+                    f"the fault '{format_fault(fault)}' is before step {at}, where the branch is "
+                    "live"
+                )
+
+    def participants(self) -> list[str]:
+        """Return the participants that are not those of the recording."""
+        return [
+            spec.name
+            for spec in self.scenario.participants
+            if self._differing(spec.name, _CHANGEABLE)
+        ]
+
+    def _differing(self, name: str, keys: tuple[str, ...]) -> list[str]:
+        now, was = self.scenario.participant(name), self._recorded.participant(name)
+        return [f"{name}.{key}" for key in keys if getattr(now, key) != getattr(was, key)]
+
+    def _check_wiring(self) -> None:
+        """Raise WiringError for a change of what decides who reads what at which step."""
+        was, now = _facts(self._recorded), _facts(self.scenario)
+        changed = [key for key in was if was[key] != now[key]]
+        if "participants" not in changed:
+            changed += [key for name in now["participants"] for key in self._differing(name, _KEPT)]
+        if changed:
+            raise WiringError(
+                f"{', '.join(changed)}: a branch keeps step, seed, ports and rates of the "
+                "recording; change parameters, programs, deadlines, duration, window or bus"
+            )
+
+    def _check_step(self, recording: Recording) -> None:
+        """Raise RecordingFailed where the recording does not have all that is below a step."""
+        if holes := recording.holes():
+            raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
+        end, at = recorded_end(recording), self.at
+        if recording.cut_short:
+            names = (spec.name for spec in self._recorded.participants)
+            end = min(replayable_steps(recording, self._recorded, name) for name in names)
+        if not 0 <= at <= end:
+            raise RecordingFailed(f"{recording.path} has {end} complete steps; none is step {at}")
+        held = recording.metadata.get(layout.FALLBACK_METADATA)
+        if held is not None and at > int(held["first"]):
+            raise RecordingFailed(
+                f"{recording.path}: {held['participant']} had failed and was replaced from step "
+                f"{held['first']} on; branch there or before"
+            )
+        latest = max(counts_from_of(recording).values(), default=0)
+        if at < latest:
+            raise RecordingFailed(
+                f"{recording.path} is a branch from step {latest}: branch it there or later, or "
+                "branch the recording that it was made from"
+            )
+
+    def call(self, text: str) -> CallRecord:
+        """Return the call before `at` that a text such as `controller set kp 90` stands for."""
+        words = shlex.split(text)
+        given = argument("--call", "calls", text)
+        if len(words) < 2:
+            raise WiringError(f"{given}: write PARTICIPANT METHOD ARG…")
+        name, method, *values = words
+        names = [spec.name for spec in self.scenario.participants]
+        if name not in names:
+            raise WiringError(f"{given}: no participant {name!r}{suggest(name, names)}")
+        args = [parse_yaml(value, value) for value in values]
+        return CallRecord(step=self.at, participant=name, method=method, args=args)
+
+
+def _facts(scenario: Scenario) -> dict[str, Any]:
+    names = [spec.name for spec in scenario.participants]
+    return {"step": scenario.step_ns, "seed": scenario.seed, "participants": names}
+
+
+_MOST = 100
+_UNFIT = re.compile(r"[^A-Za-z0-9._=+-]+")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Variant:
+    """One variant. name: `kp=50`, or `kp=50, kd=2`. folder: a name for its folder."""
+
+    name: str
+    overrides: Sequence[str]
+
+    @property
+    def folder(self) -> str:
+        """Return its name without what a folder's should not have."""
+        return _UNFIT.sub("_", self.name.replace(", ", ","))
+
+
+def variants(texts: Sequence[str]) -> list[Variant]:
+    """Return the variants of texts such as `controller.params.kp=50,100,200`.
+
+    Raises WiringError for one that names no values, or where they are too many together.
+    """
+    rows = [_values(text) for text in texts]
+    given = [
+        Variant(
+            name=", ".join(f"{path.rpartition('.')[2]}={value}" for path, value in chosen),
+            overrides=[f"{path}={value}" for path, value in chosen],
+        )
+        for chosen in itertools.islice(itertools.product(*rows), _MOST + 1)
+    ]
+    if len(given) > _MOST:
+        raise WiringError(f"--vary: more than {_MOST} variants")
+    if len({variant.folder for variant in given}) < len(given):
+        raise WiringError("--vary: two variants are the same")
+    return given
+
+
+def _values(text: str) -> list[tuple[str, str]]:
+    path, _, values = text.partition("=")
+    # As YAML has a list, so that a value may be one itself.
+    parsed = parse_yaml(text, f"[{values}]") if path.strip() and values.strip() else []
+    if not parsed:
+        raise WiringError(
+            f"--vary {text!r}: write PATH=VALUE,VALUE…, e.g. controller.params.kp=50,100"
+        )
+    return [(path.strip(), json.dumps(value, ensure_ascii=False)) for value in parsed]

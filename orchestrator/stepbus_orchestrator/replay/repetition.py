@@ -1,0 +1,181 @@
+"""The recorded steps of a run: they are played to its participants, and compared.
+
+A branch repeats the steps below one, and is live from there on (`prefix.py`); a replay repeats all
+steps of one participant, and plays the others (`replayed.py`).
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+
+import msgspec
+
+from stepbus_orchestrator.analysis.divergence import PortComparison
+from stepbus_orchestrator.analysis.tolerance import Tolerance
+from stepbus_orchestrator.recording import Recording, Sink
+from stepbus_orchestrator.recording.layout import topic_of
+from stepbus_orchestrator.recording.step_order import Published
+from stepbus_orchestrator.replay.player import Player
+from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunPhase
+from stepbus_orchestrator.run.run import Run
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_schemas import CallRecord, Description
+
+_CHUNK = 1024
+"""How many steps are read from the recording before those that are complete are written."""
+
+
+class Repetition(RunExtension):
+    """Plays what is recorded below a step, and compares what the run records below it.
+
+    at: the first step that is not recorded. starts_at: participants that start behind step 0, or at
+    `FAR` and thus never, each with its step: what is before is taken from the recording.
+    counts_from: participants that are not those of the recording, each with the step from which its
+    own outputs count; below, the recorded ones do.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        *,
+        at: int = FAR,
+        starts_at: Mapping[str, int],
+        counts_from: Mapping[str, int],
+        tolerance: Tolerance | None = None,
+    ) -> None:
+        self.recording = recording
+        self.at = at
+        self.starts_at = starts_at
+        self.counts_from = counts_from
+        self.comparisons: dict[str, dict[str, PortComparison]] = {}
+        self._tolerance = tolerance or Tolerance()
+        self._fed = 0
+        self._compared = 0
+
+    # --- playing --------------------------------------------------------------------------
+
+    def attach(self, run: Run) -> None:
+        """Let each participant start where it does."""
+        super().attach(run)
+        state = run.state
+        state.is_repeating = True
+        for name, step in self.starts_at.items():
+            state.barrier.start_at(name, step)
+        self.compare(run.recorder, state.scenario)
+        self.player = Player(run.session, self.outputs, self.starts_at)
+
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Prove the connection of those that are played, again and again."""
+        if self.run.state.phase is RunPhase.START_UP:
+            self.player.send_handshake()
+
+    def ready(self) -> None:
+        """Look for outputs that are described otherwise than recorded."""
+        for name, ports in self.comparisons.items():
+            for port in ports:
+                recorded = self.recording.ports.get(topic_of(name, port))
+                now = self.run.descriptions.get(name, {}).get(port, Description())
+                if recorded is not None and recorded.description != now:
+                    self.describes_otherwise(name, port)
+
+    def act(self) -> None:
+        """Publish the recorded outputs of all steps that may be worked on; compare what came."""
+        state, recorder = self.run.state, self.run.recorder
+        complete, limit = state.barrier.completed, min(state.barrier.step_limit, self.at)
+        while self._fed < limit:
+            self._fed = min(self._fed + _CHUNK, limit)
+            self.player.publish_below(self._fed)
+            # A participant that starts at 100,000 would else keep all below it in memory.
+            recorder.write_below(min(self._fed, complete, state.last_step))
+        recorder.write_below(min(complete, state.last_step))
+
+    # --- comparing ------------------------------------------------------------------------
+
+    def compare(self, sink: Sink, scenario: Scenario) -> None:
+        """Compare all that a sink writes from now on."""
+        self._sink = sink
+        self._step_ns = scenario.step_ns
+        self._order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        self.outputs = RecordedOutputs(self.recording, scenario.participants)
+        self.comparisons = {
+            spec.name: {
+                port: PortComparison(
+                    topic_of(spec.name, port), output.type, self._tolerance, self.recording.types
+                )
+                for port, output in spec.outputs.items()
+            }
+            for spec in self._order
+            if self.starts_at.get(spec.name, 0) < FAR
+        }
+        # Nobody makes them again: a checkpoint has what they changed, or nobody is there.
+        self._made: deque[CallRecord] = deque()
+        self._calls: deque[CallRecord] = deque()
+        for call in recorded_calls(self.recording):
+            is_made = call.step < self.starts_at.get(call.participant, 0)
+            (self._made if is_made else self._calls).append(call)
+        sink.reviser = self
+
+    def revise(
+        self, step: int, published: Sequence[Published], closing: Collection[str] | None
+    ) -> Sequence[Published]:
+        """Compare the outputs of a step; return what is to be recorded of it."""
+        while self._made and self._made[0].step <= step:
+            self._sink.write_call(self._made.popleft())
+        if step >= self.at:
+            return published
+        own = {item.participant: item for item in published}
+        revised = list(self._revised(step, own, closing))
+        self._compared = step + 1
+        return revised
+
+    def _revised(
+        self, step: int, own: Mapping[str, Published], closing: Collection[str] | None
+    ) -> Iterator[Published]:
+        for spec in self._order:
+            name = spec.name
+            is_played = step < self.starts_at.get(name, 0) and step % spec.every == 0
+            if is_played and (closing is None or name in closing):
+                content = list(self.outputs.take(name, step).items())
+                yield Published(participant=name, step=step, content=content)
+            elif name in own and own[name].fault is not None:
+                yield own[name]
+            elif name in own:
+                recorded = self.outputs.take(name, step)
+                if step < self.counts_from.get(name, 0):
+                    yield msgspec.structs.replace(own[name], content=list(recorded.items()))
+                else:
+                    self.compare_step(name, step, recorded, dict(own[name].content))
+                    yield own[name]
+
+    def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
+        """Compare what a participant has published at a step."""
+        for port, comparison in self.comparisons[name].items():
+            if not comparison.take(step, recorded.get(port), own.get(port)):
+                self.differs(name, port, step, own.get(port))
+
+    def revise_call(self, call: CallRecord) -> CallRecord:
+        """Compare a call that is made again; return what is to be recorded of it."""
+        if call.step >= self.at or not self._calls:
+            return call
+        recorded = self._calls.popleft()
+        if call.step < self.counts_from.get(call.participant, 0):
+            return recorded
+        if msgspec.msgpack.encode(call) != msgspec.msgpack.encode(recorded):
+            self.answers_otherwise(call, recorded)
+        return call
+
+    # --- what follows from a difference ---------------------------------------------------
+
+    def describes_otherwise(self, name: str, port: str) -> None:
+        """Take note of an output that is described otherwise than recorded."""
+
+    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
+        """Take note of a message that is not the recorded one; None: there is none."""
+
+    def answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
+        """Take note of an answer that is not the recorded one."""
