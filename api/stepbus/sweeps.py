@@ -21,15 +21,15 @@ def sweep(
     vary: Axes = (),
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
-    samples: int = 0,
-    sampling: Literal["random", "latin", "sobol", "halton"] = "random",
-    seed: int = 0,
-    repeats: int = 1,
+    samples: int | None = None,
+    sampling: Literal["random", "latin", "sobol", "halton"] | None = None,
+    seed: int | None = None,
+    repeats: int | None = None,
     metrics: Sequence[str] = (),
     optimize: str | None = None,
     maximize: bool = False,
-    trials: int = 0,
-    batch: int = 4,
+    trials: int | None = None,
+    batch: int | None = None,
     out: str | PathLike[str] | None = None,
     jobs: int = 0,
     keep: Literal["all", "failed", "none"] = "failed",
@@ -41,13 +41,20 @@ def sweep(
 ) -> SweepResult:
     """Run a scenario once for each point, and return one table; what is done already stays done.
 
-    scenario: a name, a file or a folder, or the file of a sweep, of which the arguments replace a
-    part (docs/guide/running/sweeps.md). vary: the axes, `["controller.params.kp=50:200:7"]` or
-    `{"controller.params.kp": [50, 100], "controller.params.kd": "~uniform(10, 20)"}`. metrics:
-    `FILE.py:FUNCTION`. out: folder of the sweep; default: one in `sweeps/`, the same for the same
-    sweep. jobs: processes; default: all cores. timeout_s: limit of a run [s]; 0: none. retry: how
-    often a run is repeated that died, did not start or was late. address: of a Ray cluster. All
-    others: as of `stepbus sweep`.
+    scenario: a scenario, as of `stepbus run`, or the YAML file of a sweep
+    (docs/guide/running/sweeps.md). What is given takes the place of what the file has. vary:
+    PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4'
+    (together), 'faults=none,kill plant at 100'; may be repeated. In Python a map too:
+    `{"controller.params.kp": [50, 100], "controller.params.kd": "~uniform(10, 20)"}`. set: what is
+    the same in all runs, e.g. duration=2s; may be repeated. samples: draws of each ~. sampling: how
+    they are drawn: random, latin, sobol or halton. seed: of the draws. repeats: runs of each point,
+    other seeds. metrics: measure each run by your function of its recording; may be repeated.
+    optimize: let Optuna choose the points; axes: PATH=50:200[:log]. maximize: make it large.
+    trials: runs of --optimize. batch: runs asked for at once (default: 4). out: folder of the sweep
+    (default: one in sweeps/). It is the same for the same sweep. jobs: processes (default: all
+    cores). keep: recordings that stay. timeout_s: limit of a run [s] (default: none). retry: repeat
+    a run that failed to start, died or was late. address: of a Ray cluster, e.g. auto or HOST:6379.
+    on_progress: is called with how far it is. interrupt: as of `run`.
 
     Raises ScenarioError or WiringError with every problem, RecordingFailed where the folder holds
     another sweep or cannot be written, StartFailed where Ray does not start, Interrupted.
@@ -56,16 +63,17 @@ def sweep(
         "set": override_texts(set),
         "vary": _axes(vary),
         "samples": samples,
-        "sampling": "" if sampling == "random" else sampling,
+        "sampling": sampling,
         "seed": seed,
-        "repeats": 0 if repeats == 1 else repeats,
+        "repeats": repeats,
         "metrics": list(metrics),
         "optimize": optimize,
-        "maximize": maximize,
+        "maximize": maximize or None,
         "trials": trials,
-        "batch": 0 if batch == 4 else batch,
+        "batch": batch,
     }
-    spec = find_spec(fspath(scenario), {key: value for key, value in given.items() if value})
+    options = {key: value for key, value in given.items() if value is not None and value != []}
+    spec = find_spec(fspath(scenario), options)
     terms = Terms(
         home=Path("sweeps") / default_name(spec) if out is None else Path(out),
         jobs=jobs,

@@ -41,9 +41,10 @@ def test_axes_are_texts_or_a_map_of_values(asked):
 
 def test_a_file_of_a_sweep_is_replaced_in_parts(asked, tmp_path):
     file = tmp_path / "sweep.yaml"
-    file.write_text("scenario: two_link\nvary: ['seed=1,2']\nrepeats: 3\n")
-    stepbus.sweep(file, set={"duration": "1s"})
+    file.write_text("scenario: two_link\nvary: ['seed=1,2']\nrepeats: 3\nseed: 5\n")
+    stepbus.sweep(file, set={"duration": "1s"}, seed=0)
     spec = asked[0][0]
+    assert spec.seed == 0
     assert (list(spec.vary), spec.repeats, list(spec.set)) == (["seed=1,2"], 3, ['duration="1s"'])
 
 

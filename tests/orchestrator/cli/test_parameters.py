@@ -123,7 +123,9 @@ def test_a_value_that_does_not_fit_is_refused(parser, capsys, words, sentence):
     assert sentence in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("function", [stepbus.replay, stepbus.rerun, stepbus.diff, stepbus.branch])
+@pytest.mark.parametrize(
+    "function", [stepbus.replay, stepbus.rerun, stepbus.diff, stepbus.branch, stepbus.sweep]
+)
 def test_the_docstring_explains_every_parameter(function):
     assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
 

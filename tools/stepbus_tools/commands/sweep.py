@@ -1,28 +1,17 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from pathlib import Path
-from typing import Annotated, Literal
+from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
+from stepbus import sweep
 from stepbus_orchestrator.cli.output import Answer, say
-from stepbus_orchestrator.cli.parameters import Json, Set, command, number
+from stepbus_orchestrator.cli.parameters import Json, command, number
 from stepbus_orchestrator.cli.signals import interruptible, settle
-from stepbus_tools.sweep import (
-    PAGE_FILE,
-    RUNNING,
-    TABLE_FILE,
-    SweepProgress,
-    SweepResult,
-    Terms,
-    default_name,
-    find_spec,
-    sweep,
-)
+from stepbus_tools.sweep import PAGE_FILE, RUNNING, TABLE_FILE, SweepProgress, SweepResult
 
 _PLAIN_EVERY = 0.1
 
@@ -35,56 +24,31 @@ def _value(text: str) -> int | str:
         return text
 
 
-Whole = Annotated[int | None, {"type": _value}]
+_WHOLE = {"type": _value}
 
 
-@dataclass(frozen=True, kw_only=True)
-class Design:
-    """What replaces a part of a sweep's file, or makes a sweep of a scenario.
-
-    set: what is the same in all runs, e.g. duration=2s; may be repeated. vary: PATH=50:200:7,
-    PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4' (together),
-    'faults=none,kill plant at 100'; may be repeated. samples: draws of each ~. sampling: how they
-    are drawn: random, latin, sobol or halton. seed: of the draws. repeats: runs of each point,
-    other seeds. metrics: measure each run by your function of its recording; may be repeated.
-    optimize: let Optuna choose the points; axes: PATH=50:200[:log]. maximize: make it large.
-    trials: runs of --optimize. batch: runs asked for at once (default: 4).
-    """
-
-    set: Set = ()
-    vary: Annotated[Sequence[str], {"metavar": "AXIS"}] = ()
-    samples: Whole = None
-    sampling: str | None = None
-    seed: Whole = None
-    repeats: Whole = None
-    metrics: Annotated[Sequence[str], {"flag": "--metric", "metavar": "FILE.py:FUNCTION"}] = ()
-    optimize: Annotated[str | None, {"metavar": "METRIC"}] = None
-    maximize: bool = False
-    trials: Whole = None
-    batch: Whole = None
-
-
-_JOBS = {"type": number("not a number of processes", 1)}
-_SECONDS = {
-    "type": number("no number of seconds above 0, e.g. 60", 1e-9, kind=float),
-    "metavar": "S",
-}
-_TIMES = {"type": number("not a number of times", 0), "metavar": "N"}
-
-
-@command(is_run=True)
-def sweep_command(
-    scenario: str,
-    *,
-    design: Design,
-    out: Path | None = None,
-    jobs: Annotated[int | None, _JOBS] = None,
-    keep: Literal["all", "failed", "none"] = "failed",
-    timeout: Annotated[float | None, _SECONDS] = None,
-    retry: Annotated[int, _TIMES] = 0,
-    address: str = "",
-    json: Json = False,
-) -> Answer:
+@command(
+    of=sweep,
+    hidden=["on_progress"],
+    is_run=True,
+    vary={"flag": "--vary", "metavar": "AXIS"},
+    samples=_WHOLE,
+    sampling={"choices": None},
+    seed=_WHOLE,
+    repeats=_WHOLE,
+    metrics={"flag": "--metric", "metavar": "FILE.py:FUNCTION"},
+    optimize={"metavar": "METRIC"},
+    trials=_WHOLE,
+    batch=_WHOLE,
+    jobs={"type": number("not a number of processes", 1)},
+    timeout_s={
+        "flag": "--timeout",
+        "type": number("no number of seconds above 0, e.g. 60", 1e-9, kind=float),
+        "metavar": "S",
+    },
+    retry={"type": number("not a number of times", 0), "metavar": "N"},
+)
+def sweep_command(*, json: Json = False, **given: Any) -> Answer:
     """Run a scenario many times with other values, and make one table.
 
     Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
@@ -92,29 +56,13 @@ def sweep_command(
     and the SHA-256 of its recording. The same command goes on with a sweep that was cut off. A run
     that fails is a row; the exit code is 0 once every run has its row.
 
-    scenario: a scenario, as of `stepbus run`, or the YAML file of a sweep
-    (docs/guide/running/sweeps.md). out: folder of the sweep (default: one in sweeps/). jobs:
-    default: all cores. keep: recordings that stay. timeout: limit of a run. retry: repeat a run
-    that failed to start, died or was late. address: of a Ray cluster, e.g. auto or HOST:6379.
-
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
     $ stepbus sweep two_link --vary 'controller.params.kp~uniform(50, 150)' --samples 100
     $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse --trials 40
     $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
     """
-    # 0 is a value, such as of `--seed`.
-    given = {k: v for k, v in vars(design).items() if v is not None and v is not False and v != []}
-    spec = find_spec(scenario, given)
-    terms = Terms(
-        home=out or Path("sweeps") / default_name(spec),
-        jobs=jobs or 0,
-        keep=keep,
-        timeout_s=timeout or 0.0,
-        retries=retry,
-        address=address,
-    )
     with interruptible() as interrupt, _shown(quiet=json) as show:
-        result = sweep(spec, terms, show, interrupt)
+        result = sweep(**given, on_progress=show, interrupt=interrupt)
         settle()
     return Answer(value=result, lines=_summary(result))
 
