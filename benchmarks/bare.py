@@ -54,7 +54,7 @@ class ZenohWire:
         self._put = self._bus.publisher(f"out/{name}", "application/octet-stream")
         self._credit = self._bus.publisher("out/credit", "application/octet-stream")
         for participant, queue in self._queues.items():
-            self._bus.subscribe(f"out/{participant}", queue.put)
+            self._bus.subscribe_content(f"out/{participant}", queue.put)
 
     def put(self, data: bytes) -> None:
         self._put(data)
@@ -63,7 +63,8 @@ class ZenohWire:
         self._credit(b"")
 
     def get(self, participant: str) -> bytes:
-        return self._bus.payload(self._queues[participant].get(timeout=10))
+        data: bytes = self._queues[participant].get(timeout=10)
+        return data
 
     def close(self) -> None:
         self._bus.close()

@@ -15,7 +15,8 @@ from stepbus_schemas import WiringError, error_text
 
 from .parameters.problems import Keys
 from .parameters.read import find_problems
-from .process import declared_parameters, import_participant, is_installed, main
+from .process import main
+from .user_classes import declared_parameters, import_participant, is_installed
 
 
 def _take_part(name: str, folder: Path) -> int:

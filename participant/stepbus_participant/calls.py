@@ -5,10 +5,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
-from stepbus_schemas import CallDescription, StepbusError
+from stepbus_schemas import CallDescription, StepbusError, suggest
 
 from .config import Config
-from .hints import suggest
 from .parameters.problems import SettingsError
 from .parameters.settings import Settings
 
@@ -36,10 +35,10 @@ class Method:
         return CallDescription(help=self.help, changes=self.changes)
 
 
-S = TypeVar("S", bound=Settings)
+_S = TypeVar("_S", bound=Settings)
 
 
-class Steering(Generic[S]):
+class Steering(Generic[_S]):
     """The calls `get` and `set` of a participant, for some of its parameters.
 
     settings: the class that declares its parameters. keys: those that may change, with their units.
@@ -50,9 +49,9 @@ class Steering(Generic[S]):
     def __init__(
         self,
         config: Config,
-        settings: type[S],
+        settings: type[_S],
         keys: Mapping[str, str],
-        apply: Callable[[S], None],
+        apply: Callable[[_S], None],
     ) -> None:
         self._config = config
         self._settings = settings
@@ -79,7 +78,7 @@ class Steering(Generic[S]):
         """Return the parameters, for a checkpoint."""
         return dict(self._params)
 
-    def restore(self, params: Mapping[str, Any]) -> S:
+    def restore(self, params: Mapping[str, Any]) -> _S:
         """Take parameters that `save` returned, without applying them; return them as settings."""
         self._params = dict(params)
         return dataclasses.replace(self._config, params=self._params).read(self._settings)

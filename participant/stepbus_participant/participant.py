@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar, overload
 
-from stepbus_schemas import Description, Message, MessageError, RunError, WiringError
+from stepbus_schemas import Description, Message, MessageError, RunError, WiringError, suggest
 
 from .calls import Method
 from .config import Config
-from .hints import suggest
 
 if TYPE_CHECKING:
     from .session.inputs import Input
 
-M = TypeVar("M", bound=Message)
+_M = TypeVar("_M", bound=Message)
 
 
 class InputAbsent(RunError, LookupError):
@@ -78,7 +77,7 @@ class Step:
     @overload
     def read(self, port: str) -> Any: ...
     @overload
-    def read(self, port: str, cls: type[M]) -> M: ...
+    def read(self, port: str, cls: type[_M]) -> _M: ...
     def read(self, port: str, cls: type[Message] | None = None) -> Any:
         """Return the newest message of an input.
 
@@ -98,7 +97,7 @@ class Step:
     @overload
     def get(self, port: str) -> Any: ...
     @overload
-    def get(self, port: str, cls: type[M]) -> M | None: ...
+    def get(self, port: str, cls: type[_M]) -> _M | None: ...
     def get(self, port: str, cls: type[Message] | None = None) -> Any:
         """Return the newest message of an input, or None while it is absent.
 

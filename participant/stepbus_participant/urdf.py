@@ -7,7 +7,7 @@ from xml.parsers.expat import ExpatError
 from stepbus_schemas import WiringError
 
 from .files import package_path, read_file, read_text
-from .hints import need
+from .packages import need
 from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
 

@@ -1,4 +1,4 @@
-"""What the bridge speaks to a program: text, lines, bytes."""
+"""Format `raw` of the bridge: messages as numbers alone."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Any, Literal, get_args
 
-from stepbus_schemas.messages import JointCommand, JointMode, JointState, Message
-from stepbus_schemas.schema import json_schema, not_null
-from stepbus_schemas.types import SHIPPED, Types
+from .catalogue import SHIPPED, Types
+from .declaration import Row, parts_of, row_of
+from .messages import JointCommand, JointMode, JointState, Message
+from .schema import json_schema
 
 _FIRST_ONLY: Mapping[type[Message], tuple[str, ...]] = {
     JointState: ("position", "velocity", "effort"),
@@ -44,47 +45,39 @@ class RawField:
 
 
 @cache
-def _raw_fields(cls: type[Message], type_name: str) -> tuple[RawField, ...] | str:
-    """Return the fields of a type as numbers, or the name of one that is none."""
+def _raw_fields(cls: type[Message], type_name: str) -> tuple[RawField, ...]:
+    """Return the fields of a type as numbers; none where one of them is more than numbers."""
     schema = json_schema(type_name, SHIPPED if type_name in SHIPPED else Types.of([cls]))
-    names: tuple[str, ...] = _FIRST_ONLY.get(cls, tuple(schema["properties"]))
-    fields: list[RawField] = []
-    for name in names:
-        field = _raw_field(cls, name, schema["properties"][name])
-        if field is None:
-            return name
-        fields.append(field)
-    return (*fields,)
+    try:
+        return tuple(
+            _raw_field(cls, name, row_of(field, required=name in schema["required"]))
+            for name, field in schema["properties"].items()
+            if name in _FIRST_ONLY.get(cls, (name,))
+        )
+    except ValueError:
+        return ()
 
 
-def _raw_field(cls: type[Message], name: str, field: dict[str, Any]) -> RawField | None:
-    node, sizes = not_null(field), []
-    shape = [*(field.get("shape") or node.get("shape") or [])]
-    while node.get("type") == "array":
-        size = shape.pop(0) if shape else "k"
-        fixed = node.get("prefixItems")
-        sizes.append(str(len(fixed)) if fixed else PER_NAME if size == PER_NAME else ANY_LENGTH)
-        node = fixed[0] if fixed else node.get("items", {})
-    words = node.get("enum", ())
-    scalars = {"number": "float", "integer": "int", "boolean": "bool"}
-    scalar = "words" if words and not sizes else scalars.get(str(node.get("type")), "")
-    if not scalar or ANY_LENGTH in sizes[1:] or PER_NAME in sizes[1:]:
-        return None
-    default = field.get("default")
+def _raw_field(cls: type[Message], name: str, row: Row) -> RawField:
+    """Return a field, as it is declared, as numbers; raises ValueError where it is more."""
+    scalar, given = parts_of(row["type"])
+    sizes = [size if size.isdigit() or size == PER_NAME else ANY_LENGTH for size in given]
+    if scalar in {"text", "bytes"} or not all(map(str.isdigit, sizes[1:])):
+        raise ValueError(f"{name} is more than numbers")
+    default = row.get("default")
     return RawField(
         name=name,
         scalar=scalar,
         sizes=tuple(sizes),
-        words=tuple(_WORDS.get(cls, field.get("words", words)) if words else ()),
-        may_be_absent="default" in field and default in (None, []),
+        words=tuple(_WORDS.get(cls, row["type"])) if scalar == "words" else (),
+        may_be_absent="optional" in row or default == [],
         absent=default,
     )
 
 
 def raw_fields(type_name: str, types: Types = SHIPPED) -> tuple[RawField, ...]:
     """Return the fields of a message type as numbers; none of a type that is more than numbers."""
-    fields = _raw_fields(types[type_name], type_name) if type_name in types else ()
-    return fields if isinstance(fields, tuple) else ()
+    return _raw_fields(types[type_name], type_name) if type_name in types else ()
 
 
 class RawLayout:

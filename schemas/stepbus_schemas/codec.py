@@ -1,91 +1,32 @@
-"""Collision shapes, as the detail `shape` of a description of Poses/1 writes them."""
+"""Messages to bytes and back, and what is wrong with bytes, in sentences for people."""
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Generic, TypeVar
+import ast
+import re
+from collections.abc import Callable, Iterator
+from typing import Any, Generic, TypeVar
 
 import msgspec
+from msgspec import inspect
 
-from stepbus_schemas.errors import MessageError
-from stepbus_schemas.messages import Message, Point, Quaternion
-from stepbus_schemas.protocol import ENVELOPE_TYPES, Envelope
-from stepbus_schemas.types import SHIPPED, Types, name_of
-from stepbus_schemas.types.decode_errors import explained
+from .errors import MessageError, wrong_word
+from .messages import MESSAGE_TYPES, Message
+from .protocol import Envelope
 
-_SIZES = {"box": 3, "capsule": 2, "cylinder": 2, "sphere": 1}
-_ORIGIN = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
+_T = TypeVar("_T", bound=Message | Envelope)
 
-
-@dataclass(frozen=True)
-class Shape:
-    """One collision shape in the frame of its link.
-
-    type: `box`, `capsule`, `cylinder`, `sphere`, or the word for one without sizes, such as `mesh`.
-    sizes: X Y Z of a box, RADIUS LENGTH of a capsule or cylinder, RADIUS of a sphere [m].
-    position: x, y, z [m]. orientation: quaternion x, y, z, w.
-    """
-
-    type: str
-    sizes: tuple[float, ...]
-    position: Point
-    orientation: Quaternion
-
-
-def parse_shapes(text: str) -> list[Shape]:
-    """Return the shapes of a text such as `sphere 0.1 @ 0 0 0 0 0 0 1; mesh`.
-
-    A shape without a pose is at the origin of its link. Raises ValueError for sizes that are
-    missing or not positive, and for a pose that is not finite.
-    """
-    return [_parse(part.strip()) for part in text.split(";") if part.strip()]
-
-
-def _parse(text: str) -> Shape:
-    form, _, pose = text.partition("@")
-    name, *sizes = form.split() or [""]
-    numbers, at = _numbers(sizes), _numbers(pose.split()) or _ORIGIN
-    is_sized = name not in _SIZES or (len(numbers) == _SIZES[name] and min(numbers) > 0)
-    if not is_sized or len(at) != len(_ORIGIN) or not any(at[3:]):
-        raise ValueError(f"shape {text!r} cannot be read")
-    x, y, z, qx, qy, qz, qw = at
-    return Shape(name, tuple(numbers), (x, y, z), (qx, qy, qz, qw))
-
-
-def _numbers(words: Sequence[str]) -> list[float]:
-    """Return words as numbers; a NaN alone if one of them is not finite."""
-    try:
-        numbers = [float(word) for word in words]
-    except ValueError:
-        return [math.nan]
-    return numbers if all(map(math.isfinite, numbers)) else [math.nan]
-
-
-T = TypeVar("T", bound=Message | Envelope)
-
-_ENVELOPE_NAMES: dict[type[msgspec.Struct], str] = {
-    cls: name for name, cls in ENVELOPE_TYPES.items()
-}
-
-encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
-"""Return the MessagePack map of a message."""
+_NAMES: dict[type[msgspec.Struct], str] = {cls: name for name, cls in MESSAGE_TYPES.items()}
 
 
 def type_name(cls: type[msgspec.Struct]) -> str:
     """Return the versioned name of a message class, e.g. `JointState/1`.
 
-    A class of your own has it as `TYPE`; without, it is version 1 of its name.
+    A class of your own has it as `TYPE`; without, it is version 1 of its name, as of an envelope.
     """
-    return _ENVELOPE_NAMES.get(cls) or name_of(cls)
+    return _NAMES.get(cls) or getattr(cls, "TYPE", "") or f"{cls.__name__}/1"
 
 
-def message_class(name: str, types: Types = SHIPPED) -> type[Message]:
-    """Return the class of a port message type such as `JointState/1`.
-
-    types: with those of one's own. Raises WiringError when there is no such type, or no such
-    version of it.
-    """
-    return types[name]
+encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
+"""Return the MessagePack map of a message."""
 
 
 def encoding_of(name: str) -> str:
@@ -97,7 +38,7 @@ UNDECODABLE = (msgspec.DecodeError, UnicodeDecodeError, RecursionError)
 """What `Decoder.plain` raises for a malformed message."""
 
 
-class Decoder(Generic[T]):
+class Decoder(Generic[_T]):
     """Decodes one message type.
 
     name: of the type in errors; default: its own.
@@ -108,12 +49,12 @@ class Decoder(Generic[T]):
     `error` makes the MessageError.
     """
 
-    def __init__(self, cls: type[T], name: str = "") -> None:
+    def __init__(self, cls: type[_T], name: str = "") -> None:
         self._name = name or type_name(cls)
         self._cls = cls
-        self.plain: Callable[[bytes | msgspec.Raw], T] = msgspec.msgpack.Decoder(cls).decode
+        self.plain: Callable[[bytes | msgspec.Raw], _T] = msgspec.msgpack.Decoder(cls).decode
 
-    def __call__(self, data: bytes | msgspec.Raw) -> T:
+    def __call__(self, data: bytes | msgspec.Raw) -> _T:
         """Return the message in `data`."""
         try:
             return self.plain(data)
@@ -123,3 +64,117 @@ class Decoder(Generic[T]):
     def error(self, exc: Exception) -> MessageError:
         """Return what `plain` has raised as a sentence."""
         return MessageError(f"not a {self._name}: {explained(exc, self._cls)}")
+
+
+_PLACE = re.compile(r"(.*?)(?: - at (`key` in )?`\$(.*)`)?", re.DOTALL)
+_STEP = re.compile(r"\.([^.\[]+)|\[[^\]]*\]")
+_NOUNS = {
+    "array": "a list",
+    "object": "a map",
+    "str": "text",
+    "int": "an integer",
+    "float": "a number",
+    "bool": "true or false",
+    "null": "null",
+    "None": "null",
+    "ext": "an extension of MessagePack",
+}
+_RULES = (
+    (r"Object missing required field `(.*)`", r"the field '\1' is missing"),
+    (r"Object contains unknown field `(.*)`", r"unknown field '\1'"),
+    (r"Expected `array` of length (\d+), got (\d+)", r"must be a list of \1, not of \2"),
+    (r"Expected `array` of length >= (\d+)", r"must be a list of at least \1"),
+    (r"Expected `array` of length <= (\d+)", r"must be a list of at most \1"),
+    (r"Expected `str` of length >= 1", r"must not be empty"),
+    (r"Expected `(?:int|float)` >= (.*)", r"must be at least \1"),
+    (r"Expected `(?:int|float)` <= (.*)", r"must be at most \1"),
+    (r"Expected `(?:int|float)` > (.*)", r"must be above \1"),
+    (r"Expected `(?:int|float)` < (.*)", r"must be below \1"),
+    (r"Input data was truncated", r"ends in the middle of a value"),
+    (r"(\w+)(?: data)? is malformed: (.*) \(byte (\d+)\)", r"is no \1 from byte \3 on: \2"),
+)
+_OTHERS = (
+    (UnicodeDecodeError, "has text that is not UTF-8"),
+    (UnicodeEncodeError, "has text that is not valid Unicode"),
+    (RecursionError, "is nested too deeply"),
+    (OverflowError, "has an integer that does not fit into 64 bits"),
+)
+
+
+def explained(exc: Exception, cls: Any = Any) -> str:
+    """Return what an exception of msgspec means, or of the file that it was to read.
+
+    cls: the type that was decoded; with it, a wrong word is told with the right ones.
+    """
+    if isinstance(exc, OSError):
+        return exc.strerror or str(exc)
+    for kind, sentence in _OTHERS:
+        if isinstance(exc, kind):
+            return sentence
+    if not isinstance(exc, msgspec.DecodeError):
+        return _unencodable(str(exc))
+    match = _PLACE.fullmatch(str(exc))
+    text, key, path = match.groups("") if match else (str(exc), "", "")
+    meaning, where = _meaning(text, cls, path), path.removeprefix(".")
+    if key:
+        where = f"a key of {where or 'it'}"
+    joint = " " if meaning.startswith("must ") else ": "
+    return f"{where}{joint}{meaning}" if where else meaning
+
+
+def _unencodable(text: str) -> str:
+    match = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
+    if not match:
+        return text
+    hint = "; write `.tolist()`" if match[1].startswith("numpy.") else ""
+    return f"has a value of type {match[1]}, which no message can carry{hint}"
+
+
+def _meaning(text: str, cls: Any, path: str) -> str:
+    for pattern, sentence in _RULES:
+        match = re.fullmatch(pattern, text)
+        if match:
+            return match.expand(sentence)
+    word = re.fullmatch(r"Invalid enum value (.*)", text, re.DOTALL)
+    if word and (words := _words_at(cls, path)):
+        return wrong_word(ast.literal_eval(word[1]), words)
+    mistyped = re.fullmatch(r"Expected `(.*)`, got `(.*)`", text)
+    if mistyped:
+        wanted = " or ".join(_NOUNS.get(name, name) for name in mistyped[1].split(" | "))
+        return f"must be {wanted}, not {_NOUNS.get(mistyped[2], mistyped[2])}"
+    return text
+
+
+def _words_at(cls: Any, path: str) -> list[str]:
+    """Return the words that a type allows at a path such as `.joints[0].mode`."""
+    nodes = [*_options(inspect.type_info(cls))]
+    for step in _STEP.finditer(path):
+        below = [inner for node in nodes for inner in _below(node, step[1])]
+        nodes = [option for inner in below for option in _options(inner)]
+    words = [w for node in nodes if isinstance(node, inspect.LiteralType) for w in node.values]
+    return list(dict.fromkeys(map(str, words)))
+
+
+def _options(node: inspect.Type) -> Iterator[inspect.Type]:
+    """Yield the types that a type is one of, without their metadata."""
+    match node:
+        case inspect.Metadata(type=plain):
+            yield from _options(plain)
+        case inspect.UnionType(types=types):
+            for item in types:
+                yield from _options(item)
+        case _:
+            yield node
+
+
+def _below(node: inspect.Type, name: str | None) -> Iterator[inspect.Type]:
+    """Yield the types one step further in; name: of a field, None for an entry of a list or map."""
+    match node:
+        case inspect.StructType(fields=fields):
+            yield from (field.type for field in fields if field.encode_name == name)
+        case inspect.ListType(item_type=item) | inspect.VarTupleType(item_type=item):
+            yield item
+        case inspect.TupleType(item_types=items):
+            yield from items
+        case inspect.DictType(value_type=value):
+            yield value

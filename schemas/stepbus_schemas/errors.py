@@ -1,10 +1,13 @@
-"""The root of every error stepbus raises.
+"""The root of every error stepbus raises, and the words of its messages.
 
 StepbusError
 ├─ MessageError (ValueError)       a message, or its bytes, that is not what it should be
 ├─ WiringError (ValueError)        a scenario, port or type that cannot work; known before the run
 └─ RunError (RuntimeError)         something that went wrong during a run
 """
+
+import difflib
+from collections.abc import Iterable, Sequence
 
 
 class StepbusError(Exception):
@@ -21,3 +24,54 @@ class WiringError(StepbusError, ValueError):
 
 class RunError(StepbusError, RuntimeError):
     """A run, or a participant in it, failed."""
+
+
+_MOST_COMPARED, _MOST_SHOWN, _LONGEST = 1000, 40, 100
+
+
+def text_of(value: object) -> str:
+    """Return the text of a value of the user's, whose `__str__` may fail, as valid Unicode."""
+    try:
+        text = str(value)
+    except Exception as exc:  # noqa: BLE001  code of the user's
+        text = f"(its __str__ raised {type(exc).__name__})"
+    return valid_unicode(text)
+
+
+def valid_unicode(text: str) -> str:
+    """Return a text in which a lone surrogate, which no message can carry, is written out."""
+    return text.encode(errors="backslashreplace").decode()
+
+
+def error_text(exc: BaseException) -> str:
+    """Return what an exception of the user's says, such as `ValueError: the knee`."""
+    text, name = text_of(exc), type(exc).__name__
+    return f"{name}: {text}" if text else name
+
+
+def nearest(name: object, known: Iterable[object]) -> str:
+    """Return `; did you mean 'x'?`, or nothing where none of the known names is near."""
+    # To compare takes time with the length of each, and with their number.
+    short = [one for one in list(map(str, known))[:_MOST_COMPARED] if len(one) <= _LONGEST]
+    near = difflib.get_close_matches(str(name)[:_LONGEST], short, n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""
+
+
+def suggest(name: object, known: Iterable[object]) -> str:
+    """Return `; did you mean 'x'?`, or the known names where none is near."""
+    names = list(dict.fromkeys(map(str, known)))
+    if (near := nearest(name, names)) or not names:
+        return near
+    more = f" … ({len(names)} in all)" if len(names) > _MOST_SHOWN else ""
+    return f"; known: {', '.join(names[:_MOST_SHOWN])}{more}"
+
+
+def listed(words: Sequence[object]) -> str:
+    """Return `a, b or c`, truth values as YAML has them."""
+    *most, last = (str(word).lower() if isinstance(word, bool) else str(word) for word in words)
+    return f"{', '.join(most)} or {last}" if most else last
+
+
+def wrong_word(value: object, words: Sequence[object]) -> str:
+    """Return why a value is none of some words: `must be a, b or c, not 'd'`."""
+    return f"must be {listed(words)}, not {value!r}{nearest(value, words)}"

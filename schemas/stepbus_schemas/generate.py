@@ -1,24 +1,32 @@
 """Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
 
 That is the JSON Schemas, the byte vectors and `docs/reference/messages.md`. With `--check`, it
-writes nothing and exits with 1 when a file is out of date. Where a vector that was published under
-the present protocol number has changed its meaning, it exits with 1 and writes nothing.
+writes nothing and exits with 1 when a file is out of date.
+
+`schemas/published/<number>.json` has every byte vector that was ever published under a protocol
+number: for each type, the bytes of `exact` vectors, of `accepted` ones with the bytes that our
+encoder makes of them, and of `refused` ones. New vectors are added to the file of the present
+number; none is changed or removed. So a field may be added under a number, with a default, and
+nothing else may change (P14.2): where a vector means something else now, this exits with 1 and
+writes nothing.
 """
 
 import argparse
 import json
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from stepbus_schemas.messages import MESSAGE_TYPES
-from stepbus_schemas.published import Published, broken, published
-from stepbus_schemas.schema import json_schema
-from stepbus_schemas.tables import messages_page
-from stepbus_schemas.vectors import from_notation, line_by_line, vectors
+import msgspec
 
+from .codec import Decoder, encode
+from .errors import MessageError
+from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES, PROTOCOL_VERSION
+from .schema import json_schema
+from .tables import messages_page
+from .vectors import from_notation, line_by_line, vectors
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 """Where this file lies in a checkout of the repository."""
@@ -27,6 +35,79 @@ SCHEMAS_FOLDER = "schemas/json"
 VECTORS_FILE = "schemas/vectors.json"
 PUBLISHED_FILE = f"schemas/published/{PROTOCOL_VERSION}.json"
 _VECTORS = CHECKOUT / VECTORS_FILE
+
+Published = dict[str, dict[str, dict[str, str]]]
+"""Type → group of vectors → hex of a vector → hex of what an accepted one means."""
+
+_GROUPS = ("exact", "accepted", "refused")
+
+
+def published_vectors(number: int = PROTOCOL_VERSION) -> Published:
+    """Return every vector that was published under a protocol number; nothing for a new one."""
+    path = CHECKOUT / f"schemas/published/{number}.json"
+    return json.loads(path.read_bytes()) if path.is_file() else {}
+
+
+def published(before: Published, content: Mapping[str, Any]) -> Published:
+    """Return what is published once the content of `vectors.json` is too."""
+    now = {name: _of_type(groups) for name, groups in content["types"].items()}
+    return {
+        name: {group: _added(name, group, before, now) for group in _GROUPS}
+        for name in sorted({*before, *now})
+    }
+
+
+def _added(name: str, group: str, before: Published, now: Published) -> dict[str, str]:
+    old = before.get(name, {}).get(group, {})
+    return old | now.get(name, {}).get(group, {}) | old
+
+
+def _of_type(groups: Mapping[str, Any]) -> dict[str, dict[str, str]]:
+    return {
+        "exact": {row["hex"]: "" for row in groups["exact"]},
+        "accepted": {row["hex"]: _meaning(row["value"]) for row in groups["accepted"]},
+        "refused": {row["hex"]: "" for row in groups["refused"]},
+    }
+
+
+def _meaning(value: Any) -> str:
+    plain = json.loads(json.dumps(value), object_hook=from_notation)
+    return msgspec.msgpack.encode(plain).hex()
+
+
+def broken(content: Published) -> dict[str, list[str]]:
+    """Return, for each type, the published vectors that our codec reads differently today."""
+    failures = {name: list(_broken(name, groups)) for name, groups in content.items()}
+    return {name: rows for name, rows in failures.items() if rows}
+
+
+def _broken(name: str, groups: Mapping[str, Mapping[str, str]]) -> Iterator[str]:
+    cls: Any = {**MESSAGE_TYPES, **ENVELOPE_TYPES}.get(name)
+    if cls is None:
+        yield from groups["exact"]
+        return
+    decode = Decoder(cls)
+    fields = json_schema(name)["properties"].items()
+    defaults = {field: row["default"] for field, row in fields if "default" in row}
+
+    def encoded(data: str) -> bytes:
+        """Return what our encoder makes of a vector; nothing where it is refused."""
+        try:
+            return encode(decode(bytes.fromhex(data)))
+        except MessageError:
+            return b""
+
+    def read(data: str) -> str:
+        """Return what a vector means, with its defaults; nothing where it is refused."""
+        # As text: NaN equals NaN there, and -0.0 is not 0.0.
+        value = encoded(data)
+        return repr(defaults | msgspec.msgpack.decode(value)) if value else ""
+
+    yield from (data for data in groups["exact"] if encoded(data).hex() != data)
+    for data, meaning in groups["accepted"].items():
+        if not read(data) or read(data) != read(meaning):
+            yield data
+    yield from (data for data in groups["refused"] if encoded(data))
 
 
 def generated_files(root: Path) -> dict[Path, str]:
@@ -43,25 +124,30 @@ def generated_files(root: Path) -> dict[Path, str]:
     return files
 
 
-def published_vectors(number: int = PROTOCOL_VERSION) -> Published:
-    """Return every vector that was published under a protocol number; nothing for a new one."""
-    path = CHECKOUT / f"schemas/published/{number}.json"
-    return json.loads(path.read_bytes()) if path.is_file() else {}
+def _indented(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
 
 
 def stale_files(root: Path) -> list[Path]:
     """Return the files that are missing, out of date, or schemas of no type."""
-    files = generated_files(root)
+    return _stale(root, generated_files(root))
+
+
+def _stale(root: Path, files: Mapping[Path, str]) -> list[Path]:
     # Those of scenarios and worlds come from stepbus_orchestrator.scenario.
     ours = {path for path in (root / SCHEMAS_FOLDER).glob("*.json") if ".schema." not in path.name}
     left_over = sorted(ours - set(files))
-    return left_over + [path for path, text in files.items() if not _holds(path, text)]
+    return left_over + [
+        path
+        for path, text in files.items()
+        if not path.is_file() or path.read_bytes() != text.encode()
+    ]
 
 
 def write(root: Path) -> list[Path]:
     """Bring every generated file up to date and return those that changed."""
     files = generated_files(root)
-    changed = stale_files(root)
+    changed = _stale(root, files)
     for path in changed:
         if path in files:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -69,14 +155,6 @@ def write(root: Path) -> list[Path]:
         else:
             path.unlink()
     return changed
-
-
-def _holds(path: Path, text: str) -> bool:
-    return path.is_file() and path.read_bytes() == text.encode()
-
-
-def _indented(value: Any) -> str:
-    return json.dumps(value, ensure_ascii=False, indent=2) + "\n"
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -13,16 +13,20 @@ PROTOCOL_VERSION = 2
 HANDSHAKE_STEP = -1
 """The step of an `Outputs` that proves a link and carries no data."""
 
-NonNegative = Annotated[int, msgspec.Meta(ge=0)]
-Positive = Annotated[int, msgspec.Meta(ge=1)]
-Publishes = Literal["first", "last"]
+_NonNegative = Annotated[int, msgspec.Meta(ge=0)]
+_Positive = Annotated[int, msgspec.Meta(ge=1)]
+_Publishes = Literal["first", "last"]
 
 
-class Envelope(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+class _Part(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """Base of what is nested in protocol messages."""
+
+
+class Envelope(_Part, frozen=True):
     """Base of every protocol message."""
 
 
-class Description(Envelope, frozen=True):
+class Description(_Part, frozen=True):
     """Description of one output: names, order and limits of its vectors."""
 
     names: list[str] = []
@@ -39,7 +43,7 @@ class Description(Envelope, frozen=True):
     """Further properties per name, e.g. `type` and `mode` of each joint."""
 
 
-class InputConfig(Envelope, frozen=True):
+class InputConfig(_Part, frozen=True):
     """Source and timing of one input."""
 
     source: str
@@ -48,15 +52,15 @@ class InputConfig(Envelope, frozen=True):
     """Name of the source's output."""
     type: str
     """Message type, `Name/major`."""
-    delay: NonNegative = 0
+    delay: _NonNegative = 0
     """Minimum age of the source's output [steps]."""
-    every: Positive = 1
+    every: _Positive = 1
     """The source fires at multiples of this [steps]."""
     bulk: bool = False
     """Whether the content travels on `bulk/<source>/<port>`."""
 
 
-class OutputConfig(Envelope, frozen=True):
+class OutputConfig(_Part, frozen=True):
     """Type and transport of one output."""
 
     type: str
@@ -99,17 +103,17 @@ class Welcome(Envelope, frozen=True):
     """Name of the participant."""
     token: str
     """The run's secret."""
-    step_ns: Positive
+    step_ns: _Positive
     """Length of a step [ns]."""
-    every: Positive
+    every: _Positive
     """The participant fires at multiples of this [steps]."""
-    publishes: Publishes
+    publishes: _Publishes
     """Whether it publishes its outputs before or after it reads its inputs."""
-    window: Positive
+    window: _Positive
     """Maximum number of steps in flight [steps]."""
-    batch: Positive
+    batch: _Positive
     """Maximum number of `Outputs` in one `Log`."""
-    seed: NonNegative
+    seed: _NonNegative
     """The participant's own seed, derived from the run's seed and its name."""
     inputs: dict[str, InputConfig]
     """Input → its source."""
@@ -119,7 +123,7 @@ class Welcome(Envelope, frozen=True):
     """The participant's `params`, as written in the scenario."""
     folder: str
     """Absolute path of the folder for relative file names in `params`."""
-    max_outputs_bytes: Positive = 60_000
+    max_outputs_bytes: _Positive = 60_000
     """Maximum size of an `Outputs`; larger content belongs on a bulk port [bytes]."""
     types: dict[str, dict[str, Any]] = {}
     """Type → its declaration, of the port types that do not ship with stepbus."""
@@ -132,7 +136,7 @@ class Refusal(Envelope, frozen=True):
     """One sentence for the user."""
 
 
-class CallDescription(Envelope, frozen=True):
+class CallDescription(_Part, frozen=True):
     """A method of a participant that can be called between two steps."""
 
     help: str
@@ -163,7 +167,7 @@ class Start(Envelope, frozen=True):
     """The run's secret."""
     inputs: dict[str, dict[str, Description]]
     """Participant → input → description."""
-    batches: dict[str, Positive] = {}
+    batches: dict[str, _Positive] = {}
     """Participant → maximum number of `Outputs` it may publish in one `Batch`; absent: none."""
 
 
@@ -172,7 +176,7 @@ class Trigger(Envelope, frozen=True):
 
     token: str
     """The run's secret."""
-    step_limit: NonNegative
+    step_limit: _NonNegative
     """First step that is not released yet; it never decreases."""
 
 
@@ -187,7 +191,7 @@ class Outputs(Envelope, frozen=True):
     """Simulation time, step · step_ns [ns]."""
     ports: dict[str, msgspec.Raw] = {}
     """Output → its message, a MessagePack map."""
-    bulk: dict[str, NonNegative] = {}
+    bulk: dict[str, _NonNegative] = {}
     """Bulk port published at this step → length of its content [bytes]."""
     end: str | None = None
     """Why the run should end after this step; absent in all others."""
@@ -202,7 +206,7 @@ class Batch(Envelope, frozen=True):
     """`Outputs`, in the order of their steps."""
 
 
-class Waiting(Envelope, frozen=True):
+class Waiting(_Part, frozen=True):
     """What a participant waits for."""
 
     step: int
@@ -263,7 +267,7 @@ class Call(Envelope, frozen=True):
 
     token: str
     """The run's secret."""
-    id: NonNegative
+    id: _NonNegative
     """Number of the call, increasing; a repeated call is answered again, but not executed."""
     method: str
     """Name of the method, one of `Ready.calls`."""
@@ -278,7 +282,7 @@ class Called(Envelope, frozen=True):
     """Name of the participant."""
     token: str
     """The run's secret."""
-    id: NonNegative
+    id: _NonNegative
     """Number of the call."""
     value: Any = None
     """Return value; anything MessagePack has."""
@@ -313,7 +317,7 @@ class CallReply(Envelope, frozen=True):
 class CallRecord(Envelope, frozen=True):
     """A call that may change the result, as recorded on the channel `stepbus/calls`."""
 
-    step: NonNegative
+    step: _NonNegative
     """The step before which it was executed."""
     participant: str
     """Participant that was called."""
@@ -345,22 +349,15 @@ class Chain(Envelope, frozen=True):
     """Participant → SHA-256 in hexadecimal."""
 
 
-ENVELOPE_TYPES: dict[str, type[Envelope]] = {
-    "Batch/1": Batch,
-    "Call/1": Call,
-    "CallRecord/1": CallRecord,
-    "CallReply/1": CallReply,
-    "CallRequest/1": CallRequest,
-    "Called/1": Called,
-    "Chain/1": Chain,
-    "Fault/1": Fault,
-    "Hello/1": Hello,
-    "Log/1": Log,
-    "Outputs/1": Outputs,
-    "Ready/1": Ready,
-    "Refusal/1": Refusal,
-    "Start/1": Start,
-    "Stop/1": Stop,
-    "Trigger/1": Trigger,
-    "Welcome/1": Welcome,
-}
+ENVELOPE_TYPES: dict[str, type[Envelope]] = dict(
+    sorted((f"{cls.__name__}/1", cls) for cls in Envelope.__subclasses__())
+)
+
+
+def due_step(step: int, delay: int = 0, every: int = 1) -> int:
+    """Return the step whose message an input takes at `step` (P6.1); negative: none is due yet.
+
+    delay: least age of the message [steps]. every: its source fires at multiples of this [steps].
+    """
+    reach = step - delay
+    return reach - reach % every if reach >= 0 else -1

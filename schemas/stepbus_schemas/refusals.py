@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from stepbus_schemas.schema import not_null
+from .declaration import not_null
 
 Value = dict[str, Any]
 
@@ -13,19 +13,6 @@ _NEVER_USED = b"\xc1"
 """The one byte MessagePack gives no meaning to."""
 
 _pack = msgspec.msgpack.Encoder().encode
-
-
-class Refusal(NamedTuple):
-    """Bytes that are not the message they should be.
-
-    path: what is wrong; `$` is the whole message, `[...]` any key of a map. error: a part of
-    what msgspec says of it.
-    """
-
-    name: str
-    data: bytes
-    path: str
-    error: str
 
 
 class _Wrong(NamedTuple):
@@ -37,38 +24,59 @@ class _Wrong(NamedTuple):
     lacks: str | None = None
 
 
-def refusals(schema: Value, minimal: Value, full: Value) -> Iterator[Refusal]:
-    """Yield what a type's decoder must refuse.
+def refusals(schema: Value, minimal: Value, full: Value) -> Iterator[dict[str, str]]:
+    """Yield what a type's decoder must refuse: name, bytes, path, and a part of the error.
 
-    minimal, full: a value with the required fields, and one with all of them, none empty.
+    minimal, full: a value with the required fields, and one with all of them, none empty. The path
+    `$` is the whole message, `[...]` any key of a map.
     """
-    yield from _as_a_whole(minimal)
+    for reason, data, error in _as_a_whole(minimal):
+        yield _row(reason, data, "$", error)
     for name in schema["required"]:
         less = {key: item for key, item in minimal.items() if key != name}
-        yield Refusal(f"$.{name}: missing", _pack(less), f"$.{name}", f"field `{name}`")
+        yield _row(f"$.{name}: missing", _pack(less), f"$.{name}", f"field `{name}`")
     for name, field in schema["properties"].items():
         if field.get("type") == "string" and "contentEncoding" not in field:
             data = _pack({**minimal, name: "12"}).replace(b"\xa212", b"\xa2\xff\xff")
-            yield Refusal(f"$.{name}: no UTF-8", data, f"$.{name}", "utf-8")
+            yield _row(f"$.{name}: no UTF-8", data, f"$.{name}", "utf-8")
         for wrong in _wrong(field, schema.get("$defs", {}), full.get(name)):
             if wrong.value is None and not_null(field) is not field:
                 continue
             path = f"$.{name}{wrong.place}"
             error = f"field `{wrong.lacks}`" if wrong.lacks else f"`{path}`"
             data = _pack({**minimal, name: wrong.value})
-            yield Refusal(f"{path}: {wrong.reason}", data, path, error)
+            yield _row(f"{path}: {wrong.reason}", data, path, error)
 
 
-def _as_a_whole(value: Value) -> Iterator[Refusal]:
-    yield Refusal("nothing", b"", "$", "truncated")
-    yield Refusal("truncated", _pack({**value, "more": 1.5})[:-1], "$", "truncated")
-    yield Refusal("trailing bytes", _pack(value) + _pack(None), "$", "trailing")
-    # An unused opcode is found whatever the type, in a field nobody knows.
-    broken = _pack({**value, "more": None})[:-1] + _NEVER_USED
-    yield Refusal("not MessagePack", broken, "$", "malformed")
-    yield Refusal("nil instead of a map", _pack(None), "$", "Expected `object`")
-    yield Refusal("number instead of a map", _pack(7), "$", "Expected `object`")
-    yield Refusal("map inside an array", _pack([value]), "$", "Expected `object`")
+def _row(name: str, data: bytes, path: str, error: str) -> dict[str, str]:
+    return {"name": name, "hex": data.hex(), "path": path, "error": error}
+
+
+def _as_a_whole(value: Value) -> Iterator[tuple[str, bytes, str]]:
+    yield "nothing", b"", "truncated"
+    yield "truncated", _pack({**value, "more": 1.5})[:-1], "truncated"
+    yield "trailing bytes", _pack(value) + _pack(None), "trailing"
+    # An unused opcode is found whatever the type, in a field that no type has.
+    yield "not MessagePack", _pack({**value, "more": None})[:-1] + _NEVER_USED, "malformed"
+    yield "nil instead of a map", _pack(None), "Expected `object`"
+    yield "number instead of a map", _pack(7), "Expected `object`"
+    yield "map inside an array", _pack([value]), "Expected `object`"
+
+
+_WRONG_SCALARS = {
+    "string": [_Wrong("number for a string", 7), _Wrong("binary for a string", b"text")],
+    "boolean": [_Wrong("number for a boolean", 1), _Wrong("nil for a boolean", None)],
+    "integer": [
+        _Wrong("string for an integer", "7"),
+        _Wrong("fraction for an integer", 7.5),
+        _Wrong("boolean for an integer", True),
+    ],
+    "number": [
+        _Wrong("string for a number", "0.5"),
+        _Wrong("array for a number", [0.5]),
+        _Wrong("nil for a number", None),
+    ],
+}
 
 
 def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
@@ -94,35 +102,19 @@ def _wrong(field: Value, types: Value, right: Any) -> Iterator[_Wrong]:
                 yield _Wrong("below its minimum", schema["minimum"] - 1)
 
 
-_WRONG_SCALARS = {
-    "string": [_Wrong("number for a string", 7), _Wrong("binary for a string", b"text")],
-    "boolean": [_Wrong("number for a boolean", 1), _Wrong("nil for a boolean", None)],
-    "integer": [
-        _Wrong("string for an integer", "7"),
-        _Wrong("fraction for an integer", 7.5),
-        _Wrong("boolean for an integer", True),
-    ],
-    "number": [
-        _Wrong("string for a number", "0.5"),
-        _Wrong("array for a number", [0.5]),
-        _Wrong("nil for a number", None),
-    ],
-}
-
-
-_ITEM_KEYS = {"items", "prefixItems"}
-
-
 def _wrong_items(schema: Value, types: Value, right: Any) -> Iterator[_Wrong]:
-    # A `Log` carries its `Outputs` undecoded; they are refused later, one by one. The arguments
-    # of a call may be anything.
-    if schema.get("items") == {"$ref": "#/$defs/Outputs"} or not schema.keys() & _ITEM_KEYS:
-        return
-    if "prefixItems" in schema:
-        item, before, last = schema["prefixItems"][-1], right[:-1], right[-1]
-        yield _Wrong("too short", before)
-    else:
-        item, before, last = schema["items"], right, right[0]
+    match schema:
+        case {"prefixItems": [*_, item]}:
+            before, last = right[:-1], right[-1]
+            yield _Wrong("too short", before)
+        case {"items": {"$ref": "#/$defs/Outputs"}}:
+            # A `Log` carries its `Outputs` undecoded; they are refused later, one by one.
+            return
+        case {"items": item}:
+            before, last = right, right[0]
+        case _:
+            # The arguments of a call may be anything.
+            return
     for wrong in _wrong(item, types, last):
         yield _outward(wrong, [*before, wrong.value], f"[{len(before)}]")
 

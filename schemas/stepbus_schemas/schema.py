@@ -10,10 +10,10 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import messages, protocol
-from stepbus_schemas.messages import Message
-from stepbus_schemas.protocol import ENVELOPE_TYPES, Envelope
-from stepbus_schemas.types import SHIPPED, Types
+from . import messages, protocol
+from .catalogue import SHIPPED, Types
+from .messages import Message
+from .protocol import ENVELOPE_TYPES, Envelope
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
@@ -41,7 +41,9 @@ def json_schema(type_name: str, types: Types = SHIPPED) -> dict[str, Any]:
 def _json_schema(type_name: str, cls: type[Message | Envelope]) -> dict[str, Any]:
     (_,), types = msgspec.json.schema_components([cls], ref_template="#/$defs/{name}")
     if cls in {protocol.Batch, protocol.Log}:
-        _nest_outputs(types, cls.__name__)
+        # The entries of a batch are not decoded with it.
+        types[cls.__name__]["properties"]["outputs"]["items"] = {"$ref": "#/$defs/Outputs"}
+        types |= msgspec.json.schema_components([protocol.Outputs])[1]
     for name, schema in types.items():
         _describe(cls, name, schema)
     if "Outputs" in types:
@@ -52,27 +54,14 @@ def _json_schema(type_name: str, cls: type[Message | Envelope]) -> dict[str, Any
     return schema | ({"$defs": types} if types else {})
 
 
-def not_null(schema: dict[str, Any]) -> dict[str, Any]:
-    """Return the schema of what an optional field is when it is there."""
-    options: list[dict[str, Any]] = schema.get("anyOf", [])
-    return next((option for option in options if option != {"type": "null"}), schema)
-
-
-def _nest_outputs(types: dict[str, Any], name: str) -> None:
-    """Say what the undecoded entries of a batch are."""
-    (_,), nested = msgspec.json.schema_components([protocol.Outputs])
-    types[name]["properties"]["outputs"]["items"] = {"$ref": "#/$defs/Outputs"}
-    types.update(nested)
-
-
 def _describe(cls: type, name: str, schema: dict[str, Any]) -> None:
-    """Add the docstrings of a class's fields to those that have no description of their own."""
+    """Add docstrings: of the class, and of the fields that have no description of their own."""
     part = getattr(protocol, name, None) or getattr(messages, name, None)
     if name == cls.__name__:
         part = cls
     text = schema.get("description") or ("" if part is None else _docstring(part))
     schema["description"] = inspect.cleandoc(text)
-    texts = {} if part is None or issubclass(part, messages.Message) else field_docstrings(part)
+    texts = {} if part is None or issubclass(part, Message) else field_docstrings(part)
     for field, properties in schema["properties"].items():
         properties.setdefault("description", texts.get(field, ""))
 
@@ -84,27 +73,29 @@ def _docstring(cls: type) -> str:
     """
     if cls.__doc__ or sys.flags.optimize < _NO_DOCSTRINGS:
         return cls.__doc__ or ""
-    try:
-        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
-    except (OSError, TypeError, SyntaxError, ValueError):
-        # Of a class without source, such as a declared one, there is none to be found.
-        return ""
-    if not isinstance(definition, ast.ClassDef):
-        return ""
-    return ast.get_docstring(definition, clean=False) or ""
+    definition = _definition(cls)
+    return ast.get_docstring(definition, clean=False) or "" if definition else ""
 
 
 @cache
 def field_docstrings(cls: type) -> dict[str, str]:
     """Return the string below each annotated field; Python itself keeps none of them."""
-    (definition,) = ast.parse(inspect.getsource(cls)).body
-    statements = definition.body if isinstance(definition, ast.ClassDef) else []
+    definition = _definition(cls)
     return {
         field.target.id: text.value.value
-        for field, text in pairwise(statements)
+        for field, text in pairwise(definition.body if definition else ())
         if isinstance(field, ast.AnnAssign)
         and isinstance(field.target, ast.Name)
         and isinstance(text, ast.Expr)
         and isinstance(text.value, ast.Constant)
         and isinstance(text.value.value, str)
     }
+
+
+def _definition(cls: type) -> ast.ClassDef | None:
+    """Return a class as its source has it; None of one without, such as a declared one."""
+    try:
+        (node,) = ast.parse(textwrap.dedent(inspect.getsource(cls))).body
+    except (OSError, TypeError, SyntaxError, ValueError):
+        return None
+    return node if isinstance(node, ast.ClassDef) else None

@@ -1,13 +1,14 @@
 """Markdown tables of the message types, for people."""
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from stepbus_schemas.bridge import raw_fields
-from stepbus_schemas.messages import MESSAGE_TYPES
-from stepbus_schemas.protocol import ENVELOPE_TYPES
-from stepbus_schemas.schema import json_schema, not_null
-from stepbus_schemas.types import SHIPPED, Types
+from .bridge import raw_fields
+from .catalogue import SHIPPED, Types
+from .declaration import not_null
+from .messages import MESSAGE_TYPES
+from .protocol import ENVELOPE_TYPES
+from .schema import json_schema
 
 _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"
 
@@ -29,74 +30,54 @@ Machine-readable: JSON Schema in `schemas/json/`, byte vectors for your codec in
 def messages_page() -> str:
     """Return the content of `docs/reference/messages.md`."""
     parts = [_HEADER, _INTRODUCTION, "## Port messages\n", port_table(), "## Protocol envelopes\n"]
-    parts += [_envelope_section(name) for name in ENVELOPE_TYPES]
-    parts += ["## Parts of envelopes\n", *_shared_sections()]
+    nested: dict[str, Any] = {}
+    for type_name in ENVELOPE_TYPES:
+        schema = json_schema(type_name)
+        nested |= schema.get("$defs", {})
+        parts.append(_section(type_name, schema))
+    parts.append("## Parts of envelopes\n")
+    shared = (name for name in sorted(nested) if f"{name}/1" not in ENVELOPE_TYPES)
+    parts += [_section(name, nested[name]) for name in shared]
     return "\n".join(parts)
 
 
 def port_table(names: Iterable[str] = MESSAGE_TYPES, types: Types = SHIPPED) -> str:
     """Return the table of port types: type, field, value, unit, shape, meaning."""
-    rows = ["| Type | Field | Value | Unit | Shape | Meaning |", "|---|---|---|---|---|---|"]
+    rows = []
     for type_name in names:
-        rows += _port_rows(json_schema(type_name, types), type_name)
-    return "\n".join(rows) + "\n"
+        label = f"`{type_name}`"
+        for name, field in json_schema(type_name, types)["properties"].items():
+            value = f"{_type_text(field)}, optional" if "default" in field else _type_text(field)
+            unit, sizes = field.get("unit", ""), field.get("shape", [])
+            # As Python writes a tuple.
+            shape = f"({', '.join(sizes)}{',' * (len(sizes) == 1)})" if sizes else ""
+            rows.append([label, f"`{name}`", value, unit, shape, field["description"]])
+            label = ""
+    return _table(["Type", "Field", "Value", "Unit", "Shape", "Meaning"], rows)
 
 
 def types_page(names: Sequence[str], types: Types) -> str:
-    """Return the table of some types, and their numbers in format raw of the bridge."""
-    return f"{port_table(names, types)}\n## Format raw\n\n{raw_table(names, types)}"
+    """Return the table of some types, and what they are in numbers, in format raw of the bridge."""
+    numbers = [
+        [f"`{name}`", ", ".join(map(str, raw_fields(name, types))) or "no numbers alone"]
+        for name in names
+    ]
+    raw = _table(["Type", "Numbers in format `raw`"], numbers)
+    return f"{port_table(names, types)}\n## Format raw\n\n{raw}"
 
 
-def raw_table(names: Iterable[str], types: Types = SHIPPED) -> str:
-    """Return the table of what types are in numbers, in the order of the numbers."""
-    rows = ["| Type | Numbers in format `raw` |", "|---|---|"]
-    for name in names:
-        fields = raw_fields(name, types)
-        rows.append(_row([f"`{name}`", ", ".join(map(str, fields)) or "no numbers alone"]))
-    return "\n".join(rows) + "\n"
+def _section(name: str, schema: dict[str, Any]) -> str:
+    rows = []
+    for field, row in schema["properties"].items():
+        default = "required" if field in schema["required"] else _default(row)
+        rows.append([f"`{field}`", _type_text(row), default, row["description"]])
+    table = _table(["Field", "Value", "Default", "Meaning"], rows)
+    return f"### {name}\n\n{schema['description']}\n\n{table}"
 
 
-def _port_rows(schema: dict[str, Any], type_name: str) -> Iterator[str]:
-    label = f"`{type_name}`"
-    for name, field in schema["properties"].items():
-        shape = _shape(field["shape"]) if "shape" in field else ""
-        value = f"{_type_text(field)}, optional" if "default" in field else _type_text(field)
-        unit = field.get("unit", "")
-        yield _row([label, f"`{name}`", value, unit, shape, field["description"]])
-        label = ""
-
-
-def _shape(sizes: list[str]) -> str:
-    """Return a shape as Python writes a tuple."""
-    return f"({sizes[0]},)" if len(sizes) == 1 else f"({', '.join(sizes)})"
-
-
-def _envelope_section(type_name: str) -> str:
-    schema = json_schema(type_name)
-    return f"### {type_name}\n\n{schema['description']}\n\n{_field_table(schema)}"
-
-
-def _shared_sections() -> Iterator[str]:
-    """Yield what is nested in envelopes and no envelope itself, each once, by name."""
-    nested: dict[str, Any] = {}
-    for type_name in ENVELOPE_TYPES:
-        nested |= json_schema(type_name).get("$defs", {})
-    for name in sorted(nested):
-        if f"{name}/1" not in ENVELOPE_TYPES:
-            schema = nested[name]
-            yield f"### {name}\n\n{schema['description']}\n\n{_field_table(schema)}"
-
-
-def _field_table(schema: dict[str, Any]) -> str:
-    rows = ["| Field | Value | Default | Meaning |", "|---|---|---|---|"]
-    for name, field in schema["properties"].items():
-        default = "required" if name in schema["required"] else _default(field)
-        rows.append(_row([f"`{name}`", _type_text(field), default, field["description"]]))
-    return "\n".join(rows) + "\n"
-
-
-def _row(cells: list[str]) -> str:
-    return f"| {' | '.join(cells)} |"
+def _table(head: list[str], rows: Iterable[list[str]]) -> str:
+    lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
+    return "\n".join([lines[0], f"|{'---|' * len(head)}", *lines[1:]]) + "\n"
 
 
 def _default(field: dict[str, Any]) -> str:
@@ -123,11 +104,11 @@ def _type_text(schema: dict[str, Any]) -> str:
         case {"type": "object", "additionalProperties": item}:
             return f"map to {_type_text(item)}"
         case scalar:
-            return _scalar(scalar)
+            return _scalar(scalar, schema)
 
 
-def _scalar(schema: dict[str, Any]) -> str:
-    match schema:
+def _scalar(inner: dict[str, Any], schema: dict[str, Any]) -> str:
+    match inner:
         case {"contentEncoding": _}:
             return "binary"
         case {"enum": values}:
@@ -139,4 +120,4 @@ def _scalar(schema: dict[str, Any]) -> str:
         case {"type": "object"}:
             return "map"
         case _:
-            return str(schema.get("type", "any value"))
+            return str(inner.get("type", "any value"))

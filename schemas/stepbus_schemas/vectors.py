@@ -15,10 +15,11 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas.protocol import PROTOCOL_VERSION
-from stepbus_schemas.refusals import Refusal, Value, refusals
-from stepbus_schemas.schema import json_schema, not_null
-from stepbus_schemas.types import Types, examples
+from .catalogue import Types
+from .declaration import Declaration, Row, fields_of, not_null, parts_of
+from .protocol import PROTOCOL_VERSION
+from .refusals import Value, refusals
+from .schema import json_schema
 
 NOTATION = (
     "Values are JSON, with four additions. "
@@ -32,7 +33,9 @@ NOTATION = (
 
 _SAFE_INTEGER = 2**53 - 1
 
-Row = dict[str, Any]
+_ODD = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf, "minus zero": -0.0}
+_TEXT = "\u0301e · 左腕 · \U0001f9be · \n\"'"
+_BYTES = b"\xff\xc1\x00"
 
 _pack = msgspec.msgpack.Encoder().encode
 
@@ -43,20 +46,18 @@ def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
     known: the same, of which the names and values of the exact vectors count.
     """
     types = {
-        name: _of_type(json_schema(name), groups["exact"])
-        for name, groups in known["types"].items()
+        name: _of_type(json_schema(name), {row["name"]: row["value"] for row in groups["exact"]})
+        for name, groups in sorted(known["types"].items())
     }
-    return {
-        "protocol": PROTOCOL_VERSION,
-        "notation": NOTATION,
-        "types": dict(sorted(types.items())),
-    }
+    return {"protocol": PROTOCOL_VERSION, "notation": NOTATION, "types": types}
 
 
 def types_vectors(types: Types) -> str:
     """Return the byte vectors of types of one's own, as JSON with a line for each."""
-    schemas = {name: json_schema(name, types) for name in sorted(types.declarations)}
-    by_type = {name: _of_type(schema, examples(schema)) for name, schema in schemas.items()}
+    by_type = {
+        name: _of_type(json_schema(name, types), _examples(row))
+        for name, row in sorted(types.declarations.items())
+    }
     return line_by_line({"notation": NOTATION, "types": by_type}, 4) + "\n"
 
 
@@ -72,23 +73,17 @@ def line_by_line(value: Any, depth: int) -> str:
     return "{\n" + ",\n".join(pairs) + "\n}"
 
 
-def _of_type(schema: Value, exact: list[Row]) -> dict[str, list[Row]]:
-    examples = {row["name"]: row["value"] for row in exact}
+def _of_type(schema: Value, examples: Mapping[str, Value]) -> dict[str, list[Any]]:
     minimal, full = examples["minimal"], examples["full"]
     return {
         "exact": [_row(name, value, _pack(value)) for name, value in examples.items()],
         "accepted": list(_accepted(schema, minimal, full)),
-        "refused": [_refused(row) for row in refusals(schema, minimal, full)],
+        "refused": list(refusals(schema, minimal, full)),
     }
 
 
-def _row(name: str, value: Value, data: bytes) -> Row:
+def _row(name: str, value: Value, data: bytes) -> dict[str, Any]:
     return {"name": name, "value": notation(value), "hex": data.hex()}
-
-
-def _refused(refusal: Refusal) -> Row:
-    row = {"name": refusal.name, "hex": refusal.data.hex()}
-    return row | {"path": refusal.path, "error": refusal.error}
 
 
 def notation(value: Any) -> Any:
@@ -119,7 +114,7 @@ def from_notation(value: dict[str, Any]) -> Any:
             return value
 
 
-def _accepted(schema: Value, minimal: Value, full: Value) -> Iterator[Row]:
+def _accepted(schema: Value, minimal: Value, full: Value) -> Iterator[dict[str, Any]]:
     """Yield what other encoders and newer versions of a type may send."""
     unknown = {**minimal, "added_later": {"any": ["thing", 1, 2.5, None]}}
     yield _row("unknown field", minimal, _pack(unknown))
@@ -154,3 +149,60 @@ def _widest(value: Any) -> bytes:
             return struct.pack(">Bq", 0xD3, value) if value < 2**63 else _pack(value)
         case _:
             return _pack(value)
+
+
+def _examples(declaration: Declaration) -> dict[str, Value]:
+    """Return the exact vectors of a declared type, by name.
+
+    `minimal`, with the required fields only; `full`, with all of them, none empty or as by
+    default; and one with each odd float.
+    """
+    rows = fields_of(declaration)
+    required = {name: row for name, row in rows.items() if not {"default", "optional"} & row.keys()}
+    minimal = {name: _filled(row, 0) for name, row in required.items()}
+    full = {name: _other(row) for name, row in rows.items()}
+    full = {name: value for name, value in full.items() if value is not None}
+    odd = {name: _with(full, number) for name, number in _ODD.items()}
+    changed = {name: value for name, value in odd.items() if repr(value) != repr(full)}
+    return {"minimal": minimal, "full": full, **changed}
+
+
+def _other(row: Row) -> Any:
+    """Return a value that is neither empty nor the default; None where there is none."""
+    form = row["type"]
+    options = sorted(form) if isinstance(form, list) else [_filled(row, 1), _filled(row, 2)]
+    return next((value for value in options if value != row.get("default")), None)
+
+
+def _filled(row: Row, number: int) -> Any:
+    """Return a value; another number, another value, and for 0 the smallest one."""
+    scalar, sizes = parts_of(row["type"])
+    least = row.get("min", 0)
+
+    def filled(sizes: list[str], number: int) -> Any:
+        if sizes:
+            count = int(sizes[0]) if sizes[0].isdigit() else 2 * bool(number)
+            steps = range(count) if number else [0] * count
+            return [filled(sizes[1:], number + step) for step in steps]
+        values = {
+            "float": number + 0.5 * bool(number),
+            "int": least + number,
+            "bool": number == 1,
+            "text": _TEXT * number,
+            "bytes": _BYTES * number,
+        }
+        return min(row["type"]) if scalar == "words" else values[scalar]
+
+    return filled(sizes, number)
+
+
+def _with(value: Any, odd: float) -> Any:
+    """Return a value with an odd number for each float."""
+    match value:
+        case dict():
+            return {key: _with(item, odd) for key, item in value.items()}
+        case list():
+            return [_with(item, odd) for item in value]
+        case float():
+            return odd
+    return value

@@ -15,7 +15,7 @@ from support.runs.joints import run_joints
 
 import stepbus_participant.session.admission
 from stepbus_participant import Endpoint, Participant, Ticket, take_part
-from stepbus_participant.bus import zenoh_settings
+from stepbus_participant.bus.zenoh_bus import zenoh_settings
 from stepbus_schemas import (
     ENVELOPE_TYPES,
     Decoder,
@@ -79,9 +79,6 @@ class ScriptedBus:
         self.sinks[key] = sink
 
     subscribe_content = subscribe
-
-    def payload(self, sample):
-        return sample
 
     def query(self, key, data, encoding, timeout_s):
         self.sent.append((key, encoding, data))

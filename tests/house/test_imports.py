@@ -1,10 +1,9 @@
 """Packages import from each other only what these export."""
 
 import ast
-import importlib
 from functools import cache
-from pathlib import Path
 
+from support.exports import exported
 from support.paths import CHECKOUT
 
 SOURCE = (
@@ -76,21 +75,6 @@ def test_packages_import_only_from_the_top_of_others():
         if "." in module and module not in EXPORTING
     }
     assert deep == set()
-
-
-@cache
-def exported(module):
-    """Return `__all__`; without one, what a module defines in the open."""
-    loaded = importlib.import_module(module)
-    if hasattr(loaded, "__all__"):
-        return set(loaded.__all__)
-    targets = [
-        target
-        for node in ast.parse(Path(loaded.__file__).read_text(encoding="utf-8")).body
-        for target in (getattr(node, "targets", None) or [getattr(node, "target", node)])
-    ]
-    names = {getattr(target, "id", getattr(target, "name", "_")) for target in targets}
-    return {name for name in names if not name.startswith("_")}
 
 
 def test_what_packages_import_is_exported():

@@ -27,7 +27,9 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
-from stepbus_participant.session import Control, PeerFault, join, make_inputs, make_sources
+from stepbus_participant.session.admission import join
+from stepbus_participant.session.control import Control
+from stepbus_participant.session.inputs import Input, PeerFault, make_sources
 from stepbus_schemas import InputConfig, MessageError, Refusal, RunError, Welcome, encode
 
 TO_ORCHESTRATOR = ["join", "ready/controller", "log/controller", "fault/controller"]
@@ -182,17 +184,17 @@ def test_the_orchestrators_own_life_is_not_counted(stand):
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)
 def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
     bus, mutator = HandBus(), Mutator(5)
-    control = Control(bus, TOKEN, [])
+    control = Control(bus, TOKEN, [], "controller", drops := {})
     for _ in range(PER_KEY):
         bus.hand(Sample(key, mutator.broken(envelopes()[key])))
     control.enter(0)
     control.poll()
-    assert (control.unauthenticated, control.step_limit, control.started) == (PER_KEY, 0, None)
+    assert (drops, control.step_limit, control.started) == ({"unauthenticated": PER_KEY}, 0, None)
 
 
 def source():
     config = InputConfig(source="controller", port="command", type="JointCommand/1")
-    return make_sources(make_inputs({"command": config}), TOKEN)[0]
+    return make_sources({"command": Input("command", config)}, TOKEN)[0]
 
 
 def test_a_consumer_drops_or_blames_every_mutant_and_takes_none():
@@ -217,7 +219,7 @@ def test_a_mutated_port_message_is_blamed_on_its_sender():
     mutator, port, blamed = Mutator(7), bytes(outputs().ports["command"]), set()
     config = InputConfig(source="controller", port="command", type="JointCommand/1")
     for step in range(PER_KEY):
-        item = make_inputs({"command": config})["command"]
+        item = Input("command", config)
         item.pending.append((step, mutator.mutant(port)))
         try:
             item.settle(step)

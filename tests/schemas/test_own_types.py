@@ -80,6 +80,16 @@ def test_the_default_of_an_array_comes_back_from_its_schema(form, default):
     assert Decoder(types["Own/1"])(encode(types["Own/1"]())) == types["Own/1"]()
 
 
+def test_an_optional_integer_may_have_a_minimum():
+    types = Types({"Own/1": {"a": {"type": "int", "min": 2, "optional": True}}})
+    recorded = json.loads(json.dumps(json_schema("Own/1", types)))
+    assert Types({"Own/1": declaration_of("Own/1", recorded)}) == types
+    decode = Decoder(types["Own/1"])
+    assert (decode(b"\x80").a, decode(msgspec.msgpack.encode({"a": 2})).a) == (None, 2)
+    with pytest.raises(MessageError, match="a must be at least 2"):
+        decode(msgspec.msgpack.encode({"a": 1}))
+
+
 def test_a_default_that_only_a_function_knows_is_refused():
     class Odd(Message, frozen=True):
         a: list[float] = msgspec.field(default_factory=lambda: [1.0])

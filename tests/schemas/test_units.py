@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from stepbus_participant.parameters import declarations_in
+from stepbus_participant import Problems
+from stepbus_participant.parameters import read_types
 from stepbus_schemas import MESSAGE_TYPES, json_schema, unit_problem
 
 UNITS = [
@@ -45,6 +46,8 @@ def test_a_word_for_a_unit_is_told_its_symbol(unit, part, meant):
 
 def test_an_unknown_unit_of_a_declared_type_is_refused_with_its_place():
     field = {"type": "float", "unit": "newtons"}
-    (wrong,) = declarations_in({"Thruster/1": {"force": field, "mode": ["off", "on"]}})[1]
+    problems = Problems()
+    assert read_types({"Thruster/1": {"force": field, "mode": ["off", "on"]}}, problems) == {}
+    (wrong,) = problems.plain
     assert wrong[0] == ("Thruster/1", "force", "unit")
     assert "did you mean 'N'?" in wrong[1]

@@ -7,13 +7,12 @@ is. For the participants nothing changes: the same keys, the same messages, the 
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
 
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs, outputs_of
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import Bus, stamp
+from stepbus_participant import Sample, stamp
 from stepbus_schemas import HANDSHAKE_STEP, due_step, encode
 
 _Put = Callable[..., None]
@@ -49,7 +48,7 @@ class Player:
         puts = {port: publisher(bulk[port], spec.outputs[port].type) for port in bulk}
         self._bulk_puts[spec.name] = puts
         for port, bulk_key in bulk.items():
-            bus.subscribe(bulk_key, into(partial(self._pass_bulk_on, bus, puts[port])))
+            bus.subscribe(bulk_key, into(partial(self._pass_bulk_on, puts[port])))
         bus.subscribe_content(key, into(partial(self._pass_on, put)))
 
     def _pass_on(self, put: _Put, outputs: bytes) -> None:
@@ -61,9 +60,9 @@ class Player:
         if self.is_live:
             put(outputs)
 
-    def _pass_bulk_on(self, bus: Bus, put: _Put, sample: Any) -> None:
+    def _pass_bulk_on(self, put: _Put, sample: Sample) -> None:
         if self.is_live:
-            put(bus.payload(sample), attachment=bus.attachment(sample))
+            put(sample.payload, attachment=sample.attachment)
 
     def send_handshake(self) -> None:
         """Prove the connection for each source, before the first step."""

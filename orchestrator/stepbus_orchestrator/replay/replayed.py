@@ -53,17 +53,17 @@ class Replayed(Repetition):
             )
         self._folder = folder
         self._next = changed
-        self._newest: Any = None
+        self._newest = b""
 
     def attach(self, run: Run) -> None:
         """Let the run know how all outputs were described, and watch the participant."""
         super().attach(run)
         run.descriptions = recorded_descriptions(self.recording)
         # Nobody waits for it, so that only its outputs themselves show how far it has come.
-        run.session.bus.subscribe(f"out/{self.spec.name}", self._see)
+        run.session.bus.subscribe_content(f"out/{self.spec.name}", self._see)
 
-    def _see(self, sample: Any) -> None:
-        self._newest = sample
+    def _see(self, outputs: bytes) -> None:
+        self._newest = outputs
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return where the participant is started."""
@@ -74,9 +74,8 @@ class Replayed(Repetition):
         participant.newest = self._newest_step
 
     def _newest_step(self) -> int:
-        bus = self.run.session.bus
         try:
-            return _decode_outputs(bus.payload(self._newest)).step if self._newest else -1
+            return _decode_outputs(self._newest).step if self._newest else -1
         except MessageError:
             return -1
 

@@ -10,7 +10,7 @@ from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, ZenohBus
+from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, Sample, ZenohBus
 from stepbus_schemas import CallReply, Refusal, Stop, Trigger, Welcome, encode, encoding_of
 
 if TYPE_CHECKING:
@@ -227,7 +227,7 @@ def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop")
         _subscribe_one(session, f"out/{name}", partial(safe_stop.take, name))
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
-        bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(session, messages, sample)))
+        bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(messages, sample)))
     alive = into(lambda item: messages.take_alive(*item))
     bus.watch_alive("alive/*", lambda key, is_alive: alive((_last(key), is_alive)))
     bus.declare_alive("alive/orchestrator")
@@ -239,8 +239,7 @@ def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) ->
 
 def subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
     """Listen to keys such as `ready/*`; take: gets what is in place of the star, and the bytes."""
-    bus = session.bus
-    bus.subscribe(key, session.inbox.into(lambda s: take(_last(bus.key(s)), bus.payload(s))))
+    session.bus.subscribe(key, session.inbox.into(lambda s: take(_last(s.key), s.payload)))
 
 
 def _last(key: str) -> str:
@@ -251,7 +250,6 @@ def _take_join(session: Session, messages: MessageHandler, request: Request) -> 
     messages.take_join(request.payload, partial(session.announcer.reply, request))
 
 
-def _take_bulk(session: Session, messages: MessageHandler, sample: Any) -> None:
-    bus = session.bus
-    _, name, port = bus.key(sample).split("/")
-    messages.take_bulk(name, port, bus.attachment(sample), bus.payload(sample))
+def _take_bulk(messages: MessageHandler, sample: Sample) -> None:
+    _, name, port = sample.key.split("/")
+    messages.take_bulk(name, port, sample.attachment, sample.payload)

@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import structs
 
 from stepbus_orchestrator.scenario.faults import parse_fault
-from stepbus_orchestrator.scenario.message_types import check_types, read_types
+from stepbus_orchestrator.scenario.message_types import check_types, own_types
 from stepbus_orchestrator.scenario.model import (
     LAST_TCP_PORT,
     FaultSpec,
@@ -38,7 +38,7 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         problems.add(("participants",), text)
         problems.refuse()
     row = read(ScenarioFile, data, problems)
-    types, type_files = read_types(row.types, file.parent, problems)
+    types, type_files = own_types(row.types, file.parent, problems)
     specs = [_participant(name, item, row, problems) for name, item in row.participants.items()]
     if participants == {}:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")

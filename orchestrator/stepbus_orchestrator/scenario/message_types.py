@@ -8,20 +8,14 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import Problems, find_file, suggest
-from stepbus_participant.parameters import (
-    Keys,
-    declarations_in,
-    is_file_name,
-    module_types,
-    read_types_file,
-)
+from stepbus_participant import Problems, suggest
+from stepbus_participant.parameters import Keys, is_file_name, read_types
 from stepbus_schemas import Types, explained
 
 _KEY = "types"
 
 
-def read_types(
+def own_types(
     given: str | Mapping[str, Any] | tuple[str | Mapping[str, Any], ...],
     folder: Path,
     problems: Problems,
@@ -36,7 +30,7 @@ def read_types(
     for index, source in enumerate(given if isinstance(given, tuple) else (given,)):
         keys: Keys = (_KEY, index) if isinstance(given, tuple) else (_KEY,)
         if not problems.has(keys):
-            declared = _read(source, folder, keys, problems)
+            declared = read_types(source, problems, keys, folder)
             for name in (name for name in declared if name in types):
                 problems.add(keys, f"{name} is declared twice; leave one of the two out")
             types |= declared
@@ -83,22 +77,3 @@ def _safe_problems(
                 msgspec.convert(message, types[name])
             except msgspec.ValidationError as exc:
                 yield (port,), f"is no {name}: {explained(exc, types[name])}"
-
-
-def _read(
-    source: str | Mapping[str, Any], folder: Path, keys: Keys, problems: Problems
-) -> dict[str, Mapping[str, Any]]:
-    if isinstance(source, Mapping):
-        declared, wrong = declarations_in(source)
-        for below, text in wrong:
-            problems.add((*keys, *below), text)
-        return declared
-    if is_file_name(source):
-        path = problems.attempt(keys, partial(find_file, source, folder))
-        if path is None:
-            return {}
-        return problems.attempt(keys, partial(read_types_file, path)) or {}
-    declared, wrong = module_types(source)
-    for _, text in wrong:
-        problems.add(keys, text)
-    return declared

@@ -12,12 +12,11 @@ from stepbus_participant.parameters import (
     conditions,
     default,
     is_own,
-    listed,
     mark,
     options_of,
     plain,
 )
-from stepbus_schemas import field_docstrings
+from stepbus_schemas import field_docstrings, listed
 
 Schema = dict[str, Any]
 

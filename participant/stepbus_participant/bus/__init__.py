@@ -1,15 +1,104 @@
-"""The bus: the interface that the rest of stepbus knows, and its implementation over Zenoh."""
+"""The interface between stepbus and the transport that carries its messages."""
 
-from .interface import Bus, BusError, Clock, Queue, Request
-from .zenoh_bus import ONE_THREAD, ZenohBus, zenoh_settings
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, Protocol
 
-__all__ = [
-    "ONE_THREAD",
-    "Bus",
-    "BusError",
-    "Clock",
-    "Queue",
-    "Request",
-    "ZenohBus",
-    "zenoh_settings",
-]
+from stepbus_schemas import RunError
+
+
+class BusError(RunError, ConnectionError):
+    """The bus cannot be opened, or has been closed."""
+
+
+class Clock(Protocol):
+    """The time in which a bus waits; the module `time` is the real one."""
+
+    def monotonic(self) -> float:
+        """Return the time since some moment [s]."""
+
+    def monotonic_ns(self) -> int:
+        """Return the same [ns]."""
+
+    def time_ns(self) -> int:
+        """Return the time since the epoch [ns]; it may jump."""
+
+    def sleep(self, seconds: float, /) -> None:
+        """Wait [s]."""
+
+
+class Queue(Protocol):
+    """A queue between the callbacks of a bus and the one who waits for them; see `SimpleQueue`."""
+
+    def put(self, item: Any, /) -> None:
+        """Add an item, from any thread of the bus."""
+
+    def get(self, block: bool = True, timeout: float | None = None) -> Any:
+        """Return the oldest item; raises `queue.Empty` after the time-out [s]."""
+
+    def empty(self) -> bool:
+        """Return whether there is no item."""
+
+    def qsize(self) -> int:
+        """Return how many items there are."""
+
+
+class Sample(NamedTuple):
+    """What a subscriber gets: its content, and the key relative to the run's key space."""
+
+    key: str
+    payload: bytes
+    attachment: bytes
+    encoding: str
+
+
+class Request(Protocol):
+    """A query that waits for its reply."""
+
+    @property
+    def payload(self) -> bytes:
+        """Return the content of the query."""
+
+    def reply(self, data: bytes, encoding: str) -> None:
+        """Reply to it, once."""
+
+
+class Bus(Protocol):
+    """Publish, subscribe, query, reply, and declare a liveliness token.
+
+    Keys are relative to the run's key space. Callbacks run on a thread of the bus and should
+    only put their sample into a queue (P2.7).
+    """
+
+    @property
+    def clock(self) -> Clock:
+        """Return the time in which its queues and queries wait."""
+
+    def queue(self) -> Queue:
+        """Return a queue for what callbacks get; waiting for it lets the bus work."""
+
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes; it also takes `attachment=` bytes.
+
+        remote: subscribers of this bus itself do not get them.
+        """
+
+    def subscribe(self, key: str, sink: Callable[[Sample], None]) -> None:
+        """Call `sink` with each sample on a key; `*` matches one part of it."""
+
+    def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
+        """Call `sink` with the content of each sample on a key; cheaper than `subscribe`."""
+
+    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterable[bytes]:
+        """Return the replies to a query as they arrive, until the time-out."""
+
+    def answer(self, key: str, sink: Callable[[Request], None]) -> None:
+        """Call `sink` with each query on a key."""
+
+    def declare_alive(self, key: str) -> None:
+        """Declare a liveliness token, which lasts until the session closes or the process dies."""
+
+    def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
+        """Call `sink` with (key, alive) now and whenever a liveliness token changes."""
+
+    def close(self) -> None:
+        """Close the session; closing it again is harmless."""

@@ -8,16 +8,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import lru_cache
 from queue import Empty, SimpleQueue
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
-from .interface import BusError, Clock, Queue, Request
-
-
-class _Sample(NamedTuple):
-    key: str
-    payload: bytes
-    encoding: str
-    attachment: bytes
+from . import BusError, Clock, Queue, Request, Sample
 
 
 @dataclass(frozen=True)
@@ -29,25 +22,17 @@ class _LoopbackRequest:
         self.replies.put(data)
 
 
+_Role = Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
+
+
 @dataclass(frozen=True, eq=False)
 class _Declared:
     """What one bus has declared on its network; sink: what to call."""
 
     bus: LoopbackBus
-    role: Literal["subscriber", "receiver", "answerer", "watcher", "alive"]
+    role: _Role
     key: str
-    sink: Callable[..., None] = lambda *_: None
-
-
-@dataclass(frozen=True, eq=False)
-class _Route:
-    """Where a publisher's samples go. only: the one bus they reach; without: one they do not."""
-
-    key: str
-    sinks: list[Callable[..., None]]
-    receivers: list[Callable[..., None]]
-    only: LoopbackBus | None
-    without: LoopbackBus | None
+    sink: Callable[..., None]
 
 
 class LoopbackBus:
@@ -67,20 +52,21 @@ class LoopbackBus:
         is_leaf: bool = False,
     ) -> None:
         self.clock: Clock = clock if peer is None else peer.clock
-        self.declared: list[_Declared] = [] if peer is None else peer.declared
-        self._routes: list[_Route] = [] if peer is None else peer._routes
-        self._only = peer if is_leaf else None
         self.queue = make_queue
+        self._declared: list[_Declared] = [] if peer is None else peer._declared
+        self._publishers: list[Callable[[], None]] = [] if peer is None else peer._publishers
+        self._only = peer if is_leaf else None
         self._closed = False
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it raises BusError once the bus is closed."""
-        # The same list for as long as the network lives, so that a put has nothing to look up.
-        sinks: list[Callable[..., None]] = []
-        receivers: list[Callable[..., None]] = []
-        route = _Route(key, sinks, receivers, self._only, self if remote else None)
-        self._routes.append(route)
-        self._find_subscribers()
+        # The same lists for as long as the network lives, so that a put has nothing to look up.
+        receivers: list[Callable[[bytes], None]] = []
+        subscribers: list[Callable[[Sample], None]] = []
+
+        def find_subscribers() -> None:
+            receivers[:] = self._reached("receiver", key, remote=remote)
+            subscribers[:] = self._reached("subscriber", key, remote=remote)
 
         def put(data: bytes, attachment: bytes = b"") -> None:
             if self._closed:
@@ -88,54 +74,31 @@ class LoopbackBus:
             content = bytes(data)
             for receive in receivers:
                 receive(content)
-            for sink in sinks:
-                sink(_Sample(key, content, encoding, attachment))
+            for take in subscribers:
+                take(Sample(key, content, attachment, encoding))
 
+        find_subscribers()
+        self._publishers.append(find_subscribers)
         return put
 
-    def _find_subscribers(self) -> None:
-        """Renew who gets what is published on each key, after something was declared."""
-        for route in self._routes:
-            route.sinks[:] = self._reached("subscriber", route)
-            route.receivers[:] = self._reached("receiver", route)
-
-    def _reached(self, role: str, route: _Route) -> list[Callable[..., None]]:
+    def _reached(self, role: _Role, key: str, *, remote: bool) -> list[Callable[..., None]]:
+        without = self if remote else None
         return [
             row.sink
-            for row in self._rows(role, route.key)
-            if row.bus is not route.without and route.only in {None, row.bus}
+            for row in self._matching(role, key)
+            if row.bus is not without and self._only in {None, row.bus}
         ]
 
-    def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
-        """Call `sink` with each sample on a key; `*` stands for one part of it."""
-        self.declared.append(_Declared(self, "subscriber", key, sink))
-        self._find_subscribers()
+    def subscribe(self, key: str, sink: Callable[[Sample], None]) -> None:
+        """Call `sink` with each sample on a key; `*` matches one part of it."""
+        self._declare("subscriber", key, sink)
 
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
-        """Call `sink` with the content of each sample on a key; `*` stands for one part of it."""
-        self.declared.append(_Declared(self, "receiver", key, sink))
-        self._find_subscribers()
-
-    def payload(self, sample: Any) -> bytes:
-        """Return the content of a sample."""
-        data: bytes = sample.payload
-        return data
-
-    def key(self, sample: Any) -> str:
-        """Return the key of a sample."""
-        return str(sample.key)
-
-    def encoding(self, sample: Any) -> str:
-        """Return the encoding of a sample."""
-        return str(sample.encoding)
-
-    def attachment(self, sample: Any) -> bytes:
-        """Return the attachment of a sample, empty where it has none."""
-        data: bytes = sample.attachment
-        return data
+        """Call `sink` with the content of each sample on a key."""
+        self._declare("receiver", key, sink)
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
-        """Yield the answers to a query as they come, of everybody who answers in time."""
+        """Yield the replies to a query as they arrive, until the time-out."""
         replies = self.queue()
         deadline = self.clock.monotonic() + timeout_s
         for _ in range(self._call("answerer", key, _LoopbackRequest(data, replies))):
@@ -146,43 +109,48 @@ class LoopbackBus:
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""
-        self.declared.append(_Declared(self, "answerer", key, sink))
+        self._declare("answerer", key, sink)
 
     def declare_alive(self, key: str) -> None:
         """Be seen alive under a key until the bus closes."""
-        self.declared.append(_Declared(self, "alive", key))
+        self._declare("alive", key, lambda: None)
         self._call("watcher", key, key, True)
 
     def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
         """Call `sink` with (key, alive) now and whenever a participant comes or goes."""
-        self.declared.append(_Declared(self, "watcher", key, sink))
-        for row in tuple(self.declared):
+        self._declare("watcher", key, sink)
+        for row in tuple(self._declared):
             if row.role == "alive" and _matches(key, row.key):
                 sink(row.key, True)
 
     def close(self) -> None:
         """Leave the bus; harmless when repeated."""
         self._closed = True
-        left = [row for row in self.declared if row.bus is self]
-        for row in left:
-            self.declared.remove(row)
-        self._find_subscribers()
+        left = [row for row in self._declared if row.bus is self]
+        self._declared[:] = [row for row in self._declared if row.bus is not self]
+        self._renew_publishers()
         for row in left:
             if row.role == "alive":
                 self._call("watcher", row.key, row.key, False)
 
-    def _call(self, role: str, key: str, *arguments: Any) -> int:
-        """Call everybody of a role who has declared a key, and return how many they were."""
-        sinks = self._sinks(role, key)
+    def _declare(self, role: _Role, key: str, sink: Callable[..., None]) -> None:
+        self._declared.append(_Declared(self, role, key, sink))
+        if role in {"receiver", "subscriber"}:
+            self._renew_publishers()
+
+    def _renew_publishers(self) -> None:
+        for find_subscribers in self._publishers:
+            find_subscribers()
+
+    def _call(self, role: _Role, key: str, *arguments: Any) -> int:
+        """Call each sink of a role that is declared for a key; return how many they are."""
+        sinks = [row.sink for row in self._matching(role, key)]
         for sink in sinks:
             sink(*arguments)
         return len(sinks)
 
-    def _sinks(self, role: str, key: str) -> list[Callable[..., None]]:
-        return [row.sink for row in self._rows(role, key)]
-
-    def _rows(self, role: str, key: str) -> list[_Declared]:
-        return [row for row in self.declared if row.role == role and _matches(row.key, key)]
+    def _matching(self, role: _Role, key: str) -> list[_Declared]:
+        return [row for row in self._declared if row.role == role and _matches(row.key, key)]
 
 
 @lru_cache(maxsize=4096)

@@ -2,7 +2,6 @@
 
 import contextlib
 import ctypes
-import importlib
 import json
 import os
 import re
@@ -10,12 +9,11 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from functools import cache
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from .interface import BusError, Clock, Queue, Request
+from . import BusError, Clock, Queue, Request, Sample
 from .ticket import Endpoint, private_folder
 
 ONE_THREAD = {
@@ -28,7 +26,6 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 8,100 steps/s. It changes no result.
 """
 
-
 _OPEN_S = 10.0
 _LIMITS = "may this user start enough threads (ulimit -u) and open enough files (ulimit -n)?"
 _LEASE_MS = 3_600_000
@@ -36,13 +33,6 @@ _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
 """Where in Zenoh's source an error was made, on the machine that built it."""
 _ACCEPT_MS = 1000
 """How long a link may take to open; a session that closes waits for those that never do."""
-
-
-@cache
-def _zenoh() -> Any:
-    """Return the module zenoh, loaded when a bus is opened."""
-    return importlib.import_module("zenoh")
-
 
 _opening = threading.Lock()
 
@@ -89,14 +79,15 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
         "scouting/multicast/enabled": False,
         # Gossip with the low-latency transport lost links for good in 6 to 9 of 30 starts.
         "scouting/gossip/enabled": False,
+        # With shared memory on, Zenoh moves messages of 3 kB or more into it, and drops them
+        # silently when the receiver is not scheduled for 100 ms (eclipse-zenoh/zenoh#2628).
+        "transport/shared_memory/enabled": False,
+        # After its default of 10 s, Zenoh drops the link to a process that is stopped, in a
+        # debugger for example. Here the deadlines of the scenario decide; a dead process closes
+        # its sockets.
+        "transport/link/tx/lease": _LEASE_MS,
+        "transport/unicast/accept_timeout": _ACCEPT_MS,
     }
-    # With shared memory on, Zenoh moves messages of 3 kB or more into it, and drops them silently
-    # when the receiver is not scheduled for 100 ms (eclipse-zenoh/zenoh#2628).
-    settings["transport/shared_memory/enabled"] = False
-    # After its default of 10 s, Zenoh drops the link to a process that is stopped, in a debugger
-    # for example. Here the deadlines of the scenario decide; a dead process closes its sockets.
-    settings["transport/link/tx/lease"] = _LEASE_MS
-    settings["transport/unicast/accept_timeout"] = _ACCEPT_MS
     if endpoint.low_latency:
         settings["transport/unicast/qos/enabled"] = False
         settings["transport/unicast/lowlatency"] = True
@@ -107,11 +98,11 @@ def zenoh_settings(endpoint: Endpoint, users_file: str | None) -> dict[str, Any]
     return {**settings, **endpoint.settings}
 
 
-def _gone(endpoint: Endpoint) -> str:
-    """Return that the private folder of the run has been removed; empty where it is there."""
+def _cause(endpoint: Endpoint, otherwise: str) -> str:
+    """Return that the private folder of the run is gone; `otherwise` where it is there."""
     folder = private_folder(endpoint)
     if folder is None or folder.is_dir():
-        return ""
+        return otherwise
     return (
         f"the run's private folder {folder} is gone: did somebody remove it? In a container, is it "
         "mounted?"
@@ -171,7 +162,9 @@ class ZenohBus:
     clock: Clock = time
 
     def __init__(self, endpoint: Endpoint, run: str) -> None:
-        zenoh = self._zenoh = _zenoh()
+        import zenoh  # noqa: PLC0415  only who opens a bus needs it
+
+        self._zenoh: Any = zenoh
         self._prefix = f"stepbus/{run}/"
         self._held: list[Any] = []
         users_file = self._write_users(endpoint) if endpoint.user is not None else None
@@ -184,7 +177,7 @@ class ZenohBus:
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()
-            cause = _gone(endpoint) or "is the port or socket in use by another run?"
+            cause = _cause(endpoint, "is the port or socket in use by another run?")
             raise BusError(f"cannot listen on {where}: {why}; {cause}") from exc
         finally:
             if users_file is not None:
@@ -199,7 +192,7 @@ class ZenohBus:
             with os.fdopen(handle, "w") as file:
                 file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
         except OSError as exc:
-            cause = _gone(endpoint) or "set TMPDIR to a folder with room"
+            cause = _cause(endpoint, "set TMPDIR to a folder with room")
             raise BusError(f"cannot write the credentials: {exc.strerror}; {cause}") from exc
         return name
 
@@ -221,21 +214,23 @@ class ZenohBus:
         put: Callable[..., None] = publisher.put
         return put
 
-    def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
-        """Call `sink` with each sample, on Zenoh's own receiving thread."""
+    def subscribe(self, key: str, sink: Callable[[Sample], None]) -> None:
+        """Call `sink` with each sample, on Zenoh's own receiving thread.
+
+        A link has one buffer of 64 KiB to receive into. Zenoh allocates, clears and frees another
+        for every message that arrives while one of its samples is held, so all is copied.
+        """
 
         def on_sample(sample: Any) -> None:
             _keep_thread_state()
-            sink(sample)
+            attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+            content = sample.payload.to_bytes()
+            sink(Sample(self._key(sample), content, attachment, str(sample.encoding)))
 
         self._subscribe(key, on_sample)
 
     def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
-        """Call `sink` with the content of each sample, on Zenoh's own receiving thread.
-
-        A link has one buffer of 64 KiB to receive into. Zenoh allocates, clears and frees another
-        for every message that arrives while somebody holds a sample, so none is held.
-        """
+        """Call `sink` with the content of each sample, on Zenoh's own receiving thread."""
 
         def on_sample(sample: Any) -> None:
             _keep_thread_state()
@@ -244,26 +239,16 @@ class ZenohBus:
         self._subscribe(key, on_sample)
 
     def _subscribe(self, key: str, on_sample: Callable[[Any], None]) -> None:
-        # The default, an indirect callback, moves every message to another thread.
-        handler: Any = self._zenoh.handlers.Callback(on_sample, indirect=False)
-        self._held.append(self._session.declare_subscriber(self._prefix + key, handler))
+        self._held.append(
+            self._session.declare_subscriber(self._prefix + key, self._direct(on_sample))
+        )
 
-    def payload(self, sample: Any) -> bytes:
-        """Return the content of a sample."""
-        data: bytes = sample.payload.to_bytes()
-        return data
+    def _direct(self, callback: Callable[[Any], None]) -> Any:
+        """Return a handler; the default, an indirect one, moves every message to another thread."""
+        return self._zenoh.handlers.Callback(callback, indirect=False)
 
-    def key(self, sample: Any) -> str:
-        """Return the key of a sample, relative to the run's key space."""
+    def _key(self, sample: Any) -> str:
         return str(sample.key_expr).removeprefix(self._prefix)
-
-    def encoding(self, sample: Any) -> str:
-        """Return the encoding of a sample."""
-        return str(sample.encoding)
-
-    def attachment(self, sample: Any) -> bytes:
-        """Return the attachment of a sample, empty where it has none."""
-        return b"" if sample.attachment is None else bytes(sample.attachment.to_bytes())
 
     def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
         """Yield the replies to a query as they arrive, until the time-out."""
@@ -281,9 +266,7 @@ class ZenohBus:
 
     def answer(self, key: str, sink: Callable[[Request], None]) -> None:
         """Call `sink` with each query on a key."""
-        handler: Any = self._zenoh.handlers.Callback(
-            lambda query: sink(_ZenohRequest(query)), indirect=False
-        )
+        handler = self._direct(lambda query: sink(_ZenohRequest(query)))
         self._held.append(
             self._session.declare_queryable(self._prefix + key, handler, complete=True)
         )
@@ -296,11 +279,10 @@ class ZenohBus:
         """Call `sink` with (key, alive) now and whenever a liveliness token changes."""
 
         def on_sample(sample: Any) -> None:
-            sink(self.key(sample), sample.kind == self._zenoh.SampleKind.PUT)
+            sink(self._key(sample), sample.kind == self._zenoh.SampleKind.PUT)
 
-        handler: Any = self._zenoh.handlers.Callback(on_sample, indirect=False)
         token = self._session.liveliness().declare_subscriber(
-            self._prefix + key, handler, history=True
+            self._prefix + key, self._direct(on_sample), history=True
         )
         self._held.append(token)
 

@@ -16,7 +16,7 @@ from stepbus_schemas import WiringError
 Keys = tuple[str | int, ...]
 """Where a value stands: the keys and list indices that lead to it."""
 
-T = TypeVar("T")
+_T = TypeVar("_T")
 _SHOWN_CHARACTERS = 60
 _MOST = 100
 
@@ -90,7 +90,7 @@ class Problems:
         self._found = list(problems)
         self._above = above
         self.plain: list[tuple[Keys, str]] = []
-        """Keys and message of what `add` got, without places."""
+        """Whole path and message of what `add` got, without places."""
 
     def __len__(self) -> int:
         return len(self._found)
@@ -105,8 +105,8 @@ class Problems:
 
     def add(self, keys: Keys, message: str) -> None:
         """Add that the value at `keys` is wrong; raises TooManyProblems at the hundredth."""
-        self.plain.append((keys, message))
         keys = self.path(keys)
+        self.plain.append((keys, message))
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
         self._found.append(
@@ -123,7 +123,7 @@ class Problems:
         for line in str(error).splitlines():
             self.add(keys, line)
 
-    def attempt(self, keys: Keys, make: Callable[[], T]) -> T | None:
+    def attempt(self, keys: Keys, make: Callable[[], _T]) -> _T | None:
         """Return what is made, or None where that raises WiringError, which is added at `keys`."""
         try:
             return make()
@@ -140,7 +140,7 @@ class Problems:
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; what it finds counts here too."""
         part = Problems(self._file_place.file, self._places, above=(*self._above, *above))
-        part._found = self._found
+        part._found, part.plain = self._found, self.plain
         return part
 
     def refuse(self) -> None:

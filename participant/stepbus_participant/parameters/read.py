@@ -6,7 +6,7 @@ wrong, so that reading continues and the rest is checked too; the caller refuses
 
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -15,30 +15,30 @@ from typing import Any, TypeVar
 from msgspec import inspect
 
 from stepbus_participant.files import find_file
-from stepbus_participant.hints import suggest
+from stepbus_schemas import listed, nearest, suggest
 
-from .fields import (
-    Fields,
+from .durations import parse_duration
+from .nodes import (
+    conditions,
+    default,
     empty,
+    is_ignored,
+    is_own,
     is_plugin,
-    listed,
     mark,
-    not_text,
     noun,
     options_of,
     plain,
     takes,
-    without,
     words_of,
 )
 from .problems import Keys, Problems, TooManyProblems, show
-from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings, parse_duration
+from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
 
 S = TypeVar("S", bound=Settings)
 T = TypeVar("T")
 _LARGEST = 1e300
 _WITH_UNIT = re.compile(r"([-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?) *(\D{0,12})")
-_SCALARS = (inspect.StrType, inspect.IntType, inspect.FloatType, inspect.BoolType)
 
 
 def read(
@@ -114,26 +114,24 @@ class _Reader:
             return empty(node)
         before = len(self.problems)
         given = {key: item for key, item in data.items() if item is not None}
-        fields = Fields(
-            read=self.value, problems=self.problems, node=node, data=given, keys=keys, short=short
-        )
-        value = cls(**fields.values())
+        value = cls(**_Fields(self, node, given, keys, short).values())
         if len(self.problems) == before:
             for where, text in value.problems():
-                self.problems.add((*keys, *without(short, where)), text)
+                self.problems.add((*keys, *_without(short, where)), text)
         return value
 
-    def _plain(self, node: inspect.Type, data: Any, keys: Keys) -> Any:
+    def _simple(self, node: Any, data: Any, keys: Keys) -> Any:
         if not takes(node, data):
             is_bare = isinstance(node, inspect.StrType) and takes(inspect.FloatType(), data)
             hint = "; put it in quotes" if is_bare else _number_hint(node, data)
             return self.wrong(keys, f"must be {noun(node)}, not {show(data)}{hint}", empty(node))
-        if isinstance(node, inspect.DictType):
-            return self._dict(node, data, keys)
-        if isinstance(node, inspect.VarTupleType):
-            return self._tuple(node, data, keys)
-        if isinstance(node, inspect.IntType | inspect.FloatType):
-            return self._number(node, data, keys)
+        match node:
+            case inspect.DictType():
+                return self._dict(node, data, keys)
+            case inspect.VarTupleType():
+                return self._tuple(node, data, keys)
+            case inspect.IntType() | inspect.FloatType():
+                return self._number(node, data, keys)
         if isinstance(node, inspect.StrType) and node.min_length and not data:
             self.problems.add(keys, "must not be empty")
         return data
@@ -147,7 +145,7 @@ class _Reader:
                 self.value(node.key_type, key, (*keys, key))
                 values[key] = self.value(node.value_type, item, (*keys, key))
             else:
-                self.problems.add((*keys, str(key)), not_text(key))
+                self.problems.add((*keys, str(key)), _not_text(key))
         return values
 
     def _tuple(self, node: inspect.VarTupleType, data: Any, keys: Keys) -> tuple[Any, ...]:
@@ -164,31 +162,6 @@ class _Reader:
         rows = enumerate(zip(node.item_types, data, strict=True))
         return tuple(self.value(item, value, (*keys, i)) for i, (item, value) in rows)
 
-    def _union(self, node: inspect.UnionType, data: Any, keys: Keys) -> Any:
-        if data is None:
-            return None
-        options = options_of(node)
-        words = words_of(options)
-        takers = [item for item in options if takes(item, data)]
-        if not takers and words and (isinstance(data, str) or len(words) == len(options)):
-            return self._choice(options, data, keys)
-        if takers or len(options) == 1:
-            return self.value((takers or options)[0], data, keys)
-        names = " or ".join(dict.fromkeys(noun(item) for item in options))
-        return self.wrong(keys, f"must be {names}, not {show(data)}", None)
-
-    def _literal(self, node: inspect.LiteralType, data: Any, keys: Keys) -> Any:
-        if isinstance(data, str | int) and data in node.values:
-            return data
-        return self._choice([node], data, keys)
-
-    def _choice(self, options: Sequence[inspect.Type], data: Any, keys: Keys) -> Any:
-        words = words_of(options)
-        own = ["module:Class"] if any(is_plugin(item) for item in options) else []
-        near = suggest(data, words) if isinstance(data, str) else ""
-        text = f"must be {listed([*words, *own])}, not {show(data)}"
-        return self.wrong(keys, text + (near if "did you mean" in near else ""), words[0])
-
     def _number(self, node: inspect.IntType | inspect.FloatType, data: float, keys: Keys) -> float:
         instead: float = empty(node)
         if isinstance(instead, float) and not -_LARGEST <= data <= _LARGEST:
@@ -203,6 +176,27 @@ class _Reader:
             return type(instead)(data)
         return self.wrong(keys, f"must be {limit}, not {show(data)}", instead)
 
+    def _one_of(self, node: inspect.Type, data: Any, keys: Keys) -> Any:
+        """Return data as the option of a type that takes it."""
+        options = options_of(node)
+        if data is None and isinstance(node, inspect.UnionType):
+            return None
+        for item in options:
+            if takes(item, data):
+                is_word = isinstance(plain(item), inspect.LiteralType)
+                return data if is_word else self.value(item, data, keys)
+        words = words_of(options)
+        is_choice = all(is_plugin(item) or words_of([item]) for item in options)
+        if words and (isinstance(data, str) or is_choice):
+            own = ["module:Class"] if any(map(is_plugin, options)) else []
+            near = nearest(data, words) if isinstance(data, str) else ""
+            text = f"must be {listed([*words, *own])}, not {show(data)}{near}"
+            return self.wrong(keys, text, words[0])
+        if len(options) == 1:
+            return self.value(options[0], data, keys)
+        names = " or ".join(dict.fromkeys(noun(item) for item in options))
+        return self.wrong(keys, f"must be {names}, not {show(data)}", None)
+
     # Marked types of settings.py
 
     def _duration(self, _node: Any, data: Any, keys: Keys) -> int:
@@ -215,10 +209,8 @@ class _Reader:
         return 0 if data in ("0s", "0ms") else self._duration(node, data, keys)
 
     def _name(self, _node: Any, data: Any, keys: Keys) -> str:
-        is_name = (
-            isinstance(data, str) and len(data) <= LONGEST_NAME and re.fullmatch(NAME_FORM, data)
-        )
-        if is_name or not isinstance(data, str):
+        is_name = isinstance(data, str) and len(data) <= LONGEST_NAME
+        if not isinstance(data, str) or (is_name and re.fullmatch(NAME_FORM, data)):
             return str(self.value(inspect.StrType(), data, keys))
         text = (
             f"{data!r} is no name; it takes 1 to {LONGEST_NAME} letters, digits, '_' and '-', "
@@ -279,11 +271,121 @@ def _number_hint(node: inspect.Type, data: Any) -> str:
     return "; write the number alone, in the unit that the documentation of the key names"
 
 
+_SCALARS = (inspect.StrType, inspect.IntType, inspect.FloatType, inspect.BoolType)
 _BY_NODE: Mapping[type, Callable[[_Reader, Any, Any, Keys], Any]] = {
+    inspect.AnyType: lambda _reader, _node, data, _keys: data,
+    inspect.LiteralType: _Reader._one_of,
     inspect.StructType: _Reader._struct,
     inspect.TupleType: _Reader._fixed,
-    inspect.UnionType: _Reader._union,
-    inspect.LiteralType: _Reader._literal,
-    inspect.AnyType: lambda _reader, _node, data, _keys: data,
-    **dict.fromkeys((*_SCALARS, inspect.DictType, inspect.VarTupleType), _Reader._plain),
+    inspect.UnionType: _Reader._one_of,
+    **dict.fromkeys((*_SCALARS, inspect.DictType, inspect.VarTupleType), _Reader._simple),
 }
+
+
+class _Fields:
+    """The fields of one struct; data: without the keys that are null.
+
+    short: key of the struct that a text stands for, where the data is one.
+    """
+
+    def __init__(
+        self,
+        reader: _Reader,
+        node: inspect.StructType,
+        data: Mapping[Any, Any],
+        keys: Keys,
+        short: str,
+    ) -> None:
+        self._reader, self._problems = reader, reader.problems
+        self._data, self._keys, self._short = data, keys, short
+        self._fields = {f.encode_name: f for f in node.fields if not is_own(f)}
+        settings: Any = node.cls
+        self._elsewhere = settings.elsewhere
+        self._own = [field.name for field in node.fields if is_own(field)]
+        # Whether the data names a class of the user's own.
+        self._has_plugin = any(
+            isinstance(value := data.get(key), str) and ":" in value
+            for key, field in self._fields.items()
+            if is_plugin(field.type)
+        )
+
+    def values(self) -> dict[str, Any]:
+        """Return name of a field → value; what is wrong is added to the problems."""
+        values = {field.name: self._value(key, field) for key, field in self._fields.items()}
+        surplus = {key: item for key, item in self._data.items() if self._is_surplus(key)}
+        if not self._has_plugin:
+            for key in surplus:
+                text = self._unknown(key) if isinstance(key, str) else _not_text(key)
+                self._problems.add((*self._keys, str(key)), text)
+            surplus = {}
+        self._check_names(values)
+        return values | dict.fromkeys(self._own, surplus)
+
+    def _unknown(self, key: str) -> str:
+        place = self._elsewhere(key)
+        return f"unknown key {key!r}{f'; {place}' if place else suggest(key, self._fields)}"
+
+    def _is_surplus(self, key: Any) -> bool:
+        field = self._fields.get(key)
+        return field is None or (self._has_plugin and self._applies(field) is False)
+
+    def _value(self, key: str, field: inspect.Field) -> Any:
+        instead = empty(field.type) if field.required else default(field)
+        where, applies = (*self._keys, key), self._applies(field)
+        if key not in self._data:
+            if field.required and applies and not self._problems.has(where):
+                self._problems.add(self._keys, f"the key {key!r} is missing")
+            return instead
+        if applies is False and not is_ignored(field):
+            if not self._has_plugin:
+                self._problems.add(where, self._misplaced(field))
+            return instead
+        before = len(self._problems)
+        where = (*self._keys, *_without(self._short, (key,)))
+        value = self._reader.value(field.type, self._data[key], where)
+        wrong = len(self._problems) > before
+        # What is right in a map is kept; a participant without outputs would be a second problem.
+        replaced = wrong and not field.required and not isinstance(value, Settings | dict)
+        return instead if replaced else value
+
+    def _applies(self, field: inspect.Field) -> bool | None:
+        """Return whether a field means something beside the others; None: they do not decide it."""
+        wanted = conditions(field)
+        if not self._has_plugin and not all(self._is_decided(key) for key in wanted):
+            return None
+        return all(self._setting(key) in values for key, values in wanted.items())
+
+    def _is_decided(self, key: str) -> bool:
+        """Return whether a key has a value that it may have."""
+        return self._setting(key) in (*words_of(options_of(self._fields[key].type)), True, False)
+
+    def _setting(self, key: str) -> Any:
+        """Return the value of another field, as it stands or by default."""
+        field = self._fields[key]
+        value = self._data.get(key, None if field.required else default(field))
+        return value if isinstance(value, str | bool) else None
+
+    def _misplaced(self, field: inspect.Field) -> str:
+        wanted = " and ".join(f"{k} {listed(v)}" for k, v in conditions(field).items())
+        now = " and ".join(f"{k} is {show(self._setting(k))}" for k in conditions(field))
+        return f"belongs to {wanted}; {now}"
+
+    def _check_names(self, values: Mapping[str, Any]) -> None:
+        """Add what does not fit `joints` among the numbers that are one for each of them."""
+        joints = values.get("joints")
+        if not joints or "joints" not in self._data:
+            return
+        for key, field in self._fields.items():
+            value = values[field.name]
+            if isinstance(value, PerName) and key in self._data:
+                for where, text in value.misfits(joints):
+                    self._problems.add((*self._keys, key, *where), text)
+
+
+def _without(short: str, where: Keys) -> Keys:
+    """Return keys without the first, where a text stands for that one."""
+    return where[1:] if short and where[:1] == (short,) else where
+
+
+def _not_text(key: object) -> str:
+    return f"a key must be text, not {key!r}; put it in quotes"

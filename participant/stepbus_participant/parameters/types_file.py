@@ -2,27 +2,27 @@
 
 import importlib
 from collections.abc import Iterator, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
-from stepbus_participant.hints import extra_hint
+from stepbus_participant.files import find_file
+from stepbus_participant.packages import extra_hint
 from stepbus_schemas import (
     Message,
     Types,
-    WiringError,
     class_declaration,
     error_text,
     type_name,
     type_problems,
 )
 
-from .problems import Keys
+from .problems import Keys, Problems
 
 _KEY = "types"
 _EXPECTED = "a file of message types has the key 'types'"
 
-Found = tuple[dict[str, Mapping[str, Any]], list[tuple[Keys, str]]]
-"""Declarations by name, of types that are fine, and what is wrong with the others."""
+Declarations = dict[str, Mapping[str, Any]]
 
 
 def load_types(*sources: str | Path) -> Types:
@@ -31,16 +31,11 @@ def load_types(*sources: str | Path) -> Types:
     `types = load_types("thruster.yaml")`; `types["Thruster/1"]` then is a class.
     Raises WiringError that lists every problem.
     """
-    declarations: dict[str, Mapping[str, Any]] = {}
+    declarations: Declarations = {}
     for source in sources:
-        if is_file_name(source):
-            declarations |= read_types_file(Path(source))
-            continue
-        rows, problems = module_types(str(source))
-        if problems:
-            texts = [".".join((*map(str, keys), "")).rstrip(".") + f": {t}" for keys, t in problems]
-            raise WiringError("\n".join(f"{source}: {text.removeprefix(': ')}" for text in texts))
-        declarations |= rows
+        problems = Problems(str(source))
+        declarations |= read_types(source, problems)
+        problems.refuse()
     return Types(declarations)
 
 
@@ -49,32 +44,57 @@ def is_file_name(source: str | Path) -> bool:
     return isinstance(source, Path) or source.endswith((".yaml", ".yml"))
 
 
-def read_types_file(path: Path) -> dict[str, Mapping[str, Any]]:
-    """Return the declarations in a YAML file; raises SettingsError with all problems, by line."""
+def read_types(
+    source: str | Path | Mapping[str, Any],
+    problems: Problems,
+    keys: Keys = (),
+    folder: Path | None = None,
+) -> Declarations:
+    """Return the declarations of a map, a YAML file or an installed module, without those amiss.
+
+    problems: what is wrong is added there, at or below `keys`. folder: where a file is looked for;
+    None: its name is a path.
+    """
+    if isinstance(source, Mapping):
+        return _checked(source, problems.below(keys))
+    if not is_file_name(source):
+        return _checked(_of_module(str(source), problems, keys), problems.below(keys))
+    path: Path | None = Path(source)
+    if folder is not None:
+        path = problems.attempt(keys, partial(find_file, str(source), folder))
+    return {} if path is None else problems.attempt(keys, partial(_of_file, path)) or {}
+
+
+def _of_file(path: Path) -> Declarations:
     from .yaml_file import read_yaml  # noqa: PLC0415  a participant may do without YAML
 
     file = read_yaml(path, _EXPECTED)
-    rows, problems = declarations_in(file.data.get(_KEY))
-    unknown = [((key,), f"unknown key; {_EXPECTED}") for key in file.data if key != _KEY]
-    file.refuse([*unknown, *(((_KEY, *keys), text) for keys, text in problems)])
-    return rows
+    problems = file.problems()
+    for key in file.data:
+        if key != _KEY:
+            problems.add((key,), f"unknown key; {_EXPECTED}")
+    declarations = _checked(file.data.get(_KEY), problems.below((_KEY,)))
+    problems.refuse()
+    return declarations
 
 
-def declarations_in(data: object) -> Found:
-    """Return what a map of types declares."""
+def _checked(data: object, problems: Problems) -> Declarations:
+    """Return what a map of types declares, without what is wrong."""
+    declarations: Declarations = {}
     if not isinstance(data, Mapping):
-        return {}, [((), "must be a map of types: Name/1 → its fields")]
-    wrong = [
-        ((name, *keys), text)
-        for name in data
-        for keys, text in (*type_problems(name, data[name]), *_unit_problems(data[name]))
-    ]
-    names = {keys[0] for keys, _ in wrong}
-    return {name: row for name, row in data.items() if name not in names}, wrong
+        problems.add((), "must be a map of types: Name/1 → its fields")
+        return declarations
+    for name, declaration in data.items():
+        wrong = [*type_problems(name, declaration), *_unit_problems(declaration)]
+        for keys, text in wrong:
+            problems.add((name, *keys), text)
+        if not wrong:
+            declarations[name] = declaration
+    return declarations
 
 
 def _unit_problems(declaration: object) -> Iterator[tuple[Keys, str]]:
-    """Yield units that nobody knows; a type of a recording may have them all the same."""
+    """Yield units that are unknown; a type of a recording may have them all the same."""
     from stepbus_schemas import unit_problem  # noqa: PLC0415  a participant needs no units
 
     for field, row in declaration.items() if isinstance(declaration, Mapping) else ():
@@ -84,7 +104,7 @@ def _unit_problems(declaration: object) -> Iterator[tuple[Keys, str]]:
             yield (field, "unit"), problem
 
 
-def module_types(name: str) -> Found:
+def _of_module(name: str, problems: Problems, keys: Keys) -> Declarations:
     """Return the types of the message classes of an installed module."""
     try:
         module = importlib.import_module(name)
@@ -92,17 +112,14 @@ def module_types(name: str) -> Found:
         hint = extra_hint(exc.name or "") if isinstance(exc, ImportError) else ""
         reason = str(exc) if isinstance(exc, ImportError) else error_text(exc)
         text = f"the module {name!r} of message types cannot be imported: {reason}{hint}"
-        return {}, [((), text)]
-    data, wrong = {}, []
-    for cls in _classes(module):
-        try:
-            data[type_name(cls)] = class_declaration(cls)
-        except WiringError as exc:
-            wrong.append(((), str(exc)))
-    if not data and not wrong:
-        wrong = [((), f"the module {name!r} has no message class; derive one of stepbus.Message")]
-    rows, more = declarations_in(data)
-    return rows, [*wrong, *more]
+        problems.add(keys, text)
+        return {}
+    classes = list(_classes(module))
+    if not classes:
+        text = f"the module {name!r} has no message class; derive one of stepbus.Message"
+        problems.add(keys, text)
+    rows = [(cls, problems.attempt(keys, partial(class_declaration, cls))) for cls in classes]
+    return {type_name(cls): row for cls, row in rows if row is not None}
 
 
 def _classes(module: Any) -> Iterator[type[Message]]:

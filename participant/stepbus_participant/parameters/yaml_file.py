@@ -3,17 +3,16 @@
 import dataclasses
 import io
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import Composer
+from ruamel.yaml.composer import Composer, MaxDepthExceededError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
-from ruamel.yaml.scanner import Scanner
 
 from stepbus_participant.files import read_text
 
@@ -25,7 +24,7 @@ _MOST_VALUES = 50_000
 _MOST_NODES = 2 * _MOST_VALUES
 """Keys and values as they are written: what is longer is not read to its end."""
 _DEEPEST = 100
-"""Maps and lists in each other; ruamel's time for an open bracket grows with those before it."""
+_TOO_DEEP = f"is nested too deeply: over {_DEEPEST} maps and lists in each other"
 
 _HINTS = (
     (
@@ -107,77 +106,35 @@ def parse_yaml(file: str, text: str) -> Any:
     return value
 
 
-def texts_in(file: str, text: str) -> list[str]:
-    """Return all texts of a YAML text, which may be of any form; file: named in messages.
-
-    Raises SettingsError where it is no YAML.
-    """
-    with _translated(file, text):
-        roots = list(_yaml(file, most_nodes=None).compose_all(io.StringIO(text)))
-        seen: set[int] = set()
-        return [item for root in roots for item in _texts(root, seen)]
+class _TooLong(MarkedYAMLError):
+    """A file is not worth reading to its end."""
 
 
-def _texts(node: Node | None, seen: set[int]) -> Iterator[str]:
-    """Return all texts below a node; aliases, which may contain themselves, once."""
-    if node is None or id(node) in seen:
-        return
-    seen.add(id(node))
-    if isinstance(node, ScalarNode):
-        yield node.value
-    elif isinstance(node, SequenceNode):
-        for item in node.value:
-            yield from _texts(item, seen)
-    elif isinstance(node, MappingNode):
-        for _, item in node.value:
-            yield from _texts(item, seen)
+class _CountingComposer(Composer):
+    count = 0
 
-
-def _yaml(file: str, most_nodes: int | None) -> YAML:
-    """Return what composes YAML of a sensible size; it raises SettingsError for any other."""
-    yaml = YAML(typ="safe", pure=True)
-
-    class LimitedScanner(Scanner):
-        def fetch_flow_collection_start(self, token: Any, to_push: str) -> None:
-            _check_depth(file, self.flow_level, self.reader.line + 1)
-            super().fetch_flow_collection_start(token, to_push)
-
-    class LimitedComposer(Composer):
-        _count = _level = 0
-
-        def compose_node(self, parent: Any, index: Any) -> Any:
-            self._count += 1
-            line = self.parser.peek_event().start_mark.line + 1
-            if most_nodes is not None and self._count > most_nodes:
-                raise fatal(file, f"has more than {most_nodes} keys and values", line)
-            _check_depth(file, self._level, line)
-            self._level += 1
-            node = super().compose_node(parent, index)
-            self._level -= 1
-            return node
-
-    yaml.Scanner, yaml.Composer = LimitedScanner, LimitedComposer
-    return yaml
-
-
-def _check_depth(file: str, depth: int, line: int) -> None:
-    if depth >= _DEEPEST:
-        text = f"is nested too deeply: over {_DEEPEST} maps and lists in each other"
-        raise fatal(file, text, line)
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        self.count += 1
+        if self.count > _MOST_NODES:
+            raise _TooLong(problem_mark=self.parser.peek_event().start_mark)
+        return super().compose_node(parent, index)
 
 
 @contextmanager
 def _translated(file: str, text: str) -> Iterator[None]:
+    """Raise SettingsError, with what to do, for the errors of ruamel."""
     try:
         yield
     except MarkedYAMLError as exc:
         line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
+        if isinstance(exc, MaxDepthExceededError):
+            raise fatal(file, _TOO_DEEP, line) from exc
+        if isinstance(exc, _TooLong):
+            raise fatal(file, f"has more than {_MOST_NODES} keys and values", line) from exc
         hint = _hint(str(exc.problem), text.splitlines()[line - 1 : line])
         raise fatal(file, f"not YAML: {exc.problem}{hint}", line) from exc
     except YAMLError as exc:
         raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
-    except RecursionError as exc:
-        raise fatal(file, "is nested too deeply") from exc
 
 
 def _hint(problem: str, lines: list[str]) -> str:
@@ -203,8 +160,10 @@ class _Conversion:
         self._open: list[Node] = []
 
     def run(self, text: str) -> Any:
+        yaml = YAML(typ="safe", pure=True)
+        yaml.max_depth, yaml.Composer = _DEEPEST, _CountingComposer
         with _translated(self.file, text):
-            root = _yaml(self.file, most_nodes=_MOST_NODES).compose(io.StringIO(text))
+            root = yaml.compose(io.StringIO(text))
             return None if root is None else self._value(root, ())
 
     def _value(self, node: Node, keys: Keys) -> Any:
@@ -234,10 +193,10 @@ class _Conversion:
     def _map(self, node: MappingNode, keys: Keys) -> dict[str, Any]:
         content: dict[str, Any] = {}
         for key, value in node.value:
-            name = key.value
-            if str(key.tag) == f"{_STANDARD}merge":
+            name, tag = key.value, str(key.tag).removeprefix(_STANDARD)
+            if tag == "merge":
                 self._refuse(key, keys, "'<<' is not YAML 1.2; write the keys out, or use extends")
-            elif not isinstance(key, ScalarNode) or _content_type(key) is not str:
+            elif not isinstance(key, ScalarNode) or _SCALARS.get(tag) is not _text:
                 shown = name if isinstance(key, ScalarNode) else "a list or map"
                 self._refuse(key, keys, f"a key must be text, not {shown}; put it in quotes")
             elif name in content:
@@ -257,15 +216,11 @@ class _Conversion:
         refuse_many(self.problems)
 
 
-def _content_type(node: ScalarNode) -> type | None:
-    tag = str(node.tag).removeprefix(_STANDARD)
-    return {"str": str, "timestamp": str, "value": str}.get(tag)
-
-
 def _integer(text: str) -> int:
     digits = text.replace("_", "").lower()
+    is_based = digits.lstrip("+-")[:2] in {"0x", "0o", "0b"}
     try:
-        value = int(digits, 0) if digits.lstrip("+-")[:2] in {"0x", "0o", "0b"} else int(digits)
+        value = int(digits, 0 if is_based else 10)
     except ValueError as exc:
         raise ValueError(f"{text[:40]!r} is no integer") from exc
     if not -(2**63) <= value < 2**64:
@@ -289,17 +244,9 @@ def _text(text: str) -> str:
     return text
 
 
-def _boolean(text: str) -> bool:
-    return text.lower() in {"true", "yes", "on", "y"}
-
-
-def _nothing(_: str) -> None:
-    return None
-
-
-_SCALARS = {
-    "null": _nothing,
-    "bool": _boolean,
+_SCALARS: Mapping[str, Callable[[str], Any]] = {
+    "null": lambda _: None,
+    "bool": lambda text: text.lower() in {"true", "yes", "on", "y"},
     "int": _integer,
     "float": _float,
     "str": _text,

@@ -1,11 +1,12 @@
 """How a participant enters a run: admission, then the handshakes with its peers."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from typing import Any
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import Ticket
-from stepbus_participant.hints import installed_version
+from stepbus_participant.packages import installed_version
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     PROTOCOL_VERSION,
@@ -31,6 +32,7 @@ from .outbox import Outbox
 _decode_welcome = Decoder(Welcome)
 _decode_refusal = Decoder(Refusal)
 _RETRY_S = 0.05
+_REPEAT_S = 0.02
 _DELIVERY_S = 1.0
 
 
@@ -51,26 +53,21 @@ def join(
     its own that it knows.
 
     The first valid `Welcome` counts; an answer from another one only where there is none.
-    Raises AdmissionRefused, or RunError when nobody answers within the join time-out.
+    Raises AdmissionRefused, or RunError when nothing answers within the join time-out.
     """
-    hello = Hello(
-        protocol=PROTOCOL_VERSION,
-        name=ticket.name,
-        token=ticket.token,
-        pid=os.getpid(),
-        language="python",
-        sdk=f"stepbus {installed_version('stepbus')}",
-        inputs=None if inputs is None else dict(inputs),
-        outputs=None if outputs is None else dict(outputs),
-        types=dict(types.declarations),
-        batches=True,
-    )
+    asked = {
+        "language": "python",
+        "sdk": f"stepbus {installed_version('stepbus')}",
+        "inputs": inputs,
+        "outputs": outputs,
+        "types": types.declarations,
+        "batches": True,
+    }
     deadline = bus.clock.monotonic() + ticket.join_timeout_s
-    while bus.clock.monotonic() < deadline:
+    while (left_s := deadline - bus.clock.monotonic()) > 0:
         refusal: RunError | None = None
-        for answer in bus.query(
-            "join", encode(hello), encoding_of("Hello/1"), _left_s(bus, deadline)
-        ):
+        # Never 0, which means no time-out.
+        for answer in _ask(bus, ticket.name, ticket.token, max(_RETRY_S, left_s), **asked):
             try:
                 return _read_answer(answer, ticket)
             except RunError as exc:
@@ -90,16 +87,13 @@ def await_delivery(bus: Bus, welcome: Welcome) -> None:
     A session of the transport for bulk ports that closes drops what it has not sent yet, such as
     the last `Log` behind an image. An answer to one more `Hello` (P4.2) shows that it is out.
     """
-    hello = Hello(
-        protocol=PROTOCOL_VERSION, name=welcome.name, token=welcome.token, pid=os.getpid()
-    )
-    for _ in bus.query("join", encode(hello), encoding_of("Hello/1"), _DELIVERY_S):
-        return
+    next(iter(_ask(bus, welcome.name, welcome.token, _DELIVERY_S)), None)
 
 
-def _left_s(bus: Bus, deadline: float) -> float:
-    """Return the time until a deadline, never 0, which means no time-out [s]."""
-    return max(_RETRY_S, deadline - bus.clock.monotonic())
+def _ask(bus: Bus, name: str, token: str, timeout_s: float, **more: Any) -> Iterable[bytes]:
+    """Send a `Hello`; return the answers as they arrive."""
+    hello = Hello(protocol=PROTOCOL_VERSION, name=name, token=token, pid=os.getpid(), **more)
+    return bus.query("join", encode(hello), encoding_of("Hello/1"), timeout_s)
 
 
 def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
@@ -120,9 +114,6 @@ def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
             f"the answer to our Hello is for {welcome.name!r} or for another run"
         )
     return welcome
-
-
-_REPEAT_S = 0.02
 
 
 def await_start(

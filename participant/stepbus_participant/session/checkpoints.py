@@ -1,7 +1,7 @@
 """Saves the state of a participant between two steps, and starts from a saved one (P16)."""
 
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import msgspec
@@ -41,7 +41,7 @@ class Checkpoints:
     """The checkpoints of one participant: its own state, and what its inputs hold.
 
     A participant takes from a source only what is due (P6.2); so all of it is a function of the
-    step.
+    step. are_due: whether any state is to be saved.
     """
 
     def __init__(
@@ -56,27 +56,24 @@ class Checkpoints:
     ) -> None:
         self._participant = participant
         self._order = order
-        self._name = welcome.name
-        self._token = welcome.token
-        self._every = welcome.every
-        self._period = order.every
-        self._max_bytes = welcome.max_outputs_bytes
+        self._welcome = welcome
         self._inputs = inputs
         self._sources = {source.name: source for source in sources}
-        self._put: Callable[..., None] | None = None
-        if self._period:
+        self.are_due = order.every > 0
+        if self.are_due:
             self._put = bus.publisher(f"checkpoint/{welcome.name}", ENCODING)
         self._is_too_large = False
 
     def save_if_due(self, step: int) -> None:
         """Publish the state before a step, where one is due (P16.1)."""
-        if step // self._period > (step - self._every) // self._period and step > 0:
+        period = self._order.every
+        if step > 0 and step // period > (step - self._welcome.every) // period:
             own = self._participant.save()
             if own is not None:
-                self._publish(step, self._pack(own))
+                self._publish(step, msgspec.msgpack.encode(self._saved(own)))
 
-    def _pack(self, own: bytes) -> bytes:
-        saved = _Saved(
+    def _saved(self, own: bytes) -> _Saved:
+        return _Saved(
             inputs={
                 name: _HeldInput(
                     held=None if item.content is None else bytes(item.content),
@@ -87,24 +84,15 @@ class Checkpoints:
             sources={name: source.step for name, source in self._sources.items()},
             own=own,
         )
-        return msgspec.msgpack.encode(saved)
 
     def _publish(self, step: int, state: bytes) -> None:
-        if self._put is not None and len(state) <= self._max_bytes:
-            self._put(state, attachment=stamp(step, self._token))
+        limit = self._welcome.max_outputs_bytes
+        if len(state) <= limit:
+            self._put(state, attachment=stamp(step, self._welcome.token))
         elif not self._is_too_large:
             self._is_too_large = True
-            _log.warning(
-                "step %d: no checkpoint: %d bytes of state exceed the %d that the bus carries",
-                step,
-                len(state),
-                self._max_bytes,
-            )
-
-    @property
-    def are_due(self) -> bool:
-        """Return whether any state is to be saved."""
-        return self._period > 0
+            text = "step %d: no checkpoint: %d bytes of state exceed the %d that the bus carries"
+            _log.warning(text, step, len(state), limit)
 
     def restore(self) -> int:
         """Take the state of the order, if it has one, and return the first step to do (P16.3).
@@ -113,7 +101,7 @@ class Checkpoints:
         """
         if not self._order.state:
             return 0
-        where = f"the checkpoint of {self._name} before step {self._order.step}"
+        where = f"the checkpoint of {self._welcome.name} before step {self._order.step}"
         try:
             saved = _decode(Path(self._order.state).read_bytes())
         except (OSError, *UNDECODABLE) as exc:

@@ -1,8 +1,10 @@
 """What the orchestrator sends to a participant: triggers, calls, the end; and its answers."""
 
+import contextlib
 import inspect
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 from queue import Empty
 from typing import Any
 
@@ -56,32 +58,30 @@ class Control:
 
     step_limit: the first step not yet released. started: participant → input → description, once
     the run has started. batches: participant → how many steps it may publish at once. calls: calls
-    to answer while waiting for the trigger; only with `name`.
-    unauthenticated: messages dropped, since malformed or without the run's token (P8.4).
+    to answer while waiting for the trigger. drops: cause → number of dropped messages, here of
+    those that are malformed or without the run's token (P8.4).
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
     `enter` reaches its step: what is published before that step belongs to the run (P11.2).
     """
 
-    def __init__(self, bus: Bus, token: str, wake: Iterable[Queue], name: str = "") -> None:
+    def __init__(
+        self, bus: Bus, token: str, wake: Iterable[Queue], name: str, drops: dict[str, int]
+    ) -> None:
         self.step_limit = 0
         self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
         self.batches: Mapping[str, int] = {}
-        self.unauthenticated = 0
         self._token = token
+        self._drops = drops
         self._step = -1
         self._stop: Stop | None = None
         self._wake = list(wake)
         self._queue = bus.queue()
-        for key in ("start", "trigger", "stop"):
-            bus.subscribe_content(key, self._sink(key))
-        if name:
-            bus.subscribe_content(f"call/{name}", self._sink("call"))
+        for key in _DECODERS:
+            where = f"call/{name}" if key == "call" else key
+            bus.subscribe_content(where, partial(self._put, key))
         bus.watch_alive("alive/orchestrator", self._on_alive)
-
-    def _sink(self, key: str) -> Callable[[bytes], None]:
-        return lambda data: self._put(key, data)
 
     def _on_alive(self, _key: str, alive: bool) -> None:
         if not alive:
@@ -126,16 +126,12 @@ class Control:
         if key == _LOST:
             raise OrchestratorLost("lost the orchestrator; this participant ends too")
         try:
-            message = _DECODERS[key](data)
+            message: Start | Trigger | Stop | Call | None = _DECODERS[key](data)
         except MessageError:
-            self.unauthenticated += 1
+            message = None
+        if message is None or message.token != self._token:
+            self._drops["unauthenticated"] = self._drops.get("unauthenticated", 0) + 1
             return
-        if message.token != self._token:
-            self.unauthenticated += 1
-            return
-        self._accept(message)
-
-    def _accept(self, message: Start | Trigger | Stop | Call) -> None:
         match message:
             case Trigger():
                 # Triggers may repeat, arrive late or skip numbers (P5.2).
@@ -179,7 +175,9 @@ class Answers:
             known = ", ".join(self._methods) or "nothing"
             return self._pack(call, error=f"{self._name} offers {known}, not {call.method!r}")
         try:
-            _signature(method.function).bind(*call.args)
+            # Some built-in functions do not reveal their parameters.
+            with contextlib.suppress(ValueError):
+                inspect.signature(method.function).bind(*call.args)
             value = method.function(*call.args)
         except (ArithmeticError, LookupError, StepbusError, TypeError, ValueError) as exc:
             return self._pack(call, error=f"{call.method}: {text_of(exc)}")
@@ -193,17 +191,9 @@ class Answers:
         data = encode(answer)
         if len(data) <= self._max_bytes:
             return data
-        # The bus would lose it without a word, and the run would wait in vain (P3.7).
+        # The bus would lose it silently, and the run would wait in vain (P3.7).
         why = (
             f"{call.method[:100]}: the answer takes {len(data)} bytes, over the {self._max_bytes} "
             "that the low-latency transport carries; set bus.low_latency: false"
         )
         return encode(msgspec.structs.replace(answer, value=None, error=why))
-
-
-def _signature(function: Callable[..., Any]) -> inspect.Signature:
-    """Return the parameters of a function; some built-in ones do not reveal theirs."""
-    try:
-        return inspect.signature(function)
-    except ValueError:
-        return inspect.Signature([inspect.Parameter("args", inspect.Parameter.VAR_POSITIONAL)])

@@ -41,26 +41,19 @@ class FaultyPublisher:
 
     def _apply(self, fault: MessageFault, messages: list[bytes]) -> list[bytes]:
         """Return the messages to publish now instead."""
-        if fault.type == "drop":
-            return []
-        if fault.type == "reorder":
-            self._held = messages
-            return []
-        if fault.type == "delay":
-            self._clock.sleep(fault.duration_s)
-            return messages
-        if fault.type == "duplicate":
-            return messages * 2
-        if fault.type == "corrupt":
-            return [_corrupt(message) for message in messages]
-        return [_oversize(message) for message in messages]
-
-
-def _corrupt(message: bytes) -> bytes:
-    """Return a message that starts with 0xc1, which MessagePack reserves."""
-    return b"\xc1" + message[1:]
-
-
-def _oversize(message: bytes) -> bytes:
-    """Return a message with one more field of 1 MiB, which every reader ignores."""
-    return bytes((message[0] + 1,)) + message[1:] + _PADDING
+        match fault.type:
+            case "drop":
+                return []
+            case "reorder":
+                self._held = messages
+                return []
+            case "delay":
+                self._clock.sleep(fault.duration_s)
+                return messages
+            case "duplicate":
+                return messages * 2
+            case "corrupt":
+                # MessagePack reserves 0xc1.
+                return [b"\xc1" + message[1:] for message in messages]
+        # One more field, which every reader ignores.
+        return [bytes((message[0] + 1,)) + message[1:] + _PADDING for message in messages]

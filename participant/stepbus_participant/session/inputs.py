@@ -22,7 +22,6 @@ from stepbus_schemas import (
     WiringError,
     due_step,
     encode,
-    message_class,
     type_name,
 )
 
@@ -38,6 +37,8 @@ class PeerFault(RunError):
 class Input:
     """One input port: it holds its newest due message until the next one is due (P6.3).
 
+    types: with those that do not ship. Raises WiringError for an unknown message type.
+
     value: that message; None while the input is absent. content: its bytes. fresh: whether it is
     new at this step. pending: what the source published, (step, bytes), until it is due (P6.2).
     """
@@ -51,13 +52,9 @@ class Input:
         self.pending: deque[tuple[int, Any]] = deque()
         self._delay = config.delay
         self._every = config.every
-        self._cls = message_class(config.type, types)
+        self._cls = types[config.type]
         self._decoder = Decoder(self._cls)
         self._decode = self._decoder.plain
-
-    def due(self, step: int) -> int:
-        """Return the step whose message is due at `step`; negative: none."""
-        return due_step(step, self._delay, self._every)
 
     def read_as(self, cls: type[Message]) -> Message | None:
         """Return the message as a class of the input's type, and take all further ones as that.
@@ -109,14 +106,6 @@ class Input:
                 ) from error
 
 
-def make_inputs(configs: Mapping[str, InputConfig], types: Types = SHIPPED) -> dict[str, Input]:
-    """Return the inputs of a participant by name. types: with those that do not ship.
-
-    Raises WiringError for an unknown message type.
-    """
-    return {name: Input(name, config, types) for name, config in configs.items()}
-
-
 _decode_outputs = Decoder(Outputs)
 _decode_batch = Decoder(Batch)
 
@@ -144,7 +133,8 @@ class Source:
     queue: where the bus puts the content of its samples. early: one of them that was taken before
     its step. entries: the rest of a `Batch`, which comes before all in the queue. step: the newest
     step accepted.
-    connected: whether a handshake has arrived. drops: cause → number of dropped messages.
+    connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
+    sources.
     """
 
     def __init__(
@@ -152,7 +142,8 @@ class Source:
         name: str,
         inputs: list[Input],
         token: str,
-        make_queue: Callable[[], Queue] = SimpleQueue,
+        make_queue: Callable[[], Queue],
+        drops: dict[str, int],
     ) -> None:
         self.name = name
         self.queue = make_queue()
@@ -164,7 +155,7 @@ class Source:
         self.connected = False
         self.every = inputs[0].config.every
         self.step = -self.every
-        self.drops: dict[str, int] = {}
+        self.drops = drops
         self._inputs = inputs
         self._pending = [(item.config.port, item.pending) for item in inputs]
         self._token = token
@@ -254,13 +245,17 @@ class Source:
 
 
 def make_sources(
-    inputs: Mapping[str, Input], token: str, make_queue: Callable[[], Queue] = SimpleQueue
+    inputs: Mapping[str, Input],
+    token: str,
+    make_queue: Callable[[], Queue] = SimpleQueue,
+    drops: dict[str, int] | None = None,
 ) -> list[Source]:
     """Return one source per participant that the inputs read from, in the order of the inputs.
 
-    make_queue: of their samples, as the bus needs it.
+    make_queue: of their samples, as the bus needs it. drops: where they count dropped messages.
     """
     by_source: dict[str, list[Input]] = {}
     for item in inputs.values():
         by_source.setdefault(item.config.source, []).append(item)
-    return [Source(name, items, token, make_queue) for name, items in by_source.items()]
+    counts = {} if drops is None else drops
+    return [Source(name, items, token, make_queue, counts) for name, items in by_source.items()]

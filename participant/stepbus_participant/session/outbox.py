@@ -1,6 +1,6 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -20,7 +20,7 @@ from stepbus_schemas import (
     encode,
     encoding_of,
     explained,
-    message_class,
+    type_name,
 )
 
 from .faulty import FaultyPublisher
@@ -44,7 +44,6 @@ BATCH_BYTES = 30_000
 BATCH_AGE_NS = 50_000_000
 """Longest time a batch takes to fill (P9.2.2), so that the orchestrator sees slow steps [ns]."""
 
-
 HOLD_NS = 2_000_000
 """Longest time for which outputs are held that may go out with the next ones (P7.6) [ns]."""
 
@@ -56,26 +55,24 @@ class OutputError(StepbusError, ValueError):
 class Outbox:
     """Publishes the outputs of one participant, and logs them in batches.
 
-    step: the newest one published. types: with those that do not ship.
+    step: the newest one published. drops: cause → number of dropped messages, which logs report.
+    types: with those that do not ship.
     """
 
     def __init__(
         self,
         welcome: Welcome,
         bus: Bus,
-        drops: Callable[[], dict[str, int]],
+        drops: Mapping[str, int],
         types: Types = SHIPPED,
     ) -> None:
         self.step = HANDSHAKE_STEP
-        self._welcome = welcome
         self._bus = bus
         # Of every message: what it needs is looked up once.
-        self._token, self._step_ns = welcome.token, welcome.step_ns
+        self._name, self._token, self._step_ns = welcome.name, welcome.token, welcome.step_ns
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
-        self._classes = {
-            port: message_class(config.type, types) for port, config in welcome.outputs.items()
-        }
+        self._classes = {port: types[config.type] for port, config in welcome.outputs.items()}
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_batch = self._put
         self._most_held = 1
@@ -97,7 +94,7 @@ class Outbox:
         """Prove the links to all consumers, before the first step (P4.6)."""
         self._put(self._pack(HANDSHAKE_STEP, {}, {}, None))
         for put in self._put_bulk.values():
-            put(b"", attachment=stamp(HANDSHAKE_STEP, self._welcome.token))
+            put(b"", attachment=stamp(HANDSHAKE_STEP, self._token))
 
     def inject(self, faults: Sequence[MessageFault]) -> None:
         """Let some outputs arrive late, twice, damaged or not at all; the log stays intact."""
@@ -107,8 +104,7 @@ class Outbox:
         """Publish so many steps in one message, since nobody waits for them (P7.6)."""
         if number > 1:
             self._most_held = number
-            key = f"out/{self._welcome.name}"
-            self._put_batch = self._bus.publisher(key, encoding_of("Batch/1"))
+            self._put_batch = self._bus.publisher(f"out/{self._name}", encoding_of("Batch/1"))
 
     def publish(
         self, step: int, messages: Mapping[str, Message] | None, end: str | None = None
@@ -124,7 +120,7 @@ class Outbox:
             data = self._encode(step, port, message)
             if port in self._put_bulk:
                 bulk[port] = len(data)
-                self._put_bulk[port](data, attachment=stamp(step, self._welcome.token))
+                self._put_bulk[port](data, attachment=stamp(step, self._token))
             else:
                 ports[port] = msgspec.Raw(data)
         packed = self._pack(step, ports, bulk, end)
@@ -134,30 +130,26 @@ class Outbox:
                 f"step {step}: outputs of {size} bytes exceed the bus's limit of "
                 f"{self._max_bytes}; declare the large port {{bulk: true}}"
             )
+        entry = msgspec.Raw(packed)
         if self._most_held > 1:
-            self._hold(packed)
+            if self._held_bytes + size > BATCH_BYTES:
+                self.send_held()
+            self._held.append(entry)
+            self._held_bytes += size
         else:
             self._put(packed)
         self.step = step
         if self._bytes + size > BATCH_BYTES:
             self.flush()
-        self._outputs.append(msgspec.Raw(packed))
+        self._outputs.append(entry)
         self._bytes += size
-
-    def _hold(self, packed: bytes) -> None:
-        if self._held_bytes + len(packed) > BATCH_BYTES:
-            self.send_held()
-        self._held.append(msgspec.Raw(packed))
-        self._held_bytes += len(packed)
 
     def send_held(self) -> None:
         """Publish the outputs that are held; to be called before each wait."""
-        if not self._held:
-            return
         held, self._held, self._held_bytes, self._held_ns = self._held, [], 0, 0
         if len(held) == 1:
             self._put(bytes(held[0]))
-        else:
+        elif held:
             self._put_batch(encode(Batch(token=self._token, outputs=held)))
 
     def _encode(self, step: int, port: str, message: Message) -> bytes:
@@ -169,8 +161,7 @@ class Outbox:
             )
         if type(message) is not cls:
             raise OutputError(
-                f"step {step}: port {port!r} takes {self._welcome.outputs[port].type}, "
-                f"got {type(message).__name__}"
+                f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
             )
         try:
             return encode(message)
@@ -214,12 +205,12 @@ class Outbox:
         # Nothing is logged before it is published.
         self.send_held()
         log = Log(
-            name=self._welcome.name,
-            token=self._welcome.token,
+            name=self._name,
+            token=self._token,
             outputs=self._outputs,
             timing=self._timing,
             waiting=waiting,
-            drops=self._drops(),
+            drops=dict(self._drops),
         )
         self._put_log(encode(log))
         self._outputs, self._timing, self._bytes, self._age_ns = [], [], 0, 0

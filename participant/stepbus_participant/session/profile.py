@@ -6,18 +6,17 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import Self, TextIO
+from typing import Any, Self, TextIO
 
-from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import ProfileOrder
 from stepbus_participant.disk import make_file, write_file
-from stepbus_participant.participant import Participant, Step
-from stepbus_schemas import Message, Types, Waiting, Welcome
+from stepbus_schemas import Waiting
 
 from .outbox import Outbox
+from .step_loop import StepLoop
 
 _PERIOD_S = 0.001
 _JOIN_S = 1.0
@@ -90,9 +89,8 @@ class Sampler:
         return {"$schema": _SCHEMA, "shared": {"frames": frames}, "profiles": [sampled]}
 
 
-COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
-_ROWS = 4096
-"""How many wait in memory at most."""
+_COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
+_BUFFER_BYTES = 1 << 18
 _now_ns = time.perf_counter_ns
 
 
@@ -104,114 +102,68 @@ class Profiler:
     publish.
 
     order: where to, and whether to sample the stack too. It changes no message.
+    record_ns: what the batches of this step have taken so far [ns].
     """
 
     def __init__(self, order: ProfileOrder, name: str) -> None:
+        self.record_ns = 0
         self._order = order
         self._name = name
         self._path = Path(order.folder) / f"{name}.csv"
-        self._rows: list[str] = []
         self._compute_ns = 0
-        self._record_ns = 0
+        self._file: TextIO
 
-    def participant(self, inner: Participant) -> Participant:
-        """Return a participant that does the same and is timed."""
-        return _Timed(inner, self._add_compute)
-
-    def outbox(
-        self, welcome: Welcome, bus: Bus, drops: Callable[[], dict[str, int]], types: Types
-    ) -> Outbox:
+    def outbox(self, *parts: Any) -> Outbox:
         """Return an outbox that is timed, and finishes the row of each step."""
-        return _TimedOutbox(self, welcome, bus, drops, types)
-
-    def _add_compute(self, duration_ns: int) -> None:
-        self._compute_ns += duration_ns
-
-    def add_record(self, duration_ns: int) -> None:
-        """Count time that it took to send a batch [ns]."""
-        self._record_ns += duration_ns
-
-    @property
-    def recorded_ns(self) -> int:
-        """Return how long the batches of this step have taken so far [ns]."""
-        return self._record_ns
+        return _TimedOutbox(self, *parts)
 
     def finish(self, step: int, waited_ns: int, transport_ns: int) -> None:
         """Finish the row of a step. transport_ns: with compute, which is subtracted."""
         compute_ns = self._compute_ns
-        row = (step, compute_ns, waited_ns, transport_ns - compute_ns, self._record_ns)
-        self._rows.append(",".join(map(str, row)))
-        self._compute_ns = self._record_ns = 0
+        row = (step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns)
+        self._file.write(",".join(map(str, row)) + "\n")
+        self._compute_ns = self.record_ns = 0
 
     @contextlib.contextmanager
-    def writing(self, frame: FrameType) -> Iterator[None]:
-        """Write the rows; frame: of the function whose calls are sampled."""
-        with os.fdopen(make_file(self._path), "w") as file, self._sampled(frame):
-            file.write(",".join(COLUMNS) + "\n")
-            self._file: TextIO = file
+    def writing(self, loop: StepLoop, frame: FrameType) -> Iterator[None]:
+        """Write a row for each step of a loop; frame: of the function whose calls are sampled."""
+        loop.output, loop.update = self._timed(loop.output), self._timed(loop.update)
+        fd = make_file(self._path)
+        with os.fdopen(fd, "w", _BUFFER_BYTES) as self._file, self._sampled(frame):
+            self._file.write(",".join(_COLUMNS) + "\n")
             # Until here, empty batches have proven the link.
-            self._record_ns = 0
+            self.record_ns = 0
+            yield
+
+    def _timed(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        def timed(*arguments: Any) -> Any:
+            start_ns = _now_ns()
             try:
-                yield
+                return function(*arguments)
             finally:
-                self.write_rows()
+                self._compute_ns += _now_ns() - start_ns
+
+        return timed
 
     def _sampled(self, frame: FrameType) -> contextlib.AbstractContextManager[object]:
         if self._name not in self._order.sampled:
             return contextlib.nullcontext()
         return Sampler(self._name, frame, self._path.with_suffix(".speedscope.json"))
 
-    def write_rows(self, least: int = 1) -> None:
-        """Write the rows that there are, once they are so many."""
-        if len(self._rows) >= least:
-            self._file.write("\n".join(self._rows) + "\n")
-            self._rows.clear()
-
-
-class _Timed(Participant):
-    """Times what a participant computes in a step; the step loop calls nothing else of it."""
-
-    def __init__(self, inner: Participant, add: Callable[[int], None]) -> None:
-        super().__init__(inner.config)
-        self._inner = inner
-        self._add = add
-
-    def output(self, step: Step) -> Mapping[str, Message]:
-        start_ns = _now_ns()
-        try:
-            return self._inner.output(step)
-        finally:
-            self._add(_now_ns() - start_ns)
-
-    def update(self, step: Step) -> Mapping[str, Message] | None:
-        start_ns = _now_ns()
-        try:
-            return self._inner.update(step)
-        finally:
-            self._add(_now_ns() - start_ns)
-
 
 class _TimedOutbox(Outbox):
-    def __init__(
-        self,
-        profiler: Profiler,
-        welcome: Welcome,
-        bus: Bus,
-        drops: Callable[[], dict[str, int]],
-        types: Types,
-    ) -> None:
-        super().__init__(welcome, bus, drops, types)
+    def __init__(self, profiler: Profiler, *parts: Any) -> None:
+        super().__init__(*parts)
         self._profiler = profiler
 
     def finish(self, step: int, waited_ns: int, computed_ns: int) -> None:
-        transport_ns = computed_ns - self._profiler.recorded_ns
+        transport_ns = computed_ns - self._profiler.record_ns
         super().finish(step, waited_ns, computed_ns)
         self._profiler.finish(step, waited_ns, transport_ns)
-        self._profiler.write_rows(_ROWS)
 
     def flush(self, waiting: Waiting | None = None) -> None:
         start_ns = _now_ns()
         super().flush(waiting)
         if waiting is None:
             # A batch that is sent during a wait is part of the wait.
-            self._profiler.add_record(_now_ns() - start_ns)
+            self._profiler.record_ns += _now_ns() - start_ns

@@ -1,22 +1,16 @@
-"""One participant's part in a run, from its `Welcome` to its last log."""
+"""One participant's part in a run: admission, its steps, and how it ends."""
 
 import contextlib
 import sys
 import traceback
-from collections.abc import Callable, Sequence
-from contextlib import nullcontext
+from collections.abc import Callable, Mapping
+from typing import Any
 
 from stepbus_participant.bus import Bus
-from stepbus_participant.bus.ticket import (
-    NO_CHECKPOINTS,
-    CheckpointOrder,
-    MessageFault,
-    ProfileOrder,
-)
+from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
-from stepbus_participant.participant import InvalidInput, Participant
+from stepbus_participant.participant import InvalidInput, Participant, PortType
 from stepbus_schemas import (
-    SHIPPED,
     Fault,
     Ready,
     RunError,
@@ -27,13 +21,14 @@ from stepbus_schemas import (
     encoding_of,
     error_text,
     text_of,
+    type_name,
     valid_unicode,
 )
 
-from .admission import await_delivery, await_start
+from .admission import await_delivery, await_start, join
 from .checkpoints import Checkpoints
 from .control import Answers, Control, OrchestratorLost, Stopped
-from .inputs import PeerFault, make_inputs, make_sources
+from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError
 from .profile import Profiler
 from .step_loop import StepLoop
@@ -41,63 +36,67 @@ from .step_loop import StepLoop
 _STOP_WAIT_S = 1.0
 _AFTER_THE_RUN = 1 << 62
 
+Factory = Callable[[Config], Participant]
+
 
 class Terminated(RunError):
     """A signal asked the process to end."""
 
 
+def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
+    """Join a run over a bus, and step until it ends.
+
+    Raises StepbusError when this participant cannot continue; the orchestrator knows why.
+    """
+    bus.declare_alive(f"alive/{ticket.name}")
+    inputs, outputs = (getattr(factory, side, None) for side in ("inputs", "outputs"))
+    ports = [*(inputs or {}).values(), *(outputs or {}).values()]
+    types = Types.of(item for item in ports if isinstance(item, type))
+    welcome = join(bus, ticket, _type_names(inputs), _type_names(outputs), types)
+    Session(factory, ticket, welcome, bus, Types(welcome.types) | types).work()
+
+
+def _type_names(ports: Mapping[str, PortType] | None) -> dict[str, str] | None:
+    if ports is None:
+        return None
+    return {
+        port: type_name(item) if isinstance(item, type) else item for port, item in ports.items()
+    }
+
+
 class Session:
     """Runs one participant from its `Welcome` on.
 
-    factory: makes the participant from its configuration. types: of its own classes. faults: what
-    to do to its outputs on their way. profile: what to measure. checkpoint: when to save the state,
-    and from which to start.
+    factory: makes the participant from its configuration. types: of the run, and of its own
+    classes.
     """
 
     def __init__(
-        self,
-        factory: Callable[[Config], Participant],
-        welcome: Welcome,
-        bus: Bus,
-        types: Types = SHIPPED,
-        *,
-        faults: Sequence[MessageFault] = (),
-        profile: ProfileOrder | None = None,
-        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
+        self, factory: Factory, ticket: Ticket, welcome: Welcome, bus: Bus, types: Types
     ) -> None:
         self._factory = factory
+        self._ticket = ticket
         self._welcome = welcome
-        self._checkpoint = checkpoint
         self._bus = bus
-        self._types = Types(welcome.types) | types
-        self._inputs = make_inputs(welcome.inputs, self._types)
-        self._sources = make_sources(self._inputs, welcome.token, bus.queue)
-        self._subscribe()
-        wake = [queue for s in self._sources for queue in (s.queue, *s.bulk_queues.values())]
-        self._control = Control(bus, welcome.token, wake, welcome.name)
-        self._profiler = Profiler(profile, welcome.name) if profile is not None else None
+        self._types = types
+        drops: dict[str, int] = {}
+        self._inputs = {name: Input(name, item, types) for name, item in welcome.inputs.items()}
+        self._sources = make_sources(self._inputs, welcome.token, bus.queue, drops)
+        wake = []
+        for source in self._sources:
+            bus.subscribe_content(f"out/{source.name}", source.queue.put)
+            for port, queue in source.bulk_queues.items():
+                bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
+            wake += [source.queue, *source.bulk_queues.values()]
+        self._control = Control(bus, welcome.token, wake, welcome.name, drops)
+        order = ticket.profile
+        self._profiler = None if order is None else Profiler(order, welcome.name)
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox
-        self._outbox = make_outbox(welcome, bus, self._drops, self._types)
-        if faults:
-            self._outbox.inject(faults)
+        self._outbox = make_outbox(welcome, bus, drops, types)
+        if ticket.faults:
+            self._outbox.inject(ticket.faults)
         self._put_fault = bus.publisher(f"fault/{welcome.name}", encoding_of("Fault/1"))
         self._step = -1
-
-    def _subscribe(self) -> None:
-        for source in self._sources:
-            self._bus.subscribe_content(f"out/{source.name}", source.queue.put)
-            for port, queue in source.bulk_queues.items():
-                self._bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
-
-    def _drops(self) -> dict[str, int]:
-        """Return cause → number of dropped messages."""
-        total: dict[str, int] = {}
-        if self._control.unauthenticated:
-            total["unauthenticated"] = self._control.unauthenticated
-        for source in self._sources:
-            for cause, number in source.drops.items():
-                total[cause] = total.get(cause, 0) + number
-        return total
 
     def work(self) -> None:
         """Make the participant, run it, and close it on every path.
@@ -125,11 +124,23 @@ class Session:
         )
         self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
         participant.start(descriptions)
-        profiler = self._profiler
-        loop = StepLoop(
-            participant=participant if profiler is None else profiler.participant(participant),
-            welcome=self._welcome,
-            bus=self._bus,
+        loop = self._loop(participant)
+        profiled: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
+        if self._profiler is not None:
+            profiled = self._profiler.writing(loop, sys._getframe())
+        try:
+            with profiled:
+                loop.run()
+            if any(output.bulk for output in self._welcome.outputs.values()):
+                await_delivery(self._bus, self._welcome)
+        finally:
+            self._step = loop.step.index
+
+    def _loop(self, participant: Participant) -> StepLoop:
+        return StepLoop(
+            participant,
+            self._welcome,
+            self._bus,
             inputs=self._inputs,
             sources=self._sources,
             outbox=self._outbox,
@@ -139,18 +150,11 @@ class Session:
                 participant,
                 self._welcome,
                 self._bus,
-                order=self._checkpoint,
+                order=self._ticket.checkpoint,
                 inputs=self._inputs,
                 sources=self._sources,
             ),
         )
-        try:
-            with nullcontext() if profiler is None else profiler.writing(sys._getframe()):
-                loop.run()
-            if any(output.bulk for output in self._welcome.outputs.values()):
-                await_delivery(self._bus, self._welcome)
-        finally:
-            self._step = loop.step.index
 
     def _ready(self, participant: Participant) -> Ready:
         """Return what the participant reports before the start.
@@ -178,11 +182,6 @@ class Session:
             )
         return ready
 
-    def _peer_fault(self, exc: InvalidInput) -> PeerFault:
-        source = self._welcome.inputs[exc.port]
-        where = f"{source.source}.{source.port} (input {exc.port})"
-        return PeerFault(source.source, f"{where}: {exc.text}")
-
     def _report(self, exc: Exception) -> None:
         """Report the fault to the orchestrator, and wait for its stop (P10.1).
 
@@ -197,22 +196,22 @@ class Session:
 
     def _tell(self, exc: Exception) -> None:
         if isinstance(exc, InvalidInput) and exc.port in self._welcome.inputs:
-            exc = self._peer_fault(exc)
+            source = self._welcome.inputs[exc.port]
+            where = f"{source.source}.{source.port} (input {exc.port})"
+            exc = PeerFault(source.source, f"{where}: {exc.text}")
+        kind = _fault_type(exc)
+        text = error_text(exc) if kind == "raised" else text_of(exc)
         fault = Fault(
             name=self._welcome.name,
             token=self._welcome.token,
             step=self._step,
-            type=_fault_type(exc),
-            message=_sentence(exc)[:2000],
+            type=kind,
+            message=text[:2000],
             traceback=valid_unicode(traceback.format_exc()[-20_000:]),
             blames=exc.blames if isinstance(exc, PeerFault) else None,
         )
         sys.stderr.write(fault.traceback)
         self._put_fault(encode(fault))
-
-
-def _sentence(exc: Exception) -> str:
-    return error_text(exc) if _fault_type(exc) == "raised" else text_of(exc)
 
 
 def _fault_type(exc: Exception) -> str:

@@ -21,14 +21,17 @@ FLUSH_AFTER_S = 0.02
 
 
 class StepLoop:
-    """Runs the steps of one participant, as triggers and inputs allow (P5, P6)."""
+    """Runs the steps of one participant, as triggers and inputs allow (P5, P6).
+
+    output, update: of the participant; a profile puts its own around them.
+    """
 
     def __init__(
         self,
-        *,
         participant: Participant,
         welcome: Welcome,
         bus: Bus,
+        *,
         inputs: dict[str, Input],
         sources: list[Source],
         outbox: Outbox,
@@ -36,7 +39,7 @@ class StepLoop:
         answers: Answers,
         checkpoints: Checkpoints,
     ) -> None:
-        self._participant = participant
+        self.output, self.update = participant.output, participant.update
         self._bus = bus
         self._now_ns = bus.clock.monotonic_ns
         self._every = welcome.every
@@ -87,7 +90,7 @@ class StepLoop:
             self._await_trigger(step.index)
         if self._first:
             # No input of this step may reach these outputs (P5.3).
-            self._publish(self._participant.output(step))
+            self._publish(self.output(step))
             self._outbox.flush_full()
         for source in self._sources:
             due = source.due(step.index)
@@ -95,11 +98,14 @@ class StepLoop:
                 self._receive(source)
         for item in self._inputs:
             item.settle(step.index)
-        messages = self._participant.update(step)
+        messages = self.update(step)
         if not self._first:
             self._publish(messages)
         elif messages:
-            self._refuse_late_outputs(messages)
+            raise OutputError(
+                f"step {step.index}: update returned {', '.join(messages)}, but with `publishes: "
+                "first` the outputs of this step are already out; return them from output"
+            )
         self._outbox.finish(step.index, self._waited_ns, self._now_ns() - started - self._waited_ns)
 
     def _publish(self, messages: Mapping[str, Message] | None) -> None:
@@ -108,16 +114,10 @@ class StepLoop:
         # Why the run should end is absent in all other outputs (P7.4).
         step.end_reason = None
 
-    def _refuse_late_outputs(self, messages: Mapping[str, Message]) -> None:
-        raise OutputError(
-            f"step {self.step.index}: update returned {', '.join(messages)}, but with "
-            "`publishes: first` the outputs of this step are already out; return them from output"
-        )
-
     def _close(self, at_step: int) -> None:
         """Publish the closing outputs of a participant that publishes first (P11.3)."""
         if self._first and self.step.index == at_step and self._outbox.step < at_step:
-            self._outbox.publish(at_step, self._participant.output(self.step))
+            self._outbox.publish(at_step, self.output(self.step))
 
     def _await_trigger(self, step: int) -> None:
         start_ns = self._now_ns()
@@ -172,12 +172,12 @@ class StepLoop:
     def _receive_bulk(self, source: Source, outputs: Outputs, port: str, size: int) -> None:
         while True:
             sample = self._next(source, source.bulk_queues[port])
-            stamp = read_stamp(self._bus.attachment(sample), self._token)
+            stamp = read_stamp(sample.attachment, self._token)
             if stamp == outputs.step:
                 break
             if stamp != HANDSHAKE_STEP:
                 source.drop("unauthenticated" if stamp is None else "stale")
-        content = self._bus.payload(sample)
+        content = sample.payload
         if len(content) != size:
             raise PeerFault(
                 source.name,

@@ -1,44 +1,12 @@
 """Version 1 of the port messages.
 
 SI units throughout. Every vector is in the order of `names` in the port's description. A field may
-be added with a default; any other change is a new major version and a new row in `MESSAGE_TYPES`.
+be added with a default; any other change is a new major version, a class of its own.
 """
 
-from stepbus_schemas.messages.base import (
-    BytesMessage,
-    Message,
-    Point,
-    Quaternion,
-    Scalars,
-    TextMessage,
-    meta,
-)
-
-from .robot import (
-    BaseCommand,
-    BaseState,
-    Contacts,
-    ControllerStatus,
-    Detections,
-    Event,
-    Goal,
-    GoalState,
-    GoalStatus,
-    GoalType,
-    GripperCommand,
-    GripperState,
-    Image,
-    JointCommand,
-    JointMode,
-    JointReference,
-    JointState,
-    Plan,
-    PlanRequest,
-    Poses,
-    SensedJoints,
-    Spiral,
-)
-from .sensors import Imu, LaserScan, PointCloud, Transforms, Wrench
+from .base import *
+from .robot import *
+from .sensors import *
 
 __all__ = [
     "MESSAGE_TYPES",
@@ -78,30 +46,10 @@ __all__ = [
     "meta",
 ]
 
-MESSAGE_TYPES: dict[str, type[Message]] = {
-    "BaseCommand/1": BaseCommand,
-    "BaseState/1": BaseState,
-    "Bytes/1": BytesMessage,
-    "Contacts/1": Contacts,
-    "ControllerStatus/1": ControllerStatus,
-    "Detections/1": Detections,
-    "Event/1": Event,
-    "Goal/1": Goal,
-    "GoalStatus/1": GoalStatus,
-    "GripperCommand/1": GripperCommand,
-    "GripperState/1": GripperState,
-    "Image/1": Image,
-    "Imu/1": Imu,
-    "JointCommand/1": JointCommand,
-    "JointReference/1": JointReference,
-    "JointState/1": JointState,
-    "LaserScan/1": LaserScan,
-    "Plan/1": Plan,
-    "PlanRequest/1": PlanRequest,
-    "PointCloud/1": PointCloud,
-    "Poses/1": Poses,
-    "Scalars/1": Scalars,
-    "Text/1": TextMessage,
-    "Transforms/1": Transforms,
-    "Wrench/1": Wrench,
-}
+MESSAGE_TYPES: dict[str, type[Message]] = dict(
+    sorted(
+        (cls.TYPE or f"{cls.__name__.removesuffix('Message')}/1", cls)
+        for cls in Message.__subclasses__()
+    )
+)
+"""Name → class of every type that ships."""

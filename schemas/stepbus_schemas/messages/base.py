@@ -1,26 +1,35 @@
 """What every port message is made of."""
 
 import contextlib
-from types import NoneType
+from collections.abc import Mapping
+from types import MappingProxyType, NoneType
 from typing import Annotated, Any, ClassVar, Literal, get_args, get_origin, get_type_hints
 
 import msgspec
 
-from stepbus_schemas.errors import MessageError
-from stepbus_schemas.words import wrong_word
+from stepbus_schemas.errors import MessageError, wrong_word
 
 Point = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 
-def meta(text: str, unit: str = "", shape: str = "", *, ge: int | None = None) -> Any:
+def meta(
+    text: str,
+    unit: str = "",
+    shape: str = "",
+    *,
+    ge: int | None = None,
+    more: Mapping[str, Any] = MappingProxyType({}),
+) -> Any:
     """Return the metadata of a field.
 
-    shape: sizes, such as `k 3`; n: one for each name of the port's description.
+    shape: sizes, such as `k 3`; n: one for each name of the port's description. ge: its minimum.
+    more: keywords of its JSON Schema.
     """
     extra = {"unit": unit} if unit else {}
     sizes = {"shape": shape.split()} if shape else {}
-    return msgspec.Meta(description=text, ge=ge, extra_json_schema=(extra | sizes) or None)
+    schema = {**extra, **sizes, **more}
+    return msgspec.Meta(description=text, ge=ge, extra_json_schema=schema or None)
 
 
 class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):

@@ -58,8 +58,8 @@ def test_a_sample_arrives_with_all_its_parts(buses):
     one.publisher("log/plant/more", "text/plain")(b"another key")
     one.publisher("log/plant", "text/plain")(b"content", attachment=b"stamp")
     sample = inbox.get(timeout=10)
-    assert (other.key(sample), other.payload(sample)) == ("log/plant", b"content")
-    assert (other.encoding(sample), other.attachment(sample)) == ("text/plain", b"stamp")
+    assert (sample.key, sample.payload) == ("log/plant", b"content")
+    assert (sample.encoding, sample.attachment) == ("text/plain", b"stamp")
 
 
 def test_a_query_is_answered(buses):

@@ -6,7 +6,7 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.reader.columns import array_of, columns
-from stepbus_schemas import Decoder, JointCommand, JointState, MessageError, encode, message_class
+from stepbus_schemas import SHIPPED, Decoder, JointCommand, JointState, MessageError, encode
 
 FIELDS = {"JointState/1": ("position", "velocity", "target"), "JointCommand/1": ("mode", "values")}
 CASES = [
@@ -27,7 +27,7 @@ CASES = [
 
 def by_one(type_name, messages):
     """Return what decoding the messages one by one gives."""
-    decoded = [Decoder(message_class(type_name))(data) for data in messages]
+    decoded = [Decoder(SHIPPED[type_name])(data) for data in messages]
     return {f: array_of([getattr(m, f) for m in decoded]) for f in FIELDS[type_name]}
 
 
@@ -38,7 +38,7 @@ def test_columns_are_what_decoding_one_by_one_gives(messages):
     )
     data = [encode(message) for message in messages]
     expected = by_one(type_name, data)
-    read = columns(message_class(type_name), data, FIELDS[type_name])
+    read = columns(SHIPPED[type_name], data, FIELDS[type_name])
     found = {field: array_of(column) for field, column in read.items()}
     assert found.keys() == expected.keys()
     for field, values in expected.items():

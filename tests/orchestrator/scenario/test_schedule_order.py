@@ -5,7 +5,7 @@ from support.runs.scenario import TWO_LINK, changed, load_text, problems_of, wir
 
 from stepbus_orchestrator.scenario.model import InputSpec
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant.session import Input
+from stepbus_participant.session.inputs import Input, make_sources
 from stepbus_schemas import InputConfig
 
 
@@ -78,7 +78,8 @@ def test_the_schedule_agrees_with_the_participant_library(tmp_path):
         config = InputConfig(
             source="mission", port="reference", type="JointReference/1", delay=delay, every=4
         )
-        theirs = [Input("reference", config).due(step) for step in range(20)]
+        (source,) = make_sources({"reference": Input("reference", config)}, "token")
+        theirs = [source.due(step) for step in range(20)]
         ours = [own.due_step(spec, step) for step in range(20)]
         assert [-1 if due is None else due for due in ours] == theirs
 

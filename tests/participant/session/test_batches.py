@@ -5,7 +5,7 @@ from collections import defaultdict
 import msgspec
 import pytest
 
-from stepbus_participant.session.inputs import PeerFault, make_inputs, make_sources
+from stepbus_participant.session.inputs import Input, PeerFault, make_sources
 from stepbus_participant.session.outbox import BATCH_BYTES, HOLD_NS, Outbox
 from stepbus_schemas import (
     Batch,
@@ -47,7 +47,7 @@ def outbox(bus, most, *, batch=100):
             outputs={"state": OutputConfig(type="JointState/1")},
         ),
         bus,
-        dict,
+        {},
     )  # fmt: skip
     made.hold_up_to(most)
     return made
@@ -115,11 +115,10 @@ def test_nothing_is_logged_before_it_is_published():
 
 
 def source(delay=0):
-    inputs = make_inputs(
-        {"x": InputConfig(source="mission", port="state", type="JointState/1", delay=delay)}
-    )
-    (made,) = make_sources(inputs, TOKEN)
-    return made, inputs["x"]
+    config = InputConfig(source="mission", port="state", type="JointState/1", delay=delay)
+    item = Input("x", config)
+    (made,) = make_sources({"x": item}, TOKEN)
+    return made, item
 
 
 def entry(step, *, token=TOKEN, ports=None):

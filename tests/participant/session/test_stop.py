@@ -10,7 +10,8 @@ import pytest
 from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
 from stepbus_participant import Participant, Ticket, process
-from stepbus_participant.session import Terminated, session
+from stepbus_participant.session import session
+from stepbus_participant.session.session import Terminated
 from stepbus_schemas import JointCommand, JointState, RunError, Trigger
 
 

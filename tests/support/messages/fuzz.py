@@ -57,7 +57,7 @@ def envelopes(token: str = TOKEN) -> dict[str, Any]:
 class Sample:
     """A sample of the hand-made bus; also a query, which is answered once."""
 
-    name: str
+    key: str
     payload: bytes
     attachment: bytes = b""
     replies: list[bytes] = field(default_factory=list)
@@ -89,19 +89,10 @@ class HandBus:
     def declare_alive(self, key):
         self.alive = key
 
-    def payload(self, sample):
-        return sample.payload
-
-    def key(self, sample):
-        return sample.name
-
-    def attachment(self, sample):
-        return sample.attachment
-
     def hand(self, sample: Sample) -> None:
-        first, *rest = sample.name.split("/")
+        first, *rest = sample.key.split("/")
         wild = "/".join([first, *("*" for _ in rest)])
-        self.sinks.get(sample.name, self.sinks.get(wild))(sample)
+        self.sinks.get(sample.key, self.sinks.get(wild))(sample)
 
 
 class Mutator:

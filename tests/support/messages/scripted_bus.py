@@ -49,9 +49,6 @@ class Bus:
 
     subscribe_content = subscribe
 
-    def payload(self, sample):
-        return sample
-
     def query(self, key, data, encoding, timeout_s):
         return [encode(self.welcome)]
 

@@ -14,6 +14,7 @@ from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_participant import Sample
 from stepbus_schemas import Decoder, JointState, Log, Outputs, Ready, Stop, Trigger, encode
 
 TOKEN = "00c0ffee00c0ffee"
@@ -201,16 +202,10 @@ class Bus:
     def declare_alive(self, key):
         pass
 
-    def key(self, sample):
-        return sample[0]
-
-    def payload(self, sample):
-        return sample[1]
-
     def launched(self):
         for name in self._order:
             ready = Ready(name=name, token=TOKEN)
-            self._sinks["ready/*"]((f"ready/{name}", encode(ready)))
+            self._sinks["ready/*"](Sample(f"ready/{name}", encode(ready), b"", ""))
 
     def _on_trigger(self, data):
         limit = Decoder(Trigger)(data).step_limit

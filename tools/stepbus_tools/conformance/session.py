@@ -16,7 +16,7 @@ from stepbus_orchestrator.processes.endpoints import new_token, private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.bus import open_bus
-from stepbus_participant import Endpoint, ZenohBus
+from stepbus_participant import Endpoint, Sample, ZenohBus
 from stepbus_schemas import encode, encoding_of
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
@@ -92,12 +92,11 @@ class Session:
         bus = self._bus = self._open(self._mesh.orchestrator)
         name, transcript, put = self.spec.name, self.transcript, self._inbox.put
 
-        def record(channel: str, sample: Any) -> None:
-            content = bus.payload(sample), bus.encoding(sample)
-            put(partial(transcript.add, channel, *content))
+        def record(channel: str, sample: Sample) -> None:
+            put(partial(transcript.add, channel, sample.payload, sample.encoding))
 
-        def record_bulk(port: str, sample: Any) -> None:
-            content = bus.attachment(sample), bus.payload(sample), bus.encoding(sample)
+        def record_bulk(port: str, sample: Sample) -> None:
+            content = sample.attachment, sample.payload, sample.encoding
             put(partial(transcript.add_bulk, port, *content))
 
         bus.answer("join", lambda request: put(partial(self._admit, request)))

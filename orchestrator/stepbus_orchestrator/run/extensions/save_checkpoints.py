@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 from stepbus_orchestrator.recording import CheckpointWriter
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import CheckpointOrder, read_stamp
+from stepbus_participant import CheckpointOrder, Sample, read_stamp
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.result import Result
@@ -30,14 +30,14 @@ class SaveCheckpoints(RunExtension):
         every = self.run.state.scenario.checkpoint_steps
         return {"checkpoint": CheckpointOrder(every=every)}
 
-    def _take(self, sample: Any) -> None:
-        bus, state = self.run.session.bus, self.run.state
-        name = bus.key(sample).rpartition("/")[2]
-        step = read_stamp(bus.attachment(sample), self.run.session.token)
+    def _take(self, sample: Sample) -> None:
+        state = self.run.state
+        name = sample.key.rpartition("/")[2]
+        step = read_stamp(sample.attachment, self.run.session.token)
         if step is None or name not in state.participants:
             state.unauthenticated += 1
         elif self._writer is not None and step > 0 and name != state.replaced:
-            self._writer.add(name, step, bus.payload(sample))
+            self._writer.add(name, step, sample.payload)
 
     def finish(self, result: "Result") -> None:
         """Bind the states to the recording; without, they are of no use, and no more."""

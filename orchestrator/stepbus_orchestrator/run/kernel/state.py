@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.participants import Participants, Phase
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest
-from stepbus_schemas import Decoder, Message, WiringError, message_class
+from stepbus_schemas import Decoder, Message, WiringError
 
 
 class RunPhase(StrEnum):
@@ -188,4 +188,4 @@ class Newest:
         }
         if output not in types:
             raise WiringError(f"no output {output!r}{suggest(output, types)}")
-        return Decoder(message_class(types[output], self._state.scenario.types))
+        return Decoder(self._state.scenario.types[types[output]])

@@ -6,6 +6,7 @@ import pytest
 from stepbus_orchestrator.run.safe_stop import Substitute
 from stepbus_orchestrator.scenario.model import HoldSpec, OutputSpec, ParticipantSpec
 from stepbus_schemas import (
+    SHIPPED,
     BaseCommand,
     Decoder,
     Goal,
@@ -14,7 +15,6 @@ from stepbus_schemas import (
     Plan,
     PlanRequest,
     encode,
-    message_class,
 )
 
 STEP_NS = 10_000_000
@@ -37,7 +37,7 @@ def published_for(message):
     substitute.publish_below(10)
     (data,) = sent
     ports = Decoder(Outputs)(data).ports
-    return Decoder(message_class(kind))(ports["port"]) if "port" in ports else None
+    return Decoder(SHIPPED[kind])(ports["port"]) if "port" in ports else None
 
 
 @pytest.mark.parametrize(

@@ -3,28 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from itertools import islice
 from typing import Any
 
-import msgspec
-
-from stepbus_schemas.errors import WiringError
-from stepbus_schemas.messages import MESSAGE_TYPES, Message
-
-from .declaration import Declaration, declaration_of, declare, differences, normal
+from .codec import type_name
+from .declaration import Declaration, class_declaration, declare, differences, normal
+from .errors import WiringError
+from .messages import MESSAGE_TYPES, Message
 
 
 class Types:
     """Message types by name: `types["Thruster/1"]` is a class; those that ship are in all.
 
-    declarations: of the types that do not ship, by name. Immutable. Two are equal where their
-    declarations are.
+    declarations: of the types that do not ship, by name. classes: of some of them, if not those
+    that the declarations say. Immutable. Two are equal where their declarations are.
     """
 
-    def __init__(self, declarations: Mapping[str, Mapping[str, Any]] | None = None) -> None:
+    def __init__(
+        self,
+        declarations: Mapping[str, Mapping[str, Any]] | None = None,
+        classes: Mapping[str, type[Message]] | None = None,
+    ) -> None:
         self.declarations: Mapping[str, Declaration] = {
             name: normal(row) for name, row in (declarations or {}).items()
         }
-        self._own = {name: declare(name, row) for name, row in self.declarations.items()}
+        declared = {name: declare(name, row) for name, row in self.declarations.items()}
+        self._own = {**declared, **(classes or {})}
 
     @classmethod
     def of(cls, classes: Iterable[type[Message]]) -> Types:
@@ -32,10 +36,8 @@ class Types:
 
         Raises WiringError for a class that no declaration can say.
         """
-        own = {name_of(item): item for item in classes if not _ships(item)}
-        types = cls({name: class_declaration(item) for name, item in own.items()})
-        types._own |= own
-        return types
+        own = {type_name(item): item for item in classes if not _ships(item)}
+        return cls({name: class_declaration(item) for name, item in own.items()}, own)
 
     def __getitem__(self, name: str) -> type[Message]:
         """Return the class of a message type such as `JointState/1`.
@@ -58,10 +60,7 @@ class Types:
 
     def __or__(self, other: Types) -> Types:
         """Return both; classes and declarations of the other one come first."""
-        types = Types()
-        types.declarations = {**self.declarations, **other.declarations}
-        types._own = {**self._own, **other._own}
-        return types
+        return Types({**self.declarations, **other.declarations}, {**self._own, **other._own})
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Types) and self.declarations == other.declarations
@@ -75,10 +74,10 @@ class Types:
     def only(self, names: Iterable[str]) -> Types:
         """Return some of them; those that ship are in it anyway."""
         kept = [name for name in dict.fromkeys(names) if name in self._own]
-        types = Types()
-        types.declarations = {name: self.declarations[name] for name in kept}
-        types._own = {name: self._own[name] for name in kept}
-        return types
+        return Types(
+            {name: self.declarations[name] for name in kept},
+            {name: self._own[name] for name in kept},
+        )
 
     def misfits(self, other: Types, mine: str, others: str) -> list[str]:
         """Return a sentence for each type that both declare, but differently.
@@ -90,35 +89,14 @@ class Types:
             "declaration, or give the changed type a new version"
             for name, row in self.declarations.items()
             if name in other.declarations
-            for field, one, two in differences(row, other.declarations[name])[:1]
+            for field, one, two in islice(differences(row, other.declarations[name]), 1)
         ]
-
-
-_NAMES: Mapping[type[msgspec.Struct], str] = {cls: name for name, cls in MESSAGE_TYPES.items()}
 
 
 def _ships(cls: type[Message]) -> bool:
     """Return whether a class is one that ships, or one of its name that requires more fields."""
-    return issubclass(cls, MESSAGE_TYPES.get(name_of(cls), ()))
+    return issubclass(cls, MESSAGE_TYPES.get(type_name(cls), ()))
 
 
 SHIPPED = Types()
 """The types that ship, and no others."""
-
-
-def name_of(cls: type[msgspec.Struct]) -> str:
-    """Return the versioned name of a message class, e.g. `JointState/1`.
-
-    A class of your own has it as `TYPE`; without, it is version 1 of its name.
-    """
-    return _NAMES.get(cls) or getattr(cls, "TYPE", "") or f"{cls.__name__}/1"
-
-
-def class_declaration(cls: type[Message]) -> Declaration:
-    """Return the declaration of a message class; raises WiringError where there is none."""
-    name = name_of(cls)
-    try:
-        (_,), parts = msgspec.json.schema_components([cls], ref_template="{name}")
-    except TypeError as exc:
-        raise WiringError(f"{name}: {exc}") from exc
-    return declaration_of(name, parts[cls.__name__])

@@ -1,10 +1,9 @@
-"""What an error message suggests: the nearest name, the extra to install; and imports made late."""
+"""Packages of Python: imported when they are first used, their versions, how to install them."""
 
-import difflib
 import json
 import re
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -20,13 +19,15 @@ _EXTRAS = {
     "sweep": ("optuna", "plotly", "ray", "scipy"),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),
+    "robots": (
+        *("baxter", "cv2", "eaik", "example-robot-data", "ompl", "stepbus_store", "store"),
+        *("toppra", "xacro"),
+    ),
 }
-"""Extra of stepbus → the modules and model packages that it installs."""
-_ROBOTS = (
-    *("baxter", "cv2", "eaik", "example-robot-data", "ompl", "stepbus_store", "store", "toppra"),
-    "xacro",
-)
-"""Scenarios, modules and model packages that come with the robots, a package of its own."""
+"""Extra of stepbus → modules and model packages that it installs.
+
+Those of the robots, with their scenarios, come with a package of its own.
+"""
 _MISSING = re.compile(r"No module named '([\w.]+)'")
 
 
@@ -58,12 +59,10 @@ def install_command(extra: str) -> str:
 def extra_hint(module: str) -> str:
     """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
     top = module.partition(".")[0]
-    if top in _ROBOTS:
+    extra = next((extra for extra, modules in _EXTRAS.items() if top in modules), "")
+    if extra == "robots":
         return "; to install, run `make robots`"
-    for extra, modules in _EXTRAS.items():
-        if top in modules:
-            return f"; {install_command(extra)}"
-    return ""
+    return f"; {install_command(extra)}" if extra else ""
 
 
 def import_error_hint(text: str) -> str:
@@ -99,47 +98,17 @@ def installed_version(package: str) -> str:
     As of `importlib.metadata`, which takes 15 ms to load: with three participants, a tenth of a
     start. Raises PackageNotFoundError, a ModuleNotFoundError, where there is none.
     """
-    wanted = _normal(package)
-    for entry in sys.path:
-        for metadata in _metadata(Path(entry), wanted):
-            for line in metadata.read_text(encoding="utf-8").splitlines():
-                if line.startswith("Version:"):
-                    return line.removeprefix("Version:").strip()
+    name = re.sub(r"[-_.]+", "[-_.]+", package)
+    folder = re.compile(rf"{name}-(.+)\.dist-info", re.IGNORECASE)
+    for entry in filter(Path.is_dir, map(Path, sys.path)):
+        for path in entry.iterdir():
+            match = folder.fullmatch(path.name)
+            if match and (path / "METADATA").is_file():
+                return match[1]
     # In a zip file, or an egg of old.
     from importlib.metadata import version  # noqa: PLC0415  see above
 
     return version(package)
-
-
-def _metadata(folder: Path, wanted: str) -> list[Path]:
-    """Return the METADATA of a package in a folder of packages, if it has it."""
-    try:
-        folders = [item.name for item in folder.iterdir() if item.name.endswith(".dist-info")]
-    except OSError:
-        return []
-    names = [name for name in folders if _normal(name.partition("-")[0]) == wanted]
-    paths = [folder / name / "METADATA" for name in names]
-    return [path for path in paths if path.is_file()]
-
-
-def _normal(name: str) -> str:
-    return re.sub(r"[-_.]+", "-", name).lower()
-
-
-_MOST_COMPARED, _MOST_SHOWN, _LONGEST = 1000, 40, 100
-
-
-def suggest(name: object, known: Iterable[object]) -> str:
-    """Return `; did you mean 'x'?`, or the known names where none is near."""
-    names = list(dict.fromkeys(str(item) for item in known))
-    # To compare takes time with the length of each, and with their number.
-    short = [one for one in names[:_MOST_COMPARED] if len(one) <= _LONGEST]
-    near = difflib.get_close_matches(str(name)[:_LONGEST], short, n=1)
-    if near:
-        return f"; did you mean {near[0]!r}?"
-    shown = ", ".join(names[:_MOST_SHOWN])
-    more = f" … ({len(names)} in all)" if len(names) > _MOST_SHOWN else ""
-    return f"; known: {shown}{more}" if names else ""
 
 
 def imported_later(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
