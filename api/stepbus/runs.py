@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 import threading
 import warnings
 from collections.abc import Mapping, Sequence
@@ -11,8 +9,8 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.analysis.verify import Verification, plan
-from stepbus_orchestrator.analysis.verify import verify as verify_trials
+from stepbus_orchestrator.analysis.verify import Verification
+from stepbus_orchestrator.analysis.verify import verify as verify_scenario
 from stepbus_orchestrator.run.describe import ParticipantDescription
 from stepbus_orchestrator.run.describe import describe as describe_scenario
 from stepbus_orchestrator.run.extension import RunExtension
@@ -157,14 +155,7 @@ def verify(
     runs: how often, at least 2. seed: of start orders and delays. keep: a new folder for the runs;
     default: a temporary one, which stays only where a run failed or differed.
     """
-    loaded = load(scenario, set=set)
-    folder = Path(tempfile.mkdtemp(prefix="verify-stepbus-") if keep is None else keep)
-    verification = verify_trials(
-        loaded, plan(loaded, runs, seed), folder, seed=seed, on_result=lambda _outcome: None
-    )
-    if keep is None and not verification.failed and not verification.different:
-        shutil.rmtree(folder)
-    return verification
+    return verify_scenario(load(scenario, set=set), runs=runs, seed=seed, keep=keep)
 
 
 def call(

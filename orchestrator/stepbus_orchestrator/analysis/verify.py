@@ -1,20 +1,26 @@
 """Runs a scenario several times under different conditions; the recordings must be equal."""
 
+import contextlib
 import dataclasses
+import shutil
+import tempfile
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from os import PathLike
 from pathlib import Path
 
 import msgspec
 import numpy as np
 
+from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.processes.delays import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import Scenario, Transport
+from stepbus_participant import make_new_folder
 from stepbus_schemas import WiringError
 
 WINDOWS = (1, 2, 8, 64)
@@ -54,10 +60,11 @@ class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
 class Verification:
     """All trials that were run: up to one that failed or differed from the first.
 
-    results: in their order, at least one.
+    results: in their order, at least one. folder: of the runs.
     """
 
     results: tuple[TrialResult, ...]
+    folder: Path
 
     @property
     def failed(self) -> TrialResult | None:
@@ -99,7 +106,8 @@ def plan(scenario: Scenario, count: int, seed: int, *, in_process: bool = False)
         )
         for index in range(count - 1)
     ]
-    return [plain, *others, *(_shared(plain, count) if in_process and _can_share(scenario) else ())]
+    shared = msgspec.structs.replace(plain, number=count + 1, in_process=True)
+    return [plain, *others, *([shared] if in_process and _can_share(scenario) else ())]
 
 
 def _can_share(scenario: Scenario) -> bool:
@@ -110,11 +118,63 @@ def _can_share(scenario: Scenario) -> bool:
     return True
 
 
-def _shared(plain: Trial, count: int) -> list[Trial]:
-    return [msgspec.structs.replace(plain, number=count + 1, in_process=True)]
-
-
 def verify(
+    scenario: Scenario,
+    *,
+    runs: int = 5,
+    seed: int = 0,
+    keep: str | PathLike[str] | None = None,
+    on_result: Callable[[TrialResult, int], None] = lambda _result, _count: None,
+    interrupt: threading.Event | None = None,
+    owns_descriptors: bool = False,
+) -> Verification:
+    """Run a scenario several times, until one fails or differs from the first.
+
+    runs: number of runs in separate processes. seed: seed of the start orders and delays. keep:
+    keep the runs in this new folder. Default: a temporary one, which stays only where a run failed
+    or differed. on_result: gets each trial when it has ended, and how many there are. interrupt:
+    ends the current run, as a failure. owns_descriptors: whether this process can host all
+    participants too, as of `InProcess`; then it does, last.
+
+    Raises RecordingFailed when the folder cannot be made.
+    """
+    trials = plan(scenario, runs, seed, in_process=owns_descriptors)
+    with _folder(keep) as folder:
+        verification = run_trials(
+            scenario,
+            trials,
+            folder,
+            seed=seed,
+            on_result=lambda result: on_result(result, len(trials)),
+            interrupt=interrupt,
+            owns_descriptors=owns_descriptors,
+        )
+    if keep is None and not (verification.failed or verification.different):
+        shutil.rmtree(folder)
+    return verification
+
+
+@contextlib.contextmanager
+def _folder(keep: str | PathLike[str] | None) -> Iterator[Path]:
+    """Make the folder of the runs; remove it where the first one could not even begin."""
+    try:
+        if keep is not None:
+            make_new_folder(Path(keep))
+        folder = Path(keep or tempfile.mkdtemp(prefix="verify-stepbus-"))
+    except OSError as exc:
+        raise RecordingFailed(
+            f"cannot make the folder {keep}: {exc.strerror}; choose a new one with "
+            f"{argument('--keep')}"
+        ) from exc
+    try:
+        yield folder
+    except BaseException:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
+        raise
+
+
+def run_trials(
     scenario: Scenario,
     trials: list[Trial],
     folder: Path,
@@ -126,9 +186,7 @@ def verify(
 ) -> Verification:
     """Run trials until one fails or differs from the first.
 
-    folder: gets a folder for each run, named by its number. seed: of the delays. on_result: gets
-    each trial when it has ended. interrupt: ends the current run, as a failure. owns_descriptors:
-    as of `InProcess`.
+    folder: gets a folder for each run, named by its number. The others: as of `verify`.
     """
     results: list[TrialResult] = []
     for trial in trials:
@@ -142,10 +200,10 @@ def verify(
         result = run(_changed(scenario, trial), options, interrupt=interrupt)
         results.append(TrialResult(trial=trial, result=result, delays=sum(delays.counts.values())))
         on_result(results[-1])
-        verification = Verification(results=tuple(results))
+        verification = Verification(results=tuple(results), folder=folder)
         if verification.failed or verification.different:
             break
-    return Verification(results=tuple(results))
+    return Verification(results=tuple(results), folder=folder)
 
 
 def _changed(scenario: Scenario, trial: Trial) -> Scenario:

@@ -4,7 +4,7 @@ import pytest
 from support.runs.joints import fault, write_scenario
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.analysis.verify import plan, verify
+from stepbus_orchestrator.analysis.verify import plan, run_trials
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.load import load
 
@@ -36,7 +36,7 @@ def racy(tmp_path):
 def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     scenario, reported = load("two_link", [SHORT]), []
     trials = plan(scenario, 3, 0, in_process=True)
-    found = verify(scenario, trials, tmp_path, seed=0, on_result=reported.append)
+    found = run_trials(scenario, trials, tmp_path, seed=0, on_result=reported.append)
     assert len({trial.result.sha256 for trial in found.results}) == 1
     assert found.different is found.failed is None
     assert reported == list(found.results)
