@@ -22,8 +22,8 @@ EXPORTING = {
         for name in (
             "analysis.diff", "analysis.divergence", "analysis.findings", "analysis.signals",
             "analysis.tolerance", "analysis.verify", "cli", "cli.live", "cli.output",
-            "cli.parameters", "cli.signals", "errors", "plugins", "processes.child",
-            "processes.credentials", "processes.endpoints", "processes.launcher",
+            "cli.parameters", "cli.signals", "errors", "plugins", "processes", "processes.child",
+            "processes.endpoints", "processes.launcher",
             "processes.limits", "processes.watchdog", "recording", "recording.layout",
             "recording.timing", "replay", "replay.branch", "replay.recorded", "replay.rerun",
             "replay.sources",

@@ -23,6 +23,7 @@ from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.recording import McapFile, Recorder, TimingRecorder
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
@@ -40,7 +41,7 @@ PER_KEY = 1000
 class Child:
     """A process that runs on, whatever happens."""
 
-    pid, log = 7, "controller.log"
+    pid, log, late = 7, "controller.log", None
 
     def exit_code(self):
         return None
@@ -60,7 +61,7 @@ class Stand:
         self.timing = TimingRecorder(folder / "timing.mcap", time)
         self.session = Session(scenario, self.bus, TOKEN)
         self.loop = Run(
-            self.session, None, self.recorder, self.timing, out=folder, extensions=[Calls()]
+            self.session, Strategy(), self.recorder, self.timing, out=folder, extensions=[Calls()]
         )
         self.loop.state.participants = {
             spec.name: ParticipantState(spec, Child()) for spec in specs

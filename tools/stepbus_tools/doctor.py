@@ -18,7 +18,7 @@ from typing import Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.processes.credentials import certificates, passwords
+from stepbus_orchestrator.processes.endpoints import certificates, passwords
 from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
 
 Verdict = Literal["ok", "warn", "fail"]

@@ -12,8 +12,8 @@ from rich.table import Table
 
 from stepbus_orchestrator.cli.output import Answer, visible
 from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.processes.external import await_ticket
 from stepbus_orchestrator.processes.launcher import participant_environment
-from stepbus_orchestrator.processes.shared_ticket import await_ticket
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
 from stepbus_orchestrator.scenario.program import command as program_command

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from types import FrameType
 
 from stepbus_orchestrator.cli import signals
-from stepbus_orchestrator.processes.launcher import PYTHON
+from stepbus_orchestrator.processes import PYTHON
 
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed
 from .supervisor import adopt, settle, supervise

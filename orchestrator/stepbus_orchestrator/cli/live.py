@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.cli.keys import HELP
 from stepbus_orchestrator.cli.output import visible
-from stepbus_orchestrator.run.reports import Progress
+from stepbus_orchestrator.run.reports import Observer, Progress
 
 # With --json, nothing is shown; else rich is imported when there is something to show.
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ _LAST_S = 10.0
 """How long the last sentences may take; where nobody reads them, the buffer gives up earlier."""
 
 
-class Display:
+class Display(Observer):
     """Shows progress and sentences from a thread of its own.
 
     A terminal that nobody reads, or that Ctrl-S holds, blocks its writer; the run must continue.

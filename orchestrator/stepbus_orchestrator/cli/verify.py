@@ -9,7 +9,7 @@ from stepbus_orchestrator.cli.output import Answer, say
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.processes.launcher import is_set
+from stepbus_orchestrator.processes import can_host
 from stepbus_orchestrator.scenario.load import load
 
 _SHOWN_HASH = 12
@@ -44,7 +44,7 @@ def verify_command(
 
     with interruptible() as interrupt:
         verification = verify(
-            loaded, **given, on_result=show, interrupt=interrupt, owns_descriptors=is_set()
+            loaded, **given, on_result=show, interrupt=interrupt, owns_descriptors=can_host()
         )
     return _answer(verification, given["keep"])
 

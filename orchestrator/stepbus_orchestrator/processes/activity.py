@@ -8,6 +8,8 @@ from pathlib import Path
 _TICKS_PER_S = os.sysconf("SC_CLK_TCK")
 _BUSY = 0.3
 """Share of a time in which a process that computes has had a processor; others want it too."""
+_STATE, _PARENT, _GROUP, _USER_TICKS, _SYSTEM_TICKS = 0, 1, 2, 11, 12
+"""Fields behind the name of the program, see proc(5)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -45,41 +47,47 @@ class Activity:
         return ""
 
 
-def activity(group: int) -> Activity:
-    """Return what the processes of a group are doing; nothing where nobody knows."""
-    return _activity([row for row in _rows("[0-9]*") if int(row[2]) == group])
+@dataclass(frozen=True)
+class KeptThread:
+    """How a participant that shares our thread missed a deadline.
+
+    held_s: how long it kept the thread [s]. where: the line of its code; empty while it waits for
+    a program of its own. is_stopped: whether a signal or a debugger has stopped that.
+    """
+
+    held_s: float
+    where: str
+    is_stopped: bool = False
+
+
+def activity(*groups: int) -> Activity:
+    """Return what the processes of some groups are doing; nothing where nobody knows."""
+    return _activity(row for _, row in _rows() if int(row[_GROUP]) in groups) if groups else NOTHING
 
 
 def activity_of(pid: int) -> Activity:
     """Return what a single process is doing; nothing where nobody knows."""
-    return _activity(list(_rows(str(pid))))
+    return _activity(row for _, row in _rows(str(pid)))
 
 
-def _activity(rows: list[list[str]]) -> Activity:
-    states = {row[0] for row in rows}
+NOTHING = Activity()
+
+
+def _activity(rows: Iterator[list[str]]) -> Activity:
+    own = list(rows)
+    states = {row[_STATE] for row in own}
+    ticks = sum(int(row[_USER_TICKS]) + int(row[_SYSTEM_TICKS]) for row in own)
     return Activity(
         is_stopped=bool(states & {"T", "t"}),
         waits_for_disk="D" in states,
         is_running="R" in states,
-        cpu_s=sum(int(row[11]) + int(row[12]) for row in rows) / _TICKS_PER_S,
+        cpu_s=ticks / _TICKS_PER_S,
     )
-
-
-def _rows(pids: str) -> Iterator[list[str]]:
-    """Yield the fields from the state on, see proc(5), of each process; pids: as a pattern."""
-    for path in Path("/proc").glob(f"{pids}/stat"):
-        if row := _row(path):
-            yield row
 
 
 def children(pid: int) -> set[int]:
     """Return the processes that one has started, or taken over, and not yet seen end."""
-    return {
-        int(path.parent.name)
-        for path in Path("/proc").glob("[0-9]*/stat")
-        for row in [_row(path)]
-        if row and int(row[1]) == pid
-    }
+    return {child for child, row in _rows() if int(row[_PARENT]) == pid}
 
 
 def descendants(pid: int) -> set[int]:
@@ -88,8 +96,11 @@ def descendants(pid: int) -> set[int]:
     return pids.union(*(descendants(child) for child in pids))
 
 
-def _row(path: Path) -> list[str]:
-    try:
-        return path.read_bytes().rpartition(b")")[2].decode().split()
-    except OSError:
-        return []
+def _rows(pids: str = "[0-9]*") -> Iterator[tuple[int, list[str]]]:
+    """Yield each process, with its fields behind the name; pids: as a pattern."""
+    for path in Path("/proc").glob(f"{pids}/stat"):
+        try:
+            yield int(path.parent.name), path.read_bytes().rpartition(b")")[2].decode().split()
+        except OSError:
+            # It has ended.
+            continue

@@ -1,4 +1,4 @@
-"""Bounds the log of a participant, which may print without end."""
+"""The process of a participant: what a run asks of it, its log, and a child of ours."""
 
 import contextlib
 import errno
@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
-from stepbus_orchestrator.processes.activity import Activity, activity
+from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
 from stepbus_participant import append_to, last_error
 
 _LARGEST = 8 * 1024 * 1024
@@ -80,15 +80,66 @@ _FIRST_PAUSE_S = 0.0005
 _LONGEST_PAUSE_S = 0.05
 
 
-class Child:
+class Process:
+    """A participant's process, as a run sees it.
+
+    log: the file its stdout and stderr go to. pid: its process id; 0: unknown. late: how it missed
+    a deadline, where it shares our thread and has.
+    """
+
+    def __init__(self, log: Path) -> None:
+        self.log = log
+        self.pid = 0
+        self.late: KeptThread | None = None
+        self._bounded_log = BoundedLog(log)
+
+    def exit_code(self) -> int | None:
+        """Return its exit code, negative for a signal; None while it runs."""
+        raise NotImplementedError
+
+    def how_it_ended(self) -> str:
+        """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
+        code = self.exit_code()
+        if code is not None and code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"exited with code {code}"
+
+    def last_error(self) -> str:
+        """Return the last error it printed, or its last line, or nothing."""
+        return last_error(self.log)
+
+    def log_problem(self) -> str:
+        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
+        return self._bounded_log.problem()
+
+    def limit_log(self) -> None:
+        """Keep the head and the tail of its log, once that has become large."""
+        self._bounded_log.limit()
+
+    def activity(self) -> Activity:
+        """Return what it, and all it has started, is doing."""
+        raise NotImplementedError
+
+    def signal(self, number: int) -> None:
+        """Send it a signal, and all it has started."""
+
+    def wait(self, timeout_s: float) -> bool:
+        """Return whether it has ended within a time [s]."""
+        raise NotImplementedError
+
+    def terminate(self) -> None:
+        """Ask it once to end, and all it has started."""
+
+    def end(self, grace_s: float = TERM_GRACE_S) -> None:
+        """Terminate it, then kill it and all it has started. grace_s: between the two."""
+
+
+class Child(Process):
     """A process in a session of its own, so that Ctrl-C in the terminal does not reach it.
 
     name: the participant. log: where its stdout and stderr go. has_terminal: they go where ours
     go instead, and its stdin is ours. pid: its process id and group.
     """
-
-    late = None
-    """It has a thread of its own."""
 
     def __init__(
         self,
@@ -100,10 +151,10 @@ class Child:
         environment: Mapping[str, str],
         has_terminal: bool = False,
     ) -> None:
+        super().__init__(log)
         self.name = name
-        self.log = log
-        self._bounded_log = BoundedLog(log)
         self._lock = threading.Lock()
+        self._is_terminated = False
         try:
             with os.fdopen(append_to(log), "ab") as file:
                 if has_terminal:
@@ -133,7 +184,6 @@ class Child:
                 participant=name,
             ) from exc
         self.pid = self._process.pid
-        self._is_terminated = False
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs.
@@ -178,10 +228,6 @@ class Child:
             self._process.wait(_KILL_S)
         self.limit_log()
 
-    def limit_log(self) -> None:
-        """Keep the head and the tail of its log, once that has become large."""
-        self._bounded_log.limit()
-
     def signal(self, number: int) -> None:
         """Send a signal to it and all it has started; nothing once it has been reaped."""
         with self._lock, contextlib.suppress(ProcessLookupError, PermissionError):
@@ -191,18 +237,3 @@ class Child:
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
         return activity(self.pid)
-
-    def how_it_ended(self) -> str:
-        """Return its end in words: `exited with code 1` or `was killed by SIGKILL`."""
-        code = self.exit_code()
-        if code is not None and code < 0:
-            return f"was killed by {signal.Signals(-code).name}"
-        return f"exited with code {code}"
-
-    def last_error(self) -> str:
-        """Return the last error it printed, or its last line, or nothing."""
-        return last_error(self.log)
-
-    def log_problem(self) -> str:
-        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
-        return self._bounded_log.problem()

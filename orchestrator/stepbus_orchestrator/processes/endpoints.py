@@ -1,29 +1,45 @@
-"""The endpoints of a run: where each process listens, and which ones it connects to."""
+"""The endpoints of a run: where each process listens, which ones it connects to, and its proof.
+
+Credentials are made for one run and gone with it (P2.4, P2.8). Each process proves its name: by a
+password of its own on Unix sockets, by a certificate of the run's own authority on TCP. A guarded
+Zenoh session then takes from a link only what that name may publish, so that no participant can
+speak for another one. Without credentials there is no link at all.
+"""
 
 import secrets
 import socket
 import tempfile
-from collections.abc import Collection
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import BusFailed, argument
-from stepbus_orchestrator.processes.credentials import (
-    CALLER,
-    ORCHESTRATOR,
-    access_control,
-    certificates,
-    identities,
-    passwords,
-)
 from stepbus_orchestrator.processes.port_users import PortUsers
 from stepbus_orchestrator.scenario.model import Scenario, low_latency
 from stepbus_participant import Endpoint
 
+if TYPE_CHECKING:
+    from trustme import CA
+
 _SOCKET_PATH_BYTES = 107
 _NOT_IN_ADDRESSES = "#?"
 _UNIX = "unixsock-stream/"
+
+ORCHESTRATOR = "orchestrator"
+CALLER = ".caller"
+"""The caller of a run from outside (`stepbus call`); no participant's name has a leading dot."""
+
+_OWN_KEYS = ("out", "ready", "log", "fault", "called", "checkpoint", "alive")
+_CONTROL = ("start", "trigger", "stop", "call/*")
+"""Keys of the orchestrator on which participants listen (P3.1)."""
+_DECLARATIONS = (
+    "declare_subscriber",
+    "declare_queryable",
+    "declare_liveliness_subscriber",
+    "liveliness_query",
+)
+_ALL = (*_DECLARATIONS, "put", "delete", "query", "reply", "liveliness_token")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -80,6 +96,11 @@ def gone(path: Path) -> str:
     return f"{path}, which is private to the run, is gone: did somebody remove it?"
 
 
+def new_token() -> str:
+    """Return a run's secret: 64 random bits, in hexadecimal."""
+    return secrets.token_hex(8)
+
+
 def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: bool = False) -> Mesh:
     """Return the endpoints of all processes of a run, with their credentials.
 
@@ -89,14 +110,26 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
 
     Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
-    names = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
-    is_unix = scenario.bus.transport == "unix"
-    if is_unix:
-        addresses = [_unix(folder, index) for index in range(len(names))]
+    listening = [ORCHESTRATOR, *(spec.name for spec in scenario.participants)]
+    names = [*listening, CALLER]
+    settings: dict[str, dict[str, Any]] = {name: {} for name in names}
+    access: Mapping[str, Any] = {}
+    if scenario.bus.transport == "unix":
+        addresses = [_unix(folder, index) for index in range(len(listening))]
+        if run is not None:
+            # A password names the one who opens a link to the one who accepts it, not the other
+            # way round; there, it is the session that has a name. Its first digit is no zero.
+            ids = {name: f"{secrets.randbits(127) | 1 << 127:032x}" for name in listening}
+            settings |= {name: {"id": number} for name, number in ids.items()}
+            access = _access_control(run, listening[1:], "usernames", ids)
     else:
-        addresses = [f"tls/127.0.0.1:{port}" for port in _ports(scenario.bus.port, len(names))]
-    users = passwords([*names, CALLER])
-    settings = _settings(folder, run, names, is_unix=is_unix)
+        ports = _ports(scenario.bus.port, len(listening))
+        addresses = [f"tls/127.0.0.1:{port}" for port in ports]
+        settings = _certificates(names, folder)
+        if run is not None:
+            access = _access_control(run, listening[1:], "cert_common_names")
+    users = passwords(names)
+    guarded = {"access_control": access} if access else {}
     endpoints = {
         name: Endpoint(
             listen=addresses[index : index + 1],
@@ -105,9 +138,9 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
             user=name,
             password=users[name],
             users=users if name != CALLER else {},
-            settings=settings[name],
+            settings={**settings[name], **guarded},
         )
-        for index, name in enumerate([*names, CALLER])
+        for index, name in enumerate(names)
     }
     return Mesh(
         folder=folder,
@@ -118,35 +151,10 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
     )
 
 
-def _settings(
-    folder: Path, run: str | None, names: list[str], *, is_unix: bool
-) -> dict[str, dict[str, Any]]:
-    """Return the further Zenoh settings of each process."""
-    everybody = [*names, CALLER]
-    if not is_unix:
-        own = _certificates(everybody, folder)
-        access = {} if run is None else access_control(run, names[1:], "cert_common_names")
-    elif run is None:
-        own, access = {name: {} for name in everybody}, {}
-    else:
-        # A password names the one who opens a link to the one who accepts it, not the other way
-        # round; there, it is the session that has a name.
-        ids = identities(names)
-        own = {name: {"id": ids[name]} if name in ids else {} for name in everybody}
-        access = access_control(run, names[1:], "usernames", ids)
-    if run is None:
-        return own
-    return {name: {**settings, "access_control": access} for name, settings in own.items()}
-
-
-def _certificates(names: list[str], folder: Path) -> dict[str, dict[str, Any]]:
-    try:
-        return certificates(names, folder)
-    except OSError as exc:
-        hint = "set TMPDIR to a folder with room" if folder.is_dir() else gone(folder)
-        raise BusFailed(
-            f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
-        ) from exc
+def tcp_ports(endpoint: Endpoint) -> list[int]:
+    """Return the ports that an endpoint listens on, where it does so over TCP."""
+    addresses = [address for address in endpoint.listen if address.startswith("tls/")]
+    return [int(address.rpartition(":")[2]) for address in addresses]
 
 
 def _unix(folder: Path, index: int) -> str:
@@ -186,12 +194,111 @@ def _ports(base: int | None, count: int) -> list[int]:
             probe.close()
 
 
-def tcp_ports(endpoint: Endpoint) -> list[int]:
-    """Return the ports that an endpoint listens on, where it does so over TCP."""
-    addresses = [address for address in endpoint.listen if address.startswith("tls/")]
-    return [int(address.rpartition(":")[2]) for address in addresses]
+# --- credentials ---------------------------------------------------------------------------
 
 
-def new_token() -> str:
-    """Return a run's secret: 64 random bits, in hexadecimal."""
-    return secrets.token_hex(8)
+def passwords(names: Iterable[str]) -> dict[str, str]:
+    """Return a random password for each name."""
+    return {name: secrets.token_hex(16) for name in names}
+
+
+def _certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
+    try:
+        return certificates(names, folder)
+    except OSError as exc:
+        hint = "set TMPDIR to a folder with room" if folder.is_dir() else gone(folder)
+        raise BusFailed(
+            f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
+        ) from exc
+
+
+def certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
+    """Write a certificate for each name, and return the Zenoh settings that use it.
+
+    folder: private; it gets the files, which are of no use once the run is over.
+    """
+    import trustme  # noqa: PLC0415  (only TCP needs it, and it loads all of cryptography)
+
+    authority = trustme.CA()
+    root = folder / "authority.pem"
+    authority.cert_pem.write_to_path(root)
+    return {name: _certificate(authority, name, folder, root) for name in names}
+
+
+def _certificate(authority: "CA", name: str, folder: Path, root: Path) -> dict[str, Any]:
+    issued = authority.issue_cert("127.0.0.1", common_name=name)
+    chain, key = folder / f"{name}.crt", folder / f"{name}.key"
+    issued.cert_chain_pems[0].write_to_path(chain)
+    key.touch(mode=0o600)
+    issued.private_key_pem.write_to_path(key)
+    files = {"certificate": str(chain), "private_key": str(key)}
+    return {
+        "transport/link/tls/root_ca_certificate": str(root),
+        **{f"transport/link/tls/{end}_{file}": path
+           for end in ("listen", "connect") for file, path in files.items()},
+        "transport/link/tls/enable_mtls": True,
+        # All are on 127.0.0.1: only the common name distinguishes them.
+        "transport/link/tls/verify_name_on_connect": False,
+    }  # fmt: skip
+
+
+def _access_control(
+    run: str, participants: Iterable[str], proof: str, ids: Mapping[str, str] | None = None
+) -> Mapping[str, Any]:
+    """Return Zenoh's access control for every session of a run.
+
+    proof: `usernames` or `cert_common_names`, by which Zenoh knows who is at the other end. ids: of
+    the sessions, by which it knows that where no proof was given: of those that a session connects
+    to on Unix sockets. Whoever has proved to be a participant is never taken for the orchestrator.
+    """
+    keys = f"stepbus/{run}"
+    owned = {
+        name: [*(f"{keys}/{key}/{name}" for key in _OWN_KEYS), f"{keys}/bulk/{name}/**"]
+        for name in participants
+    }
+    rules = [
+        _rule("egress", "egress", _ALL, ["**"]),
+        _rule("listen", "ingress", _DECLARATIONS, [f"{keys}/**"]),
+        _rule("join", "ingress", ("query",), [f"{keys}/join"]),
+        _rule("call", "ingress", ("query",), [f"{keys}/call"]),
+        _rule(ORCHESTRATOR, "ingress", _ALL, [f"{keys}/**"]),
+        *(
+            _rule(f"own {name}", "ingress", ("put", "delete", "liveliness_token"), own)
+            for name, own in owned.items()
+        ),
+    ]
+    subjects = [{"id": name, proof: [name]} for name in (ORCHESTRATOR, CALLER, *owned)]
+    policies = [
+        {"subjects": ["anyone"], "rules": ["egress"]},
+        {"subjects": [ORCHESTRATOR], "rules": [ORCHESTRATOR]},
+        {"subjects": [CALLER], "rules": ["call"]},
+        *({"subjects": [name], "rules": ["listen", "join", f"own {name}"]} for name in owned),
+    ]
+    if ids is not None:
+        control = [f"{keys}/{key}" for key in _CONTROL]
+        rules.append(_rule("control", "ingress", ("put",), control, "deny"))
+        for policy in policies[1:]:
+            (name,) = policy["subjects"]
+            if name in ids:
+                subjects.append({"id": f"session {name}", "zids": [ids[name]]})
+                policy["subjects"] = [name, f"session {name}"]
+        policies.append({"subjects": list(owned), "rules": ["control"]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": [{"id": "anyone"}, *subjects],
+        "policies": policies,
+    }
+
+
+def _rule(
+    name: str, flow: str, messages: Iterable[str], keys: list[str], permission: str = "allow"
+) -> dict[str, Any]:
+    return {
+        "id": name,
+        "flows": [flow],
+        "messages": list(messages),
+        "permission": permission,
+        "key_exprs": keys,
+    }

@@ -1,59 +1,109 @@
-"""The environment of Python participants, in a process of their own or in a shared one."""
+"""Starts and ends the processes of a run, and lets others start some."""
 
+import contextlib
 import os
+import shutil
+import subprocess
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from msgspec.structs import asdict
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes import PYTHON, reaper
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.external import External
-from stepbus_orchestrator.processes.port_users import cut_links
-from stepbus_orchestrator.processes.reaping import LeftBehind, Reaper
-from stepbus_orchestrator.processes.shared_ticket import JoinTicket, SharedTicket
+from stepbus_orchestrator.processes.endpoints import private_folder
+from stepbus_orchestrator.processes.external import External, JoinTicket, SharedTicket
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import (
-    NO_CHECKPOINTS,
-    ONE_THREAD,
-    TICKET_VARIABLE,
-    CheckpointOrder,
-    Endpoint,
-    MessageFault,
-    ProfileOrder,
-    Ticket,
-)
+from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, Ticket
 
-PYTHON = {
-    # One thread for each BLAS: more only compete for the cores the lockstep runs on.
-    "OMP_NUM_THREADS": "1",
-    "OPENBLAS_NUM_THREADS": "1",
-    "PYTHONUNBUFFERED": "1",
-    # The order of a set of texts is the same in every run.
-    "PYTHONHASHSEED": "0",
-}
+_END_S = 2.0
+"""How long the reaper may take to remove the private folder; it may have been stopped [s]."""
 
 
-def is_set() -> bool:
-    """Return whether this process has it, so that it can host participants as their own would."""
-    return all(os.environ.get(name) == value for name, value in PYTHON.items())
+class LeftBehind(NamedTuple):
+    """A process that outlived the participant that had started it, and was ended."""
+
+    participant: str
+    pid: str
+    command: str
+
+    def text(self) -> str:
+        """Return it in words."""
+        return f"left a process behind, which was killed: {self.command} (pid {self.pid})"
+
+
+class Reaper:
+    """A process that kills what is left of a run, also should the orchestrator be killed.
+
+    folder: the run's private folder, for sockets and tickets, removed at the end. Raises BusFailed
+    where that cannot be made, StartFailed, without leaving it behind, when no process can be
+    started.
+    """
+
+    def __init__(self) -> None:
+        self.folder = private_folder()
+        try:
+            self._process = subprocess.Popen(
+                [sys.executable, "-I", "-S", reaper.__file__, str(self.folder)],
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                text=True,
+                start_new_session=True,
+            )
+        except BaseException as exc:
+            # It is empty. To remove it takes no file descriptor, of which there may be none left.
+            with contextlib.suppress(OSError):
+                self.folder.rmdir()
+            if isinstance(exc, OSError):
+                raise StartFailed(f"the reaper could not be started: {exc.strerror}") from exc
+            raise
+
+    def watch(self, group: int) -> None:
+        """Let it kill a process group when the orchestrator is gone."""
+        self._notify(f"+{group}")
+
+    def forget(self, group: int) -> None:
+        """Let it kill a process group no more."""
+        self._notify(f"-{group}")
+
+    def _notify(self, line: str) -> None:
+        if self._process.stdin is not None:
+            with contextlib.suppress(BrokenPipeError):
+                self._process.stdin.write(line + "\n")
+                self._process.stdin.flush()
+
+    def end(self) -> list[LeftBehind]:
+        """End it, and remove the private folder; return the processes that it had to end."""
+        said = ""
+        for _ in range(2):
+            try:
+                said, _ = self._process.communicate(timeout=_END_S)
+                break
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+        # It may have been killed, or stopped, by another process.
+        shutil.rmtree(self.folder, ignore_errors=True)
+        return [LeftBehind(*line.split(" ", 2)) for line in said.splitlines()]
 
 
 class Launcher:
     """Owns every process of one run, and its private folder.
 
-    folder: the private folder, removed at the end. logs: folder of the participants' logs. Raises
-    StartFailed, without leaving the folder behind, when no process can be started.
+    logs: folder of the participants' logs. folder: the private one. children: those that were
+    started, by name. Raises BusFailed and StartFailed as `Reaper` does.
     """
 
-    def __init__(self, *, run: str, token: str, folder: Path, logs: Path) -> None:
+    def __init__(self, *, run: str, token: str, logs: Path) -> None:
+        self._reaper = Reaper()
+        self.folder = self._reaper.folder
+        self.children: dict[str, Child] = {}
         self._run = run
         self._token = token
-        self._folder = folder
         self._logs = logs
-        self.children: dict[str, Child] = {}
         self._shared: list[SharedTicket] = []
-        self._reaper = Reaper(folder)
 
     def start(
         self,
@@ -62,23 +112,18 @@ class Launcher:
         endpoint: Endpoint,
         scenario_folder: Path,
         *,
-        faults: Sequence[MessageFault] = (),
         has_terminal: bool = False,
-        profile: ProfileOrder | None = None,
-        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
+        **fields: Any,
     ) -> Child:
         """Start one participant.
 
-        faults: on its messages. has_terminal: it gets our terminal, to be debugged.
-        profile: what to measure of its steps. checkpoint: when to save its state, and from which to
-        start.
+        has_terminal: it gets our terminal, to be debugged. fields: further ones of its ticket.
 
         Raises StartFailed when its program cannot be executed.
         """
-        ticket = self._ticket(spec, endpoint, faults, profile, checkpoint)
-        path = self._folder / f"{spec.name}.ticket"
+        path = self.folder / f"{spec.name}.ticket"
         try:
-            ticket.save(path)
+            self._ticket(spec, endpoint, fields).save(path)
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; "
@@ -104,17 +149,14 @@ class Launcher:
         scenario_folder: Path,
         *,
         ticket: Path,
-        faults: Sequence[MessageFault] = (),
-        profile: ProfileOrder | None = None,
-        checkpoint: CheckpointOrder = NO_CHECKPOINTS,
+        **fields: Any,
     ) -> External:
         """Put the ticket of one participant where somebody else picks it up.
 
-        ticket: the path. faults, profile, checkpoint: as of `start`. Raises StartFailed when it
-        cannot be written there.
+        ticket: the path. fields: further ones. Raises StartFailed when it cannot be written there.
         """
         content = JoinTicket(
-            **asdict(self._ticket(spec, endpoint, faults, profile, checkpoint)),
+            **asdict(self._ticket(spec, endpoint, fields)),
             exec=list(spec.program),
             folder=str(scenario_folder.absolute()),
             bridge="" if spec.bridge is None else spec.bridge.format,
@@ -124,32 +166,18 @@ class Launcher:
         self._shared.append(shared)
         # The first that a participant connects to is the orchestrator.
         return External(
-            shared,
-            self._logs / f"{spec.name}.log",
-            lambda pid: cut_links(endpoint.connect[0], pid, self._pids()),
+            shared, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
 
-    def _ticket(
-        self,
-        spec: ParticipantSpec,
-        endpoint: Endpoint,
-        faults: Sequence[MessageFault],
-        profile: ProfileOrder | None,
-        checkpoint: CheckpointOrder,
-    ) -> Ticket:
+    def _ticket(self, spec: ParticipantSpec, endpoint: Endpoint, fields: dict[str, Any]) -> Ticket:
         return Ticket(
             run=self._run,
             name=spec.name,
             token=self._token,
             endpoint=endpoint,
             join_timeout_s=spec.deadlines.join_s,
-            faults=list(faults),
-            profile=profile,
-            checkpoint=checkpoint,
+            **fields,
         )
-
-    def _pids(self) -> list[int]:
-        return [child.pid for child in self.children.values()]
 
     def end_all(self) -> list[LeftBehind]:
         """End every process that is left, and the reaper, which removes the private folder.

@@ -53,7 +53,9 @@ def _end_left(folder: str) -> list[str]:
     give_up = time.monotonic() + _PATIENCE_S
     while (left := _left(folder)) and time.monotonic() < give_up:
         for pid, name in left.items():
-            ended.setdefault(pid, f"{name} {pid} {_command(pid)}")
+            words = _content(Path(f"/proc/{pid}/cmdline")).decode(errors="replace").split("\0")
+            command = " ".join(" ".join(words).split())[:_LONGEST]
+            ended.setdefault(pid, f"{name} {pid} {command}")
             with contextlib.suppress(ProcessLookupError, PermissionError):
                 os.kill(pid, signal.SIGKILL)
     return list(ended.values())
@@ -62,18 +64,14 @@ def _end_left(folder: str) -> list[str]:
 def _left(folder: str) -> dict[int, str]:
     """Return the processes with a ticket of this folder, and the participant of each."""
     mark = f"{_TICKET}={folder}/".encode()
-    left = {}
-    for path in Path("/proc").glob("[0-9]*/environ"):
-        for variable in _content(path).split(b"\0"):
-            if variable.startswith(mark):
-                ticket = variable[len(mark) :].decode(errors="replace")
-                left[int(path.parent.name)] = ticket.removesuffix(".ticket")
-    return left
-
-
-def _command(pid: int) -> str:
-    words = _content(Path(f"/proc/{pid}/cmdline")).decode(errors="replace").split("\0")
-    return " ".join(" ".join(words).split())[:_LONGEST]
+    return {
+        int(path.parent.name): variable[len(mark) :]
+        .decode(errors="replace")
+        .removesuffix(".ticket")
+        for path in Path("/proc").glob("[0-9]*/environ")
+        for variable in _content(path).split(b"\0")
+        if variable.startswith(mark)
+    }
 
 
 def _content(path: Path) -> bytes:

@@ -9,6 +9,8 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 
+from stepbus_participant import Clock
+
 _CHECK_S = 0.1
 _LONGEST_CHECK_S = 0.25
 """One check counts for at most this long: a suspended machine or orchestrator is no blocker."""
@@ -24,10 +26,11 @@ class Watchdog:
     has killed.
     """
 
-    def __init__(self, limit_s: float, kill: Callable[[], None]) -> None:
+    def __init__(self, limit_s: float, kill: Callable[[], None], clock: Clock = time) -> None:
         self.fired = False
         self._limit_s = limit_s
         self._kill = kill
+        self._clock = clock
         self._call = 0
         self._is_open = False
         self._over = threading.Event()
@@ -58,9 +61,9 @@ class Watchdog:
         self._thread.join(_JOIN_S)
 
     def _watch(self) -> None:
-        call, blocked_s, checked_at = 0, 0.0, time.monotonic()
+        call, blocked_s, checked_at = 0, 0.0, self._clock.monotonic()
         while not self._over.wait(_CHECK_S):
-            now = time.monotonic()
+            now = self._clock.monotonic()
             elapsed_s, checked_at = min(now - checked_at, _LONGEST_CHECK_S), now
             if not self._is_open or self._call != call:
                 call, blocked_s = self._call, 0.0

@@ -50,26 +50,30 @@ _TOPICS: Mapping[type[msgspec.Struct], str] = {
 }
 
 
+def _add_channel(file: McapFile, cls: type[msgspec.Struct], topic: str) -> int:
+    (_,), types = msgspec.json.schema_components([cls])
+    schema: dict[str, Any] = types[cls.__name__]
+    return file.add_channel(topic, f"{cls.__name__}/1", {}, lambda _name: schema)
+
+
 class TimingRecorder:
     """Appends to timing.mcap; its log times are nanoseconds since the epoch.
 
     It decides nothing: when the disk is full it stops writing, and leaves it to the recording
-    itself to end the run. clock, disk: of the run.
+    itself to end the run. path: None: it writes nothing. clock, disk: of the run.
     """
 
-    def __init__(self, path: Path, clock: Clock, disk: Disk = os) -> None:
+    def __init__(self, path: Path | None, clock: Clock, disk: Disk = os) -> None:
         self._clock = clock
-        self._file = McapFile(path, disk)
-        self._channels = {cls: self._add_channel(cls, topic) for cls, topic in _TOPICS.items()}
+        self._file = None if path is None else McapFile(path, disk)
+        self._channels: dict[type[msgspec.Struct], int] = {}
+        if self._file is not None:
+            for cls, topic in _TOPICS.items():
+                self._channels[cls] = _add_channel(self._file, cls, topic)
         self._sequence = 0
         self._rows: dict[str, list[tuple[int, int, int]]] = {}
         self._arrivals: dict[str, list[tuple[int, int]]] = {}
         self._triggers: list[tuple[int, int]] = []
-
-    def _add_channel(self, cls: type[msgspec.Struct], topic: str) -> int:
-        (_,), types = msgspec.json.schema_components([cls])
-        schema: dict[str, Any] = types[cls.__name__]
-        return self._file.add_channel(topic, f"{cls.__name__}/1", {}, lambda _name: schema)
 
     def event(self, event: str, participant: str = "", text: str = "") -> None:
         """Record that something happened now."""
@@ -99,9 +103,10 @@ class TimingRecorder:
 
     def _add(self, record: msgspec.Struct) -> None:
         self._sequence += 1
-        channel, data = self._channels[type(record)], _encode(record)
-        with contextlib.suppress(RecordingFailed):
-            self._file.add(channel, self._clock.time_ns(), data, self._sequence)
+        if self._file is not None:
+            channel, data = self._channels[type(record)], _encode(record)
+            with contextlib.suppress(RecordingFailed):
+                self._file.add(channel, self._clock.time_ns(), data, self._sequence)
 
     def close(self) -> None:
         """Write the rest and complete the file, as far as the disk allows."""
@@ -109,5 +114,6 @@ class TimingRecorder:
             self._write_steps(participant)
         if self._triggers:
             self._write_triggers()
-        with contextlib.suppress(RecordingFailed):
-            self._file.close()
+        if self._file is not None:
+            with contextlib.suppress(RecordingFailed):
+                self._file.close()

@@ -11,7 +11,7 @@ from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.recording import Recording, Sink
+from stepbus_orchestrator.recording import Recording, Sink, TimingRecorder
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
 from stepbus_orchestrator.replay.reference import new_reference
@@ -27,7 +27,6 @@ from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.run.run_files import NoTiming
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import replaced_program
@@ -172,7 +171,7 @@ def _run(
             Session(scenario, bus, opening.token, longest_s),
             strategy,
             sink,
-            NoTiming(),
+            TimingRecorder(None, bus.clock),
             out=folder,
             observer=observer,
             interrupt=interrupt,

@@ -9,7 +9,7 @@ from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Recording, SavedState, layout
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.kernel.failures import at as at_step
+from stepbus_orchestrator.run.kernel.state import at as at_step
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder

@@ -11,8 +11,8 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import Ports, counts_from_of, recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.kernel.failures import at
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import at
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Decoder, MessageError, Outputs

@@ -1,5 +1,6 @@
 """One run's end of the bus: what is published, what has arrived, and who takes it (P3.1)."""
 
+import contextlib
 from collections import deque
 from collections.abc import Callable, Iterable
 from functools import partial
@@ -18,27 +19,31 @@ if TYPE_CHECKING:
 
 
 class Inbox:
-    """A queue of what has arrived, each item with the function that takes it.
+    """What has arrived, in its order, each item with the function that takes it.
 
     Callbacks of the bus only put; everything else happens on the thread that calls `receive`.
     What several participants have to send before anything can go on wakes that thread once.
 
-    queue: of the bus.
+    queue: of the bus; holds no items, but what wakes the thread.
     """
 
     def __init__(self, queue: Queue) -> None:
         self._queue = queue
-        self._quiet: deque[tuple[Callable[[Any], None], Any]] = deque()
+        self._items: deque[tuple[Callable[[Any], None], Any]] = deque()
         self._awaited: set[str] = set()
 
     def into(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return a callback for the bus: what it gets is passed to `take` by `receive`."""
-        put = self._queue.put
-        return lambda item: put((take, item))
+
+        def sink(item: Any) -> None:
+            self._items.append((take, item))
+            self._queue.put(None)
+
+        return sink
 
     def into_from(self, name: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
         """Return the same for a participant; it wakes nobody while others are awaited."""
-        put, keep = self._queue.put, self._quiet.append
+        put, keep = self._queue.put, self._items.append
 
         def sink(item: Any) -> None:
             keep((take, item))
@@ -46,7 +51,7 @@ class Inbox:
             awaited = self._awaited
             awaited.discard(name)
             if not awaited:
-                put((_ignore, None))
+                put(None)
 
         return sink
 
@@ -56,31 +61,17 @@ class Inbox:
 
     def receive(self, timeout_s: float) -> None:
         """Wait for the next item, at most for a time [s], and take all that have come with it."""
-        if self._quiet:
-            timeout_s = 0.0
-        try:
-            take, item = self._queue.get(timeout=timeout_s)
-        except Empty:
-            self._take_quiet()
-            return
-        self._take_quiet()
-        take(item)
+        queue, items = self._queue, self._items
+        if not items:
+            with contextlib.suppress(Empty):
+                queue.get(timeout=timeout_s)
         # Not until it is empty: a process that floods the bus must not keep us from the deadlines.
-        for _ in range(self._queue.qsize()):
-            take, item = self._queue.get()  # no time-out: it is not empty
-            if take is not _ignore:
-                self._take_quiet()
-                take(item)
-
-    def _take_quiet(self) -> None:
-        """Take what has woken nobody; it came before all that is taken next."""
-        for _ in range(len(self._quiet)):
-            take, item = self._quiet.popleft()
+        for _ in range(len(items)):
+            take, item = items.popleft()
             take(item)
-
-
-def _ignore(_item: object) -> None:
-    """Take what only wakes."""
+        # What comes from here on is in the items, and is not waited for.
+        while not queue.empty():
+            queue.get()  # no time-out: it is not empty
 
 
 _FIRST_S = 0.05
@@ -103,7 +94,7 @@ class Announcer:
         self.on_block: Callable[[], None] = lambda: None
         self._bus = bus
         self._token = token
-        self._watchdog = Watchdog(limit_s, self._blocked)
+        self._watchdog = Watchdog(limit_s, self._blocked, bus.clock)
         self._put_start = self.publisher("start", "Start/1")
         self._put_trigger = self.publisher("trigger", "Trigger/1")
         self._put_stop = self.publisher("stop", "Stop/1")
@@ -215,26 +206,30 @@ class Session:
 
 def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop") -> None:
     """Listen to all that participants send; everything goes through the session's inbox."""
-    bus, into = session.bus, session.inbox.into
-    bus.answer("join", into(lambda request: _take_join(session, messages, request)))
+    bus, inbox, announcer = session.bus, session.inbox, session.announcer
+    bus.answer(
+        "join",
+        inbox.into(lambda it: messages.take_join(it.payload, partial(announcer.reply, it))),
+    )
     subscribe_named(session, "ready/*", messages.take_ready)
     subscribe_named(session, "fault/*", messages.take_fault)
     for spec in session.scenario.participants:
         # One key each: to ask every sample for its key takes longer than to decode it.
         take_log = partial(messages.take_log, spec.name)
-        bus.subscribe_content(f"log/{spec.name}", session.inbox.into_from(spec.name, take_log))
+        bus.subscribe_content(f"log/{spec.name}", inbox.into_from(spec.name, take_log))
     for name in safe_stop.names:
-        _subscribe_one(session, f"out/{name}", partial(safe_stop.take, name))
+        bus.subscribe_content(f"out/{name}", inbox.into(partial(safe_stop.take, name)))
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
-        bus.subscribe("bulk/*/*", into(lambda sample: _take_bulk(messages, sample)))
-    alive = into(lambda item: messages.take_alive(*item))
+
+        def take_bulk(sample: Sample) -> None:
+            _, name, port = sample.key.split("/")
+            messages.take_bulk(name, port, sample.attachment, sample.payload)
+
+        bus.subscribe("bulk/*/*", inbox.into(take_bulk))
+    alive = inbox.into(lambda item: messages.take_alive(*item))
     bus.watch_alive("alive/*", lambda key, is_alive: alive((_last(key), is_alive)))
     bus.declare_alive("alive/orchestrator")
-
-
-def _subscribe_one(session: Session, key: str, take: Callable[[bytes], None]) -> None:
-    session.bus.subscribe_content(key, session.inbox.into(take))
 
 
 def subscribe_named(session: Session, key: str, take: Callable[[str, bytes], None]) -> None:
@@ -244,12 +239,3 @@ def subscribe_named(session: Session, key: str, take: Callable[[str, bytes], Non
 
 def _last(key: str) -> str:
     return key.rpartition("/")[2]
-
-
-def _take_join(session: Session, messages: MessageHandler, request: Request) -> None:
-    messages.take_join(request.payload, partial(session.announcer.reply, request))
-
-
-def _take_bulk(messages: MessageHandler, sample: Sample) -> None:
-    _, name, port = sample.key.split("/")
-    messages.take_bulk(name, port, sample.attachment, sample.payload)

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.run.kernel.barrier import FAR, Gate
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import error_text
 
@@ -38,9 +38,6 @@ class RunExtension:
     is_star = False
     """Whether participants are linked to the orchestrator only, which passes on what they publish.
     """
-
-    is_hosting = False
-    """Whether code of this process, which is no program of the scenario, takes part."""
 
     # --- before the run -------------------------------------------------------------------
 
@@ -126,67 +123,6 @@ class RunExtension:
 
     def finish(self, result: Result) -> None:
         """Take the result, when the recording is closed; raises RecordingFailed."""
-
-
-class Extensions:
-    """The extensions of one run, in the order in which they were given.
-
-    A step calls only those that have something to do in it: gates, turns, acts, completions,
-    releases and waits are the methods `limit`, `turn`, `act`, `completed`, `released` and `wait_s`
-    of those that override them.
-    """
-
-    def __init__(self, items: Sequence[RunExtension]) -> None:
-        self._items = items
-        self.gates: list[Gate] = overriding(items, "limit")
-        self.turns = overriding(items, "turn")
-        self.acts = overriding(items, "act")
-        self.completions = overriding(items, "completed")
-        self.releases = overriding(items, "released")
-        self._waits = overriding(items, "wait_s")
-
-    def attach(self, run: Run) -> None:
-        """Hand them the run."""
-        for item in self._items:
-            item.attach(run)
-
-    def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
-        """Return how a participant is to be started, as far as they say so."""
-        return {key: v for item in self._items for key, v in item.start_options(spec).items()}
-
-    def started(self, participant: ParticipantState) -> None:
-        """Tell them of a participant that has been started."""
-        for item in self._items:
-            item.started(participant)
-
-    def awaiting(self, participants: Collection[ParticipantState]) -> None:
-        """Tell them who has still to get ready, or to leave."""
-        for item in self._items:
-            item.awaiting(participants)
-
-    def ready(self) -> None:
-        """Let them check what all participants have said of themselves."""
-        for item in self._items:
-            item.ready()
-
-    def wait_s(self, released: int, longest_s: float) -> float | None:
-        """Return how long to wait until the next step is due [s]; None: no clock holds it."""
-        waits = (wait(released, longest_s) for wait in self._waits)
-        return min((wait for wait in waits if wait is not None), default=None)
-
-    def is_holding(self) -> bool:
-        """Return whether one holds the run until the user lets it continue."""
-        return any(item.is_holding() for item in self._items)
-
-    def stopping(self) -> None:
-        """Tell them that no further step begins."""
-        for item in self._items:
-            item.stopping()
-
-    def close(self) -> None:
-        """Let them let go of everything."""
-        for item in self._items:
-            item.close()
 
 
 _METHODS = {name for name, value in vars(RunExtension).items() if callable(value)} - {"prepare"}

@@ -11,11 +11,8 @@ from itertools import chain, count
 from pathlib import Path
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
-from stepbus_orchestrator.recording import McapFile, layout
-from stepbus_orchestrator.run.result import own_versions
-from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_participant import make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"
@@ -63,22 +60,6 @@ def claim(out: Path) -> None:
         raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
     if is_used:
         raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
-
-
-def attach(file: McapFile, scenario: Scenario) -> None:
-    """Attach all that is needed to run again from the recording alone.
-
-    Raises RecordingFailed when one of them cannot be
-    read.
-    """
-    text, contents = resolved(scenario).encode(), read_files(scenario.files)
-    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
-    for name, content in contents.items():
-        file.attach(layout.file_attachment(name), "application/octet-stream", content)
-    file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
-    if scenario.faults:
-        rows = {f"{n:04}": format_fault(fault) for n, fault in enumerate(scenario.faults)}
-        file.add_metadata(layout.FAULTS_METADATA, rows)
 
 
 def read_files(paths: Mapping[str, Path]) -> dict[str, bytes]:

@@ -1,7 +1,6 @@
 """The seams of a run: its host has a clock, a bus and a disk, and starts the participants.
 
-`process_host` starts a process for each participant, `inprocess` has them all in this process,
-a replay starts one and plays the others.
+`hosts.Processes` starts a process for each participant, `hosts.InProcess` has them all in this one.
 """
 
 import threading
@@ -21,18 +20,20 @@ if TYPE_CHECKING:
     from .run import Run
 
 
-class Strategy(Protocol):
-    """How a run gets its participants."""
+class Strategy:
+    """How a run gets its participants.
+
+    mesh: their endpoints; None: they are all in this process.
+    """
+
+    mesh: Mesh | None = None
 
     def launch(self, run: "Run") -> None:
         """Start them, and hand each to `run.started`.
 
         Raises StartFailed when one cannot be started.
         """
-
-    @property
-    def mesh(self) -> Mesh | None:
-        """Return the endpoints of its processes; None: they are all in this one."""
+        raise NotImplementedError
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -62,14 +63,11 @@ class Opening:
 
 
 class Host(Protocol):
-    """Where a run takes place.
-
-    clock: of its buses.
-    """
+    """Where a run takes place."""
 
     @property
     def clock(self) -> Clock:
-        """Return the time by which the run goes."""
+        """Return the time by which the run, and its buses, go."""
 
     @property
     def disk(self) -> Disk:

@@ -6,10 +6,10 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh, private_folder
+from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.host import Opening, Strategy
@@ -39,54 +39,52 @@ class Processes:
         """Do nothing: every scenario runs here."""
 
     @contextlib.contextmanager
-    def open(self, opening: Opening) -> Iterator[tuple[Bus, "LiveRun"]]:
+    def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
         """Open the bus of a run; at the end, say what its processes have left behind."""
-        folder = private_folder()
-        launcher = Launcher(run=opening.run, token=opening.token, folder=folder, logs=opening.logs)
+        launcher = Launcher(run=opening.run, token=opening.token, logs=opening.logs)
         try:
-            mesh = make_mesh(opening.scenario, folder, opening.run, is_star=opening.is_star)
+            mesh = make_mesh(
+                opening.scenario, launcher.folder, opening.run, is_star=opening.is_star
+            )
             with self.around(launcher.children), contextlib.ExitStack() as stack:
                 bus = open_bus(mesh.orchestrator, opening.run)
                 stack.callback(bus.close)
                 live = Live(run=opening.run, token=opening.token, endpoint=mesh.caller)
                 live.save(opening.out)
                 stack.callback(forget, opening.out)
-                yield bus, LiveRun(launcher, mesh, self.start_order)
+                yield bus, _Launch(launcher, mesh, self.start_order)
         finally:
             for left in launcher.end_all():
                 opening.warn(left.participant, left.text())
 
 
-class LiveRun:
+class _Launch(Strategy):
     """The strategy of a run in processes."""
 
     def __init__(self, launcher: Launcher, mesh: Mesh, start_order: Sequence[str] | None) -> None:
-        self.mesh = mesh
+        self.mesh: Mesh = mesh
         self._launcher = launcher
         self._start_order = start_order
 
     def launch(self, run: Run) -> None:
-        """Start the participants in their order."""
+        """Start the participants in their order; let the user start those that are external."""
         scenario = run.state.scenario
         for name in self._start_order or [spec.name for spec in scenario.participants]:
-            spec = scenario.participant(name)
-            start = self._admit if spec.is_external else self._start
-            run.started(start(spec, run, run.extensions.start_options(spec)))
+            run.started(self._start(scenario.participant(name), run))
 
-    def _start(self, spec: ParticipantSpec, run: Run, options: dict[str, Any]) -> ParticipantState:
+    def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
+        options = run.start_options(spec)
         folder = options.pop("folder", run.state.scenario.folder)
-        argv, endpoint = start_command(spec, folder), self.mesh.participants[spec.name]
+        endpoint = self.mesh.participants[spec.name]
+        if spec.is_external:
+            external = self._launcher.admit(spec, endpoint, folder, **options)
+            self.mesh.tickets[spec.name] = external.ticket.path
+            run.timing.event("external", spec.name)
+            return ParticipantState(spec, external, external=external)
+        argv = start_command(spec, folder)
         child = self._launcher.start(spec, argv, endpoint, folder, **options)
         run.timing.event("spawn", spec.name, f"pid {child.pid}")
         return ParticipantState(spec, child)
-
-    def _admit(self, spec: ParticipantSpec, run: Run, options: dict[str, Any]) -> ParticipantState:
-        """Let the user start a participant."""
-        endpoint = self.mesh.participants[spec.name]
-        external = self._launcher.admit(spec, endpoint, run.state.scenario.folder, **options)
-        self.mesh.tickets[spec.name] = external.ticket.path
-        run.timing.event("external", spec.name)
-        return ParticipantState(spec, external, external=external)
 
 
 # A run in processes of their own is quicker to start without what is imported below.

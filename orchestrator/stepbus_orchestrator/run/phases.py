@@ -2,17 +2,36 @@
 
 import signal
 
-from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.errors import (
+    BusFailed,
+    ParticipantDied,
+    ParticipantFault,
+    RunFailure,
+    StartFailed,
+    StopTimeout,
+)
+from stepbus_orchestrator.processes.child import TERM_GRACE_S
+from stepbus_orchestrator.processes.endpoints import Mesh, gone, tcp_ports
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.kernel.admission import batches_of
+from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
 from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.safe_messages import motion_at_end
+from stepbus_orchestrator.scenario.model import Deadlines
 from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_schemas import Start, encode
 
-from .kernel.deadlines import check_bulk, check_closing, check_step
-from .liveness import LAST_REPORTS_S
-from .run import LONGEST_TICK_S, Run
-from .shutdown import check_ends, shut_down
-from .start_up import start_up
+from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
+from .kernel.participants import ParticipantState, Phase
+from .run import LAST_REPORTS_S, LONGEST_TICK_S, SHORT_TICK_S, Run
+
+_LEAVING_S = 3.0
+_CHECK_S = 0.05
+_USE_UNIX = "use `--transport unix`, whose sockets other users cannot reach"
+_LAST_S = 0.5
+"""How long the last messages of a process may come behind its end [s]."""
+_LEAVE_S = 1.0
+"""How long a run that has failed waits for a process that somebody else has started [s]."""
 
 
 def run_phases(run: Run) -> str:
@@ -21,69 +40,123 @@ def run_phases(run: Run) -> str:
     Every process is ended, whatever happens. Raises RunFailure when the run ends before its time,
     or a participant does not end as it should.
     """
-    return _Machine(run).go()
+    failure: RunFailure | None = None
+    try:
+        failure = _until_shutdown(run)
+    except BaseException:
+        run.stop("the orchestrator ends")
+        raise
+    finally:
+        run.state.enter(RunPhase.SHUTDOWN)
+        late = _shut_down(run, failure)
+    if failure is not None:
+        raise failure
+    _check_ends(run, late)
+    return run.state.reason
 
 
-class _Machine:
-    """The phases in their order; which may follow which is in `kernel.phase`.
+def _until_shutdown(run: Run) -> RunFailure | None:
+    """Go through the phases before the shutdown; return what ends the run before its time."""
+    failure: RunFailure | None = None
+    try:
+        _start_up(run)
+        run.state.enter(RunPhase.STEPPING)
+        try:
+            _step(run)
+        except RunFailure as exc:
+            if not run.safe_stop.can_handle(exc):
+                raise
+            failure = exc
+            run.state.enter(RunPhase.FALLBACK)
+            _fall_back(run, exc)
+        run.state.enter(RunPhase.CLOSING)
+        _close(run)
+        if failure is not None:
+            failure = _after_fallback(failure, run)
+    except RunFailure as exc:
+        failure = exc if failure is None else _failed_in_fallback(failure, exc)
+    if failure is not None:
+        run.stop(str(failure))
+    return failure
 
-    failure: what ends the run before its time.
+
+# --- start-up -----------------------------------------------------------------------------
+
+
+def _start_up(run: Run) -> None:
+    """Start every participant, wait until all are ready, and publish the `Start`.
+
+    Raises BusFailed, and blames nobody, where somebody removed what the start needs, or uses the
+    TCP ports of the run.
     """
-
-    def __init__(self, run: Run) -> None:
-        self._run = run
-        self._failure: RunFailure | None = None
-
-    def go(self) -> str:
-        run = self._run
-        try:
-            self._until_shutdown()
-        except BaseException:
-            run.stop("the orchestrator ends")
+    try:
+        _start(run)
+    except (StartFailed, ParticipantFault) as exc:
+        why = "" if run.strategy.mesh is None else _obstacle(run, run.strategy.mesh, exc)
+        if not why:
             raise
-        finally:
-            run.state.enter(RunPhase.SHUTDOWN)
-            late = shut_down(run, self._failure)
-        if self._failure is not None:
-            raise self._failure
-        check_ends(run, late)
-        return run.state.reason
-
-    def _until_shutdown(self) -> None:
-        phase = self._phase_after(RunPhase.START_UP)
-        while phase is not RunPhase.SHUTDOWN:
-            self._run.state.enter(phase)
-            phase = self._phase_after(phase)
-        if self._failure is not None:
-            self._run.stop(str(self._failure))
-
-    def _phase_after(self, phase: RunPhase) -> RunPhase:
-        """Run one phase and return the one after it."""
-        try:
-            following = self._act(phase)
-        except RunFailure as failure:
-            return self._after(failure)
-        if phase is RunPhase.CLOSING and self._failure is not None:
-            self._failure = _after_fallback(self._failure, self._run)
-        return following
-
-    def _act(self, phase: RunPhase) -> RunPhase:
-        if self._failure is not None and phase is RunPhase.FALLBACK:
-            return _fall_back(self._run, self._failure)
-        return _ACTS[phase](self._run)
-
-    def _after(self, failure: RunFailure) -> RunPhase:
-        """Return the phase that follows a failure."""
-        if self._run.safe_stop.can_handle(failure):
-            self._failure = failure
-            return RunPhase.FALLBACK
-        if self._failure is not None:
-            failure = _failed_in_fallback(self._failure, failure)
-        self._failure = failure
-        return RunPhase.SHUTDOWN
+        raise BusFailed(f"{why} ({exc})") from exc
 
 
-def _step(run: Run) -> RunPhase:
+def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
+    """Return what kept the participants from starting that is no fault of theirs; empty: nothing.
+
+    Whoever ends, since it was refused, takes its socket away a moment before.
+    """
+    participants = run.state.participants
+    blamed = failure.participant if failure.participant in participants else None
+    end_s = run.clock.monotonic() + _LEAVING_S
+    while True:
+        ended = {name for name, one in participants.items() if one.process.exit_code() is not None}
+        up = {name for name, one in participants.items() if one.phase > Phase.SPAWNED}
+        lost = mesh.lost(blamed, up - ended)
+        if lost is None:
+            users = mesh.users.seen(
+                [port for n in ended for port in tcp_ports(mesh.participants[n])]
+            )
+            return users and f"{users}, which keeps links from opening; {_USE_UNIX}"
+        if run.clock.monotonic() > end_s:
+            return gone(lost)
+        run.clock.sleep(_CHECK_S)
+
+
+def _start(run: Run) -> None:
+    state = run.state
+    run.strategy.launch(run)
+    mesh = run.strategy.mesh
+    while not state.is_ready:
+        for extension in run.extensions:
+            extension.awaiting(state.participants.values())
+        if mesh is not None:
+            mesh.users.look()
+        run.turn(lambda elapsed_s: check_start(state, elapsed_s))
+    # A relay could cut a link at any step, though it cannot read what is encrypted. It had the port
+    # before its owner, and has a connection at it for as long as it passes on what comes.
+    if mesh is not None and (users := mesh.users.look()):
+        raise BusFailed(f"before the first step: {users}, and may stand in a link; {_USE_UNIX}")
+    ready = {name: one.ready for name, one in state.participants.items() if one.ready is not None}
+    run.descriptions = {
+        **run.descriptions,
+        **{name: dict(item.outputs) for name, item in ready.items()},
+    }
+    inputs = input_descriptions(state.scenario, run.descriptions)
+    check_descriptions(state.participants, inputs)
+    versions = {name: dict(item.versions) for name, item in ready.items()}
+    run.recorder.open_channels(run.descriptions, versions)
+    batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
+    message = encode(Start(token=run.session.token, inputs=inputs, batches=batches))
+    state.check_size("the descriptions of all inputs", message)
+    for extension in run.extensions:
+        extension.ready()
+    run.timing.event("start")
+    state.started_at = run.clock.monotonic()
+    run.announcer.start(message)
+
+
+# --- stepping and closing ------------------------------------------------------------------
+
+
+def _step(run: Run) -> None:
     """Release step after step until the last one is complete."""
     state = run.state
     barrier = state.barrier
@@ -94,7 +167,6 @@ def _step(run: Run) -> RunPhase:
         if barrier.count == before:
             # A participant may have missed it: it was published before the link was complete.
             run.announcer.repeat(with_start=not barrier.has_all_started)
-    return RunPhase.CLOSING
 
 
 def _check(run: Run, elapsed_s: float) -> None:
@@ -104,7 +176,7 @@ def _check(run: Run, elapsed_s: float) -> None:
         check_step(run.state, elapsed_s)
 
 
-def _close(run: Run) -> RunPhase:
+def _close(run: Run) -> None:
     """Ask for the closing outputs (P11.3), and finish the recording behind them."""
     state = run.state
     end = state.last_step
@@ -115,7 +187,6 @@ def _close(run: Run) -> RunPhase:
     _await_bulk(run)
     run.is_recorded = True
     run.recorder.finish(end, closing)
-    return RunPhase.SHUTDOWN
 
 
 def _await_outputs(run: Run, closing: list[str]) -> None:
@@ -130,7 +201,10 @@ def _await_bulk(run: Run) -> None:
         run.turn(lambda _elapsed_s: check_bulk(run.state, run.clock.monotonic() - began))
 
 
-def _fall_back(run: Run, failure: RunFailure) -> RunPhase:
+# --- fallback -----------------------------------------------------------------------------
+
+
+def _fall_back(run: Run, failure: RunFailure) -> None:
     """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
     state = run.state
     participant = state.participants[failure.participant or ""]
@@ -146,7 +220,7 @@ def _fall_back(run: Run, failure: RunFailure) -> RunPhase:
     )
     run.timing.event("hold", participant.name, f"steps {first} to {until - 1}")
     run.observer.event("error", participant.name, first, f"{failure}; holding until step {until}")
-    return _step(run)
+    _step(run)
 
 
 def _after_fallback(failure: RunFailure, run: Run) -> RunFailure:
@@ -171,4 +245,91 @@ def _extended(failure: RunFailure, text: str, cause: RunFailure) -> RunFailure:
     return extended
 
 
-_ACTS = {RunPhase.START_UP: start_up, RunPhase.STEPPING: _step, RunPhase.CLOSING: _close}
+# --- shutdown -----------------------------------------------------------------------------
+
+
+def _shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
+    """End every process, take what is still reported, and return those that were late.
+
+    Each has its stop deadline. Nobody waits for the culprit, nor for a participant that is not
+    ready: it has nothing to save.
+    """
+    participants = run.state.participants
+    culprit = participants.get(failure.participant or "") if failure is not None else None
+    if culprit is not None and culprit.external is None:
+        # Before the others: a process that reads nothing blocks those that publish to it.
+        culprit.process.end()
+    waits_for = [
+        one
+        for one in participants.values()
+        if one.phase == Phase.READY
+        and (one is not culprit or one.external is not None)
+        # In a run that has failed, one that is stopped as well would only be waited for.
+        and not (failure is not None and one.process.activity().is_stopped)
+    ]
+    late = _await_ends(run, waits_for, has_failed=failure is not None)
+    for one in participants.values():
+        one.process.terminate()
+    # They share the grace between the two signals.
+    give_up = run.clock.monotonic() + TERM_GRACE_S
+    for one in participants.values():
+        one.process.end(max(0.0, give_up - run.clock.monotonic()))
+    # What they published before they ended may arrive after their exit codes.
+    give_up = run.clock.monotonic() + _LAST_S
+    run.receive_after_failure(0.0)
+    while run.clock.monotonic() < give_up and not all(
+        one.has_left or one.external is not None for one in waits_for
+    ):
+        run.receive_after_failure(SHORT_TICK_S)
+    run.announcer.close()
+    return late
+
+
+def _await_ends(
+    run: Run, participants: list[ParticipantState], *, has_failed: bool
+) -> list[ParticipantState]:
+    began = run.clock.monotonic()
+    while True:
+        left = [one for one in participants if one.process.exit_code() is None]
+        waited_s = run.clock.monotonic() - began
+        if not any(waited_s < _patience_s(run, one, has_failed=has_failed) for one in left):
+            return left
+        for extension in run.extensions:
+            extension.awaiting(left)
+        for one in left:
+            one.process.limit_log()
+        run.announcer.repeat_stop()
+        run.receive_after_failure(SHORT_TICK_S)
+
+
+def _patience_s(run: Run, participant: ParticipantState, *, has_failed: bool) -> float:
+    """Return how long a participant may take to end [s]; not long after Ctrl-C."""
+    if has_failed and participant.external is not None:
+        # It may stand in a debugger, and nobody may end it.
+        return _LEAVE_S
+    stop_s = participant.limit_s("stop")
+    return min(stop_s, Deadlines.stop_s) if run.interrupt.is_set() else stop_s
+
+
+def _check_ends(run: Run, late: list[ParticipantState]) -> None:
+    """Raise for a participant that did not end in time, or with another exit code than 0."""
+    participants = run.state.participants.values()
+    late = [*late, *(one for one in participants if one.process.late is not None)]
+    if late:
+        first = late[0]
+        raise StopTimeout(
+            f"{', '.join(one.who() for one in late)} did not end within "
+            f"{first.limit_s('stop'):g} s of the stop and was "
+            f"{'killed' if first.external is None else 'left alone'} "
+            f"(participants.{first.name}.stop_timeout); the recording is complete",
+            participant=first.name,
+            step=run.state.steps,
+        )
+    for one in participants:
+        if one.process.exit_code() != 0:
+            raise ParticipantDied(
+                f"after the last step: {one.who()} {one.process.how_it_ended()} while "
+                f"stopping; the recording is complete; {one.where_it_prints()}",
+                participant=one.name,
+                step=run.state.steps,
+            )

@@ -2,40 +2,24 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
 import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.kernel.descriptions import newest_of
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_schemas import Decoder, Event, JointState, MessageError
-
-_TYPE = "JointState/1"
-_decode = Decoder(JointState)
+from stepbus_schemas import Event, JointState
 
 
-def measured_angles(
-    scenario: Scenario, descriptions: Descriptions, newest: Mapping[str, Mapping[str, Any]]
-) -> dict[str, float]:
-    """Return joint → its newest angle [rad]; prismatic joints have none.
-
-    descriptions: of all outputs. newest: participant → port → its newest message.
-    """
+def _measured_angles(state: RunState, descriptions: Descriptions) -> dict[str, float]:
+    """Return joint → its newest angle [rad]; prismatic joints have none."""
     angles: dict[str, float] = {}
-    for spec in scenario.participants:
-        for port, output in spec.outputs.items():
-            raw = newest.get(spec.name, {}).get(port)
-            described = descriptions.get(spec.name, {}).get(port)
-            if output.type != _TYPE or raw is None or described is None:
-                continue
-            try:
-                position = _decode(bytes(raw)).position
-            except MessageError:
-                continue
-            types = described.details.get("type") or [""] * len(described.names)
-            rows = zip(described.names, types, position or (), strict=False)
-            angles |= {name: angle for name, joint, angle in rows if joint != "prismatic"}
+    measured = newest_of(JointState, state.scenario, descriptions, state.newest)
+    for _, message, described in measured:
+        types = described.details.get("type") or [""] * len(described.names)
+        rows = zip(described.names, types, message.position or (), strict=False)
+        angles |= {name: angle for name, joint, angle in rows if joint != "prismatic"}
     return angles
 
 
@@ -61,7 +45,7 @@ class Progress:
     angles: Mapping[str, float] = field(default_factory=dict)
 
 
-class Observer(Protocol):
+class Observer:
     """Watches a run; called on the run's own thread, so it must be quick."""
 
     def progress(self, progress: Progress) -> None:
@@ -69,16 +53,6 @@ class Observer(Protocol):
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
         """Take a sentence for the user."""
-
-
-class Silent:
-    """An observer that ignores everything."""
-
-    def progress(self, progress: Progress) -> None:
-        """Ignore it."""
-
-    def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Ignore it."""
 
 
 def progress_of(
@@ -98,7 +72,7 @@ def progress_of(
         compute_us={name: total / count * 1e-3 for name, (total, count) in state.compute.items()},
         drops={item.name: sum(item.drops.values()) for item in participants},
         holders=tuple(state.barrier.holders()) if is_moving and not state.is_held else (),
-        angles=measured_angles(state.scenario, descriptions, state.newest),
+        angles=_measured_angles(state, descriptions),
     )
 
 

@@ -1,29 +1,34 @@
 """A run while it lasts: one wait, one check of deadlines and processes, one release."""
 
 import contextlib
+import signal
 import threading
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus import Session, subscribe
-from stepbus_orchestrator.run.kernel.barrier import step_limit
-from stepbus_orchestrator.run.kernel.state import Newest, RunState
-from stepbus_orchestrator.run.reports import Observer, Progress, Silent, progress_of
+from stepbus_orchestrator.run.kernel.barrier import Gate, step_limit
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
 from stepbus_orchestrator.run.safe_stop import SafeStop
+from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import Message
 
-from .extension import Extensions, RunExtension
+from .extension import RunExtension, overriding
 from .host import Strategy
+from .kernel.failures import death, kept_thread, took_nothing
 from .kernel.messages import MessageHandler
 from .kernel.participants import ParticipantState
-from .liveness import Liveness
 
 TICK_S = 0.05
 SHORT_TICK_S = TICK_S / 5
 LONGEST_TICK_S = 0.25
 """One check counts for at most this long: a machine that slept is nobody's fault (P12.1)."""
+LAST_REPORTS_S = 0.1
+"""Those who wait for a process that has died report after 20 ms at which step (P9.2, P9.3)."""
 
 _PROGRESS_EVERY = 5
 _FLUSH_EVERY = 4
@@ -37,9 +42,10 @@ class Run:
     outputs. timing: gets what the clock shows. out: folder of the run. observer: is notified of
     progress. interrupt: ends the run when it is set. extensions: its features.
 
-    state: how far it is. descriptions: of all outputs, from the end of the start-up on. ended_at:
-    when the stop was sent, by the monotonic clock [s]. is_recorded: whether the recorder has been
-    asked to finish, so that it must not be asked to abort.
+    state: how far it is. messages: takes what participants send. gates: hold steps. descriptions:
+    of all outputs, from the end of the start-up on. ended_at: when the stop was sent, by the
+    monotonic clock [s]. is_recorded: whether the recorder has been asked to finish, so that it must
+    not be asked to abort.
     """
 
     def __init__(
@@ -56,31 +62,38 @@ class Run:
     ) -> None:
         self.state = RunState(session.scenario)
         self.session = session
+        self.strategy = strategy
+        self.recorder = recorder
         self.announcer = session.announcer
         self.clock = session.bus.clock
         self.timing = timing
         self.out = out
-        self.observer = observer or Silent()
+        self.observer = observer or Observer()
         self.interrupt = interrupt or threading.Event()
-        self.extensions = Extensions(extensions)
+        self.extensions = extensions
         self.descriptions: Descriptions = {}
         self.ended_at = 0.0
         self.is_recorded = False
-        self.strategy = strategy
-        self.recorder = recorder
-        messages = MessageHandler(self.state, session.token, recorder, timing)
-        self.safe_stop = SafeStop(session, self.state, messages)
-        self._newest = Newest(self.state)
-        self._liveness = Liveness(self.state, self.receive_for)
+        self.messages = MessageHandler(self.state, session.token, recorder, timing)
+        self.safe_stop = SafeStop(session, self.state, self.messages)
+        # A step calls only the extensions that have something to do in it.
+        self.gates: list[Gate] = overriding(extensions, "limit")
+        self._turns = overriding(extensions, "turn")
+        self._acts = overriding(extensions, "act")
+        self._completions = overriding(extensions, "completed")
+        self._releases = overriding(extensions, "released")
+        self._waits = overriding(extensions, "wait_s")
         self._is_timed = False
         self._completed = 0
         self._looked_at = 0
         self._began = self.clock.monotonic()
         self._checked_at = self._began
         self._ticks = 0
-        self.announcer.on_block = self._liveness.kill_blockers
-        self.extensions.attach(self)
-        subscribe(session, messages, self.safe_stop)
+        self._killed: list[str] = []
+        self.announcer.on_block = self._kill_blockers
+        for extension in extensions:
+            extension.attach(self)
+        subscribe(session, self.messages, self.safe_stop)
 
     # --- one turn -------------------------------------------------------------------------
 
@@ -94,7 +107,7 @@ class Run:
         self.session.inbox.wake_for(last)
         self.session.inbox.receive(wait_s)
         self.release(always=self._is_timed)
-        for turn in self.extensions.turns:
+        for turn in self._turns:
             turn()
         if self.interrupt.is_set():
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
@@ -104,7 +117,7 @@ class Run:
         self._checked_at += elapsed_s
         self.state.is_check_due = False
         # First who is dead: nobody is late who is.
-        self._liveness.check()
+        self._check_processes()
         check(min(elapsed_s, LONGEST_TICK_S))
         self._ticks += 1
         if self._ticks % _FLUSH_EVERY == 0:
@@ -114,9 +127,10 @@ class Run:
 
     def _longest_wait_s(self) -> float:
         """Return how long to wait for messages, where the clock may release a step [s]."""
-        wait_s = self.extensions.wait_s(self.state.released, TICK_S)
-        self._is_timed = wait_s is not None
-        return TICK_S if wait_s is None else wait_s
+        waits = [wait(self.state.released, TICK_S) for wait in self._waits]
+        timed = [wait_s for wait_s in waits if wait_s is not None]
+        self._is_timed = bool(timed)
+        return min(timed, default=TICK_S)
 
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
@@ -130,6 +144,40 @@ class Run:
         self.session.inbox.wake_for(())
         with contextlib.suppress(RunFailure):
             self.session.inbox.receive(timeout_s)
+
+    # --- processes ------------------------------------------------------------------------
+
+    def _check_processes(self) -> None:
+        """Raise for a process that has ended before the run (P10.4)."""
+        if self.state.phase.is_stopping:
+            return
+        for name, participant in self.state.participants.items():
+            process = participant.process
+            if process.exit_code() is None or name == self.state.replaced:
+                continue
+            if name in self._killed:
+                raise took_nothing(self.state, participant)
+            if process.late is not None:
+                raise kept_thread(self.state, participant, process.late)
+            # A fault that it, or a witness, has reported is more precise, and is raised from here.
+            self.receive_for(LAST_REPORTS_S)
+            raise death(self.state, participant)
+
+    def _kill_blockers(self) -> None:
+        """Kill a process that reads nothing while a message to it blocks everything else.
+
+        Called on the watchdog's thread, and again while that frees nothing: then it is another.
+        """
+        processes = {
+            name: participant.process
+            for name, participant in self.state.participants.items()
+            if participant.process.exit_code() is None
+        }
+        stopped = [name for name, item in processes.items() if item.activity().is_stopped]
+        holders = [name for name in self.state.barrier.holders() if name in processes]
+        for name in stopped or holders or processes:
+            self._killed.append(name)
+            processes[name].signal(signal.SIGKILL)
 
     # --- releasing steps ------------------------------------------------------------------
 
@@ -145,9 +193,9 @@ class Run:
             return
         self._completed = completed
         state.is_release_due = False
-        for act in self.extensions.acts:
+        for act in self._acts:
             act()
-        if self.extensions.completions:
+        if self._completions:
             self._look_at_completed()
         self._send_trigger()
         self.safe_stop.follow(state.released)
@@ -156,15 +204,15 @@ class Run:
     def _look_at_completed(self) -> None:
         completed = min(self.state.barrier.completed, self.state.last_step)
         while self._looked_at < completed:
-            for look in self.extensions.completions:
+            for look in self._completions:
                 look(self._looked_at)
             self._looked_at += 1
 
     def _send_trigger(self) -> None:
         released = self.state.released
-        limit = step_limit(self.state.barrier, self.extensions.gates, released)
+        limit = step_limit(self.state.barrier, self.gates, released)
         if limit > released:
-            for begin in self.extensions.releases:
+            for begin in self._releases:
                 begin(released, limit)
             self.state.released = limit
             self.announcer.trigger(limit)
@@ -172,10 +220,18 @@ class Run:
 
     # --- what extensions and hosts do ---------------------------------------------------------
 
+    def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
+        """Return how a participant is to be started, as far as extensions say so."""
+        options: dict[str, Any] = {}
+        for extension in self.extensions:
+            options |= extension.start_options(spec)
+        return options
+
     def started(self, participant: ParticipantState) -> None:
         """Take a participant that has been started."""
         self.state.participants = {**self.state.participants, participant.name: participant}
-        self.extensions.started(participant)
+        for extension in self.extensions:
+            extension.started(participant)
 
     def newest(self, output: str) -> Message | None:
         """Return the newest message of an output, such as `plant.joint_state`; None before one.
@@ -183,7 +239,7 @@ class Run:
         Raises WiringError for an output that the scenario does not have, or whose messages are
         bulk, MessageError for a message that is not of its type.
         """
-        return self._newest.message(output)
+        return self.state.newest_message(output)
 
     def end(self, reason: str) -> None:
         """End the run behind the steps that are released; an extension's `completed` may ask so."""
@@ -192,12 +248,13 @@ class Run:
     def stop(self, reason: str, at_step: int = -1) -> None:
         """Announce that the run ends; negative `at_step`: at once (P11)."""
         self.ended_at = self.clock.monotonic()
-        self.extensions.stopping()
+        for extension in self.extensions:
+            extension.stopping()
         self.announcer.stop(reason, at_step)
 
     def progress(self) -> Progress:
         """Return how far the run is."""
         # Until the next step is due by the clock, a run is held too.
-        is_held = not self._is_timed or self.extensions.is_holding()
+        is_held = not self._is_timed or any(item.is_holding() for item in self.extensions)
         elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)

@@ -2,27 +2,33 @@
 
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
+from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import RecordingFailed, RunFailure
+from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
-from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder, read_files
 from stepbus_orchestrator.run.host import Host, Opening
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.phases import run_phases
-from stepbus_orchestrator.run.reports import Events, Observer, Silent
-from stepbus_orchestrator.run.result import Result, result_of
+from stepbus_orchestrator.run.reports import Events, Observer
+from stepbus_orchestrator.run.result import Result, own_versions, result_of
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.run.run_files import RunFiles
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.faults import format_fault
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import check_installed
+from stepbus_orchestrator.scenario.resolve import resolved
+from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_participant import is_shared
+from stepbus_schemas import Decoder, Event, MessageError, Outputs, type_name
 
 __all__ = ["Options", "default_folder", "host_of", "run"]
 
@@ -72,8 +78,14 @@ def run(
     claim(options.out)
     options = dataclasses.replace(options, extensions=extensions)
     return _Execution(
-        scenario, options, observer or Silent(), interrupt or threading.Event()
+        scenario, options, observer or Observer(), interrupt or threading.Event()
     ).execute()
+
+
+_SHARED = (
+    "{folder} may be written by every user of this machine, who could put files of theirs in the "
+    "place of the run's; choose another {out}, or take that right away: chmod o-w {folder}"
+)
 
 
 class _Execution:
@@ -82,56 +94,76 @@ class _Execution:
     def __init__(
         self, scenario: Scenario, options: Options, observer: Observer, interrupt: threading.Event
     ) -> None:
-        self._began = options.host.clock.monotonic()
+        host = options.host
+        self._began = host.clock.monotonic()
         self._scenario = scenario
         self._options = options
         self._observer = observer
         self._interrupt = interrupt
         self._events = Events(observer)
-        self._files = RunFiles(
-            scenario, options.out, self._events, options.host, is_recorded=options.is_recorded
-        )
         self._run: Run | None = None
+        # A run in one process works in the scenario's folder.
+        self._out = options.out.resolve()
+        self._file: McapFile | None = None
+        order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        self._recorder: Recorder | _NoRecorder = _NoRecorder(order, self._events)
+        timing = None
+        if options.is_recorded:
+            self._file = McapFile(self._out / layout.RUN_FILE, host.disk)
+            self._recorder = Recorder(
+                self._file, order, scenario.step_ns, self._events.take, scenario.types
+            )
+            timing = self._out / layout.TIMING_FILE
+        self._timing = TimingRecorder(timing, host.clock, host.disk)
+        if is_shared(self._out):
+            text = _SHARED.format(folder=options.out, out=argument("--out"))
+            self._events.add_warning("orchestrator", text)
 
     def execute(self) -> Result:
         """Run, and return the result."""
         reason, failure = "", None
         try:
-            self._files.describe(self._options.extensions)
+            if self._file is not None:
+                self._describe(self._file)
             reason = self._take_place()
-            self._files.warn_of_rerun()
+            if self._file is not None:
+                for what in self._scenario.left_out:
+                    self._events.add_warning("recording", f"a rerun does not find {what}")
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
-            failure = self._files.translated(exc)
+            # Nobody expected it of a file.
+            kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
+            failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
         finally:
-            is_recorded = self._run is not None and self._run.is_recorded
-            ending = self._files.close(reason, failure, is_recorded=is_recorded)
+            ending = self._close(reason, failure)
         if self._run is not None and not isinstance(ending, RunFailure):
-            silent = self._files.recorder.silent
-            self._events.add_silent(self._scenario, silent, self._run.state.steps)
+            self._events.add_silent(self._scenario, self._recorder.silent, self._run.state.steps)
         result = self._result(ending)
         if self._options.is_recorded:
             self._save(result)
         return result
 
-    def _save(self, result: Result) -> None:
-        try:
-            result.save(self._options.host.disk)
-        except OSError as exc:
-            self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
+    def _describe(self, file: McapFile) -> None:
+        """Record all that is needed to run again; raises RecordingFailed."""
+        text, contents = resolved(self._scenario).encode(), read_files(self._scenario.files)
+        file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
+        for name, content in contents.items():
+            file.attach(layout.file_attachment(name), "application/octet-stream", content)
+        file.add_metadata(layout.ENVIRONMENT_METADATA, own_versions())
+        faults = enumerate(map(format_fault, self._scenario.faults))
+        if rows := {f"{number:04}": text for number, text in faults}:
+            file.add_metadata(layout.FAULTS_METADATA, rows)
         for extension in self._options.extensions:
-            try:
-                extension.finish(result)
-            except RecordingFailed as exc:
-                self._observer.event("error", "orchestrator", result.steps, str(exc))
+            for name, facts in extension.metadata().items():
+                file.add_metadata(name, facts)
 
     def _take_place(self) -> str:
         """Go through the phases on the host, and return why the run ended."""
         opening = Opening(
             scenario=self._scenario,
-            out=self._files.out,
-            logs=self._files.out / LOGS_FOLDER,
+            out=self._out,
+            logs=self._out / LOGS_FOLDER,
             run=new_token(),
             token=new_token(),
             extensions=self._options.extensions,
@@ -146,8 +178,8 @@ class _Execution:
             run = self._run = Run(
                 Session(adapted, bus, opening.token),
                 strategy,
-                self._files.recorder,
-                self._files.timing,
+                self._recorder,
+                self._timing,
                 out=self._options.out,
                 observer=self._observer,
                 interrupt=self._interrupt,
@@ -156,20 +188,80 @@ class _Execution:
             try:
                 return run_phases(run)
             finally:
-                run.extensions.close()
+                for extension in self._options.extensions:
+                    extension.close()
+
+    def _close(self, reason: str, failure: RunFailure | None) -> str | RunFailure:
+        """Write what has arrived of a run that failed; check the file of one that finished.
+
+        Return why it ended, or what it failed from.
+        """
+        try:
+            if self._run is None or not self._run.is_recorded:
+                self._recorder.abort()
+            if failure is None and self._file is not None:
+                self._file.check()
+        except RunFailure as exc:
+            failure = failure or exc
+        self._timing.event("end", text=str(failure or reason))
+        self._timing.close()
+        return failure or reason
 
     def _result(self, ending: str | RunFailure) -> Result:
+        fields: dict[str, Any] = {}
+        for extension in self._options.extensions if self._run else ():
+            fields |= extension.result()
         return result_of(
             self._scenario,
             ending,
             run=self._run,
             began=self._began,
             folder=self._options.out,
-            messages_sha256=self._files.recorder.messages_sha256,
+            messages_sha256=self._recorder.messages_sha256,
             events=self._events,
-            fields={
-                name: value
-                for item in (self._options.extensions if self._run else ())
-                for name, value in item.result().items()
-            },
+            fields=fields,
         )
+
+    def _save(self, result: Result) -> None:
+        try:
+            result.save(self._options.host.disk)
+        except OSError as exc:
+            self._observer.event("error", "orchestrator", result.steps, f"result.json: {exc}")
+        for extension in self._options.extensions:
+            try:
+                extension.finish(result)
+            except RecordingFailed as exc:
+                self._observer.event("error", "orchestrator", result.steps, str(exc))
+
+
+class _NoRecorder(Sink):
+    """The sink of a run that is not recorded; events are reported all the same."""
+
+    messages_sha256 = ""
+    silent: Collection[tuple[str, str]] = frozenset()
+
+    def __init__(self, order: Sequence[ParticipantSpec], events: Events) -> None:
+        super().__init__(order)
+        self._events = events
+        self._decode = Decoder(Event)
+        self._ports = {
+            spec.name: [port for port, row in spec.outputs.items() if row.type == type_name(Event)]
+            for spec in order
+        }
+
+    def offer(self, name: str, outputs: Outputs) -> None:
+        """Report the events among the outputs of one participant."""
+        for port in self._ports[name]:
+            if port in outputs.ports:
+                try:
+                    event = self._decode(outputs.ports[port])
+                except MessageError as exc:
+                    text = f"step {outputs.step}: {name}.{port} is {exc}"
+                    raise ParticipantFault(text, participant=name, step=outputs.step) from exc
+                self._events.take(name, port, outputs.step, event)
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Do nothing."""
+
+    def write_below(self, step: int) -> None:
+        """Do nothing."""

@@ -1,11 +1,13 @@
 """Messages that hold a robot still, and whether it is at rest."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from itertools import repeat
 from typing import Any
 
 import msgspec
 
 from stepbus_orchestrator.recording import Descriptions
+from stepbus_orchestrator.run.kernel.descriptions import newest_of
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_schemas import (
     SHIPPED,
@@ -86,9 +88,6 @@ _JOINT_RESTS = 0.02
 _BASE_RESTS = 0.005
 """Velocity below which a base stands [m/s, rad/s]."""
 
-_decode_joints = Decoder(JointState)
-_decode_base = Decoder(BaseState)
-
 
 def motion_at_end(
     scenario: Scenario, descriptions: Descriptions, newest: Mapping[str, Mapping[str, Any]]
@@ -100,32 +99,19 @@ def motion_at_end(
     """
     moving: list[str] = []
     measured = False
-    for spec in scenario.participants:
-        for port, output in spec.outputs.items():
-            data = newest.get(spec.name, {}).get(port)
-            if data is None:
-                continue
-            if output.type == "JointState/1":
-                state = _decode_joints(data)
-                measured = measured or state.velocity is not None
-                described = descriptions.get(spec.name, {}).get(port, Description())
-                moving += _moving_joints(described.names, state)
-            elif output.type == "BaseState/1":
-                measured = True
-                moving += _moving_base(port, _decode_base(data))
+    for _, joints, described in newest_of(JointState, scenario, descriptions, newest):
+        measured = measured or joints.velocity is not None
+        velocities = joints.velocity or []
+        rows = list(zip(described.names or repeat("a joint"), velocities, strict=False))
+        fastest = max(rows, key=lambda row: abs(row[1]), default=None)
+        if fastest is not None and abs(fastest[1]) > _JOINT_RESTS:
+            moving.append(f"{fastest[0]} still moves at {fastest[1]:.3f} rad/s or m/s")
+    for port, base, _ in newest_of(BaseState, scenario, descriptions, newest):
+        measured = True
+        if max(abs(base.vx), abs(base.wz)) > _BASE_RESTS:
+            moving.append(
+                f"the base ({port}) still moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
+            )
     if moving:
         return f"but {' and '.join(moving)}"
     return "and brought to rest" if measured else "and told to stop"
-
-
-def _moving_joints(names: list[str], state: JointState) -> Iterator[str]:
-    velocities = state.velocity or []
-    rows = list(zip(names or ["a joint"] * len(velocities), velocities, strict=False))
-    fastest = max(rows, key=lambda row: abs(row[1]), default=None)
-    if fastest is not None and abs(fastest[1]) > _JOINT_RESTS:
-        yield f"{fastest[0]} still moves at {fastest[1]:.3f} rad/s or m/s"
-
-
-def _moving_base(port: str, state: BaseState) -> Iterator[str]:
-    if max(abs(state.vx), abs(state.wz)) > _BASE_RESTS:
-        yield f"the base ({port}) still moves at {state.vx:.3f} m/s and {state.wz:.3f} rad/s"

@@ -13,7 +13,7 @@ from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
-from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
+from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.safe_messages import MOMENTARY, safe_message
 from stepbus_orchestrator.scenario.model import HoldSpec, ParticipantSpec
 from stepbus_schemas import SHIPPED, Decoder, Description, MessageError, Outputs, Types, encode
@@ -173,8 +173,7 @@ class SafeStop:
         """
         has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (
-            self._state.phase is RunPhase.STEPPING
-            and not self._state.is_repeating
+            not self._state.is_repeating
             and failure.participant in self._substitutes
             and not has_witness
             and not self._may_publish(failure)

@@ -4,13 +4,14 @@ From here come reading, the tables of docs/reference/scenario.md and the JSON Sc
 Durations are integers [ns]; deadlines, of the wall clock, [s].
 """
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
+from msgspec import structs
 
 from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
 from stepbus_participant.parameters import Keys, Pause
@@ -349,6 +350,12 @@ class Scenario:
     def participant(self, name: str) -> ParticipantSpec:
         """Return one participant; raises KeyError when there is none of that name."""
         return {spec.name: spec for spec in self.participants}[name]
+
+    def changed(self, names: Collection[str], **fields: Any) -> "Scenario":
+        """Return it with other fields of some participants."""
+        rows = self.participants
+        specs = (structs.replace(row, **fields) if row.name in names else row for row in rows)
+        return replace(self, participants=tuple(specs))
 
     def __repr__(self) -> str:
         """Return its name, its steps and its participants, in a line."""

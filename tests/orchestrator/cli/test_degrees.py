@@ -8,11 +8,11 @@ from stepbus_orchestrator.cli.live import in_degrees
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
 
 
-class Watcher(Silent):
+class Watcher(Observer):
     """Keeps the progress of a run at its pause, and ends it there."""
 
     def __init__(self):

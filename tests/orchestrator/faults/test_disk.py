@@ -18,7 +18,7 @@ from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
@@ -131,7 +131,7 @@ def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, 
         assert json.loads((recording.parent / "result.json").read_text())["exit_code"] == 8
 
 
-class Changer(Silent):
+class Changer(Observer):
     """Changes something once a run is paused, and lets it continue."""
 
     def __init__(self, change, pace):

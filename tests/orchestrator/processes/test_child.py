@@ -15,9 +15,9 @@ from support.surroundings import comes_true, has_ended
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.run.kernel.failures import death
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
 
 SCENARIO = scenario()
 
@@ -147,7 +147,7 @@ def test_a_full_disk_is_named_and_not_what_was_printed_last(tmp_path):
         )  # fmt: skip
         assert child.wait(20.0)
         participant = ParticipantState(SCENARIO.participant("controller"), child)
-        failure = death(participant, {"controller": participant}, Barrier(SCENARIO), 1)
+        failure = death(RunState(SCENARIO, participants={"controller": participant}), participant)
         child.end()
     finally:
         subprocess.run(["umount", disk], check=True)

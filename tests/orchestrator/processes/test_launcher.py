@@ -8,15 +8,15 @@ from support.runs.joints import leftovers, run_joints
 from support.surroundings import living_children
 
 from stepbus_orchestrator.errors import ExitCode
-from stepbus_orchestrator.processes import reaping
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.processes import launcher
+from stepbus_orchestrator.run.reports import Observer
 
 
 def is_reaper(process):
     return "reaper.py" in " ".join(process.cmdline())
 
 
-class SignalReaper(Silent):
+class SignalReaper(Observer):
     """Sends the run's reaper a signal as soon as the run makes progress."""
 
     def __init__(self, number):
@@ -44,7 +44,7 @@ def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
 
 
 def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp, monkeypatch):
-    monkeypatch.setattr(reaping, "_END_S", 0.3)
+    monkeypatch.setattr(launcher, "_END_S", 0.3)
     watcher = SignalReaper(signal.SIGSTOP)
     result = run_joints(tmp_path, "duration=5s", observer=watcher)
     assert (result.exit_code, watcher.reaper is None) == (0, False)

@@ -9,7 +9,6 @@ import pytest
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -103,4 +102,4 @@ def test_without_a_reaper_the_private_folder_goes(monkeypatch, tmp_path):
     monkeypatch.setattr(subprocess, "Popen", refuse)
     monkeypatch.setattr(shutil, "rmtree", refuse)
     with pytest.raises(StartFailed, match="the reaper could not be started: Too many open"):
-        Launcher(run="r", token="t", folder=private_folder(), logs=tmp_path)
+        Launcher(run="r", token="t", logs=tmp_path)

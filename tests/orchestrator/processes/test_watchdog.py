@@ -45,10 +45,9 @@ class Clock:
         return self.now
 
 
-def test_the_time_in_which_the_orchestrator_was_stopped_does_not_count(monkeypatch):
+def test_the_time_in_which_the_orchestrator_was_stopped_does_not_count():
     clock = Clock()
-    monkeypatch.setattr("stepbus_orchestrator.processes.watchdog.time", clock)
-    watchdog = Watchdog(1.0, lambda: None)
+    watchdog = Watchdog(1.0, lambda: None, clock)
     with watchdog.watching():
         for _ in range(4):  # One check counts for a quarter of a second, however long it took.
             assert comes_true(lambda before=clock.reads: clock.reads > before + 1)

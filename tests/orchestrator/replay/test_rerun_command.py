@@ -13,12 +13,12 @@ from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
 
-class Stopper(Silent):
+class Stopper(Observer):
     """Ends a run when it has come to its pause."""
 
     def __init__(self, stop):

@@ -2,11 +2,11 @@
 
 import threading
 
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_schemas import WiringError
 
 
-class Asker(Silent):
+class Asker(Observer):
     """Asks once, from a thread of its own, when the run has come to its pause."""
 
     def __init__(self, pace, ask):

@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.external import External
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.real_time import RealTime
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
@@ -56,7 +56,7 @@ class Elsewhere:
                     stream.close()
 
 
-class Watcher(Silent):
+class Watcher(Observer):
     """Keeps what a run tells, and acts when it has come to its pause, or waits for somebody.
 
     invited: is called with nothing when the run says whom it waits for, with `words` in it. paused:

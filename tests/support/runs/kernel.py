@@ -7,8 +7,10 @@ from queue import SimpleQueue
 import msgspec
 
 from stepbus_orchestrator.processes.activity import Activity
-from stepbus_orchestrator.recording.step_order import StepOrder
+from stepbus_orchestrator.processes.child import Process
+from stepbus_orchestrator.recording import Sink
 from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
@@ -44,12 +46,12 @@ def scenario(*participants, steps=8, window=64, **options):
     )  # fmt: skip
 
 
-class Process:
+class FakeProcess(Process):
     """A process that never ran: it ends when it is told to."""
 
-    pid, log, late = 7, Path("one.log"), None
-
     def __init__(self):
+        super().__init__(Path("one.log"))
+        self.pid = 7
         self.code = None
         self.stopped = False
         self.signals = []
@@ -60,14 +62,8 @@ class Process:
     def how_it_ended(self):
         return f"exited with code {self.code}"
 
-    def last_error(self):
-        return ""
-
     def log_problem(self):
         return ""
-
-    def limit_log(self):
-        pass
 
     def activity(self):
         return Activity(is_stopped=self.stopped)
@@ -80,16 +76,13 @@ class Process:
     def wait(self, timeout_s):
         return self.code is not None
 
-    def terminate(self):
-        pass
-
     def end(self, grace_s=0.0):
         self.code = 0 if self.code is None else self.code
 
 
 def states(scenario):
     """Return the states of all participants of a scenario, ready and with processes that run."""
-    members = {spec.name: ParticipantState(spec, Process()) for spec in scenario.participants}
+    members = {spec.name: ParticipantState(spec, FakeProcess()) for spec in scenario.participants}
     for member in members.values():
         member.phase = member.phase.READY
     return members
@@ -123,12 +116,11 @@ class Timing:
         pass
 
 
-class Transcript:
+class Transcript(Sink):
     """A sink that keeps what would be recorded, as text: `plant@0 mission@0 controller@0`."""
 
     def __init__(self, scenario):
-        order = Schedule.of(scenario).order
-        self._order = StepOrder({name: ["state"] for name in order})
+        super().__init__([scenario.participant(name) for name in Schedule.of(scenario).order])
         self._written = []
         self.ends = []
 
@@ -136,38 +128,15 @@ class Transcript:
     def text(self):
         return " ".join(self._written)
 
-    def open_channels(self, descriptions, versions):
-        pass
-
     def add_metadata(self, name, content):
         self.ends.append(name)
 
-    def add_call(self, call):
-        pass
-
-    def offer(self, name, outputs):
-        self._order.offer(name, outputs)
-
-    def offer_bulk(self, name, port, step, content):
-        pass
-
-    def bulk_complete(self):
-        return True
-
-    def write_below(self, step):
-        for complete in self._order.complete_below(step):
-            self._write(complete)
-
-    def _write(self, step):
-        self._written += [f"{item.participant}@{item.step}" for item in self._order.take(step)]
-
-    def flush(self):
-        pass
+    def write_step(self, step, closing=None):
+        revised = self.revised(step, closing)
+        self._written += [f"{item.participant}@{item.step}" for item in revised]
 
     def finish(self, closing_step, closing):
-        self.write_below(closing_step)
-        self._order.drop_behind(closing_step, closing)
-        self._write(closing_step)
+        super().finish(closing_step, closing)
         self.ends.append("finish")
 
 
@@ -181,7 +150,7 @@ class Bus:
     queue = SimpleQueue
 
     def __init__(self, scenario, order, dies=None):
-        self.processes = {spec.name: Process() for spec in scenario.participants}
+        self.processes = {spec.name: FakeProcess() for spec in scenario.participants}
         self.triggers = []
         self.stops = []
         self._specs = {spec.name: spec for spec in scenario.participants}
@@ -242,10 +211,8 @@ class Bus:
         self._sinks["alive/*"](f"alive/{name}", False)
 
 
-class Launched:
+class Launched(Strategy):
     """A strategy that starts the processes of a bus in memory."""
-
-    mesh = None
 
     def __init__(self, bus):
         self._bus = bus

@@ -12,7 +12,7 @@ from typing import Any, Self
 
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.processes.child import Child
-from stepbus_orchestrator.processes.endpoints import new_token, private_folder
+from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.bus import open_bus
@@ -70,16 +70,13 @@ class Session:
     # --- opening and closing -----------------------------------------------------------------
 
     def __enter__(self) -> Self:
-        folder = private_folder()
         with contextlib.ExitStack() as stack:
-            self._launcher = Launcher(
-                run=self._run, token=self.token, folder=folder, logs=self._logs
-            )
+            self._launcher = Launcher(run=self._run, token=self.token, logs=self._logs)
             stack.callback(self._launcher.end_all)
             limit_s = self.spec.deadlines.step_s
             self._watchdog = Watchdog(limit_s, lambda: self.signal(signal.SIGKILL))
             stack.callback(self._watchdog.close)
-            self._mesh = self._setup.mesh(self.scenario, self.spec, folder)
+            self._mesh = self._setup.mesh(self.scenario, self.spec, self._launcher.folder)
             self._stack = stack.pop_all()
         return self
 

@@ -20,7 +20,7 @@ from typing import Any, Self
 import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
-from stepbus_orchestrator.processes.launcher import PYTHON
+from stepbus_orchestrator.processes import PYTHON
 from stepbus_participant import need, write_file
 from stepbus_tools.sweep.content import Content
 from stepbus_tools.sweep.design import Point

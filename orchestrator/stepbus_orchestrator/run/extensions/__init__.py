@@ -8,8 +8,8 @@ from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.external import External, StartedHere
 from stepbus_orchestrator.run.extensions.faults import Faults
-from stepbus_orchestrator.run.extensions.pace import Pace, Speed
-from stepbus_orchestrator.run.extensions.real_time import RealTime
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.real_time import RealTime, Speed
 from stepbus_orchestrator.run.extensions.save_checkpoints import SaveCheckpoints
 from stepbus_orchestrator.run.extensions.steering import Steering
 from stepbus_orchestrator.scenario.model import Scenario

@@ -11,7 +11,6 @@ from stepbus_orchestrator.recording import layout, recorded_decoder
 from stepbus_orchestrator.run.bus import subscribe_named
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.kernel.failures import deadline, seconds
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_participant import Request, suggest
 from stepbus_schemas import (
@@ -42,27 +41,29 @@ Steer = Callable[[str, Sequence[Any]], CallReply]
 """Answers a call to the run itself: method and arguments."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass
 class _Asked:
-    """A call that waits for its turn. step: when; None: as soon as possible."""
+    """A call that waits for its turn, or its answer.
+
+    step: before which it is made; None: as soon as possible, and then before step `at`. data: of
+    the message, once it has been sent.
+    """
 
     participant: str
     method: str
     args: list[Any]
     step: int | None
     reply: Reply
-
-
-@dataclass
-class _Open:
-    """A call that has been sent and not been answered."""
-
-    asked: _Asked
-    message: Call
-    step: int
-    sent_at: float
-    checked_at: float
+    at: int = 0
+    data: bytes = b""
+    sent_at: float = 0.0
+    checked_at: float = 0.0
     waited_s: float = 0.0
+
+    @classmethod
+    def planned(cls, call: CallRecord, reply: Reply) -> "_Asked":
+        """Return a call of a recording, or one that a run is started for."""
+        return cls(call.participant, call.method, call.args, call.step, reply)
 
 
 class Calls(RunExtension):
@@ -78,17 +79,11 @@ class Calls(RunExtension):
     """
 
     def __init__(self, planned: Sequence[CallRecord] = (), new: Sequence[CallRecord] = ()) -> None:
-        self._waiting: deque[_Asked] = deque(
-            sorted(
-                (
-                    *(_planned(call, _no_reply) for call in planned),
-                    *(_planned(call, partial(_insist, call)) for call in new),
-                ),
-                key=lambda asked: asked.step or 0,
-            )
-        )
-        self._open: _Open | None = None
-        self.steer: Steer = _no_steering
+        calls = [_Asked.planned(call, lambda _reply: None) for call in planned]
+        calls += [_Asked.planned(call, partial(_insist, call)) for call in new]
+        self._waiting = deque(sorted(calls, key=lambda asked: asked.step or 0))
+        self._open: _Asked | None = None
+        self.steer: Steer = lambda method, _: CallReply(error=f"this run has no call {method!r}")
         self._number = 0
 
     def attach(self, run: "Run") -> None:
@@ -100,16 +95,13 @@ class Calls(RunExtension):
             spec.name: session.announcer.publisher(f"call/{spec.name}", "Call/1")
             for spec in session.scenario.participants
         }
-        subscribe_named(session, "called/*", self.take_called)
-        session.bus.answer(CALL_KEY, session.inbox.into(self._take))
-
-    def _take(self, request: Request) -> None:
-        self.take_request(request.payload, partial(self.run.session.announcer.reply, request))
+        subscribe_named(session, "called/*", self._take_called)
+        session.bus.answer(CALL_KEY, session.inbox.into(self._take_request))
 
     def limit(self, released: int) -> int:
         """Return the step before which the next call is to be answered."""
         if self._open is not None:
-            return self._open.step
+            return self._open.at
         if not self._waiting:
             return FAR
         first = self._waiting[0].step
@@ -124,69 +116,62 @@ class Calls(RunExtension):
             self._check(self._open)
         elif self._waiting:
             asked = self._waiting[0]
-            step = self._state.released if asked.step is None else asked.step
-            if self._state.barrier.completed >= step:
+            asked.at = self._state.released if asked.step is None else asked.step
+            if self._state.barrier.completed >= asked.at:
                 self._waiting.popleft()
                 mistake = self._mistake(asked.participant, asked.method)
                 if mistake is None:
-                    self._send(asked, step)
+                    self._send(asked)
                 else:
                     asked.reply(CallReply(error=mistake))
 
-    def _send(self, asked: _Asked, step: int) -> None:
+    def _send(self, asked: _Asked) -> None:
         self._number += 1
         call = Call(token=self._token, id=self._number, method=asked.method, args=asked.args)
-        now = self.run.clock.monotonic()
-        self._open = _Open(asked=asked, message=call, step=step, sent_at=now, checked_at=now)
-        self._puts[asked.participant](encode(call))
+        asked.data = encode(call)
+        asked.sent_at = asked.checked_at = self.run.clock.monotonic()
+        self._open = asked
+        self._puts[asked.participant](asked.data)
 
-    def _check(self, call: _Open) -> None:
+    def _check(self, asked: _Asked) -> None:
         now = self.run.clock.monotonic()
-        call.waited_s += min(now - call.checked_at, _LONGEST_CHECK_S)
-        call.checked_at = now
-        participant = self._state.participants[call.asked.participant]
-        if call.waited_s > seconds(participant.spec, "step"):
-            raise StepTimeout(
-                f"{self._state.at(call.step)}: {participant.who()} has not answered the call "
-                f"{call.asked.method} for {call.waited_s:.1f} s; "
-                f"{deadline(participant.spec, 'step')}",
-                participant=participant.name,
-                step=call.step,
+        asked.waited_s += min(now - asked.checked_at, _LONGEST_CHECK_S)
+        asked.checked_at = now
+        participant = self._state.participants[asked.participant]
+        if asked.waited_s > participant.limit_s("step"):
+            raise self._state.failure(
+                StepTimeout,
+                participant,
+                asked.at,
+                f"has not answered the call {asked.method} for {asked.waited_s:.1f} s; "
+                f"deadline {participant.limit('step')}",
             )
-        if now - call.sent_at > _REPEAT_S:
-            call.sent_at = now
-            self._puts[participant.name](encode(call.message))
+        if now - asked.sent_at > _REPEAT_S:
+            asked.sent_at = now
+            self._puts[participant.name](asked.data)
 
-    def take_request(self, data: bytes, reply: Reply) -> None:
+    def _take_request(self, request: Request) -> None:
         """Take a user's request; one without the run's token is counted and not answered."""
         try:
-            request = _decode_request(data)
+            asked = _decode_request(request.payload)
         except MessageError:
             self._state.unauthenticated += 1
             return
-        if request.token != self._token:
+        if asked.token != self._token:
             self._state.unauthenticated += 1
             return
-        if not request.participant:
-            if request.method:
-                reply(self.steer(request.method, request.args))
-            else:
-                reply(CallReply(value=self._offered()))
-            return
-        mistake = self._mistake(request.participant, request.method)
-        if mistake is not None:
-            reply(CallReply(error=mistake))
-            return
-        self._state.is_release_due = True
-        self._waiting.append(
-            _Asked(
-                participant=request.participant,
-                method=request.method,
-                args=request.args,
-                step=None,
-                reply=reply,
-            )
-        )
+        reply = partial(self.run.session.announcer.reply, request)
+        if asked.participant:
+            mistake = self._mistake(asked.participant, asked.method)
+            if mistake is not None:
+                reply(CallReply(error=mistake))
+                return
+            self._state.is_release_due = True
+            self._waiting.append(_Asked(asked.participant, asked.method, asked.args, None, reply))
+        elif asked.method:
+            reply(self.steer(asked.method, asked.args))
+        else:
+            reply(CallReply(value=self._offered()))
 
     def _offered(self) -> dict[str, dict[str, Any]]:
         """Return all calls that participants offer: participant → method → its help."""
@@ -213,31 +198,23 @@ class Calls(RunExtension):
             return f"{name} has no call {method!r}{suggest(method, methods)}"
         return None
 
-    def take_called(self, key_name: str, data: bytes) -> None:
+    def _take_called(self, key_name: str, data: bytes) -> None:
         """Take an answer; one to another call than the open one is dropped (P15.3)."""
-        try:
-            called = _decode_called(data)
-        except MessageError:
-            self._state.unauthenticated += 1
-            return
-        call = self._open
-        if called.token != self._token or called.name != key_name:
-            self._state.unauthenticated += 1
-        elif call is not None and (called.id, called.name) == (
-            call.message.id,
-            call.asked.participant,
-        ):
-            self._open = None
-            self._state.is_release_due = True
-            self._finish(call, called)
+        asked = self._open
+        sent = self.run.messages.sender(_decode_called, data, key_name)
+        if asked is not None and sent is not None:
+            participant, called = sent
+            if (called.id, called.name) == (self._number, asked.participant):
+                self._open = None
+                self._state.is_release_due = True
+                self._finish(asked, participant, called)
 
-    def _finish(self, call: _Open, called: Called) -> None:
-        asked = call.asked
-        methods = _methods(self._state.participants[asked.participant])
+    def _finish(self, asked: _Asked, participant: ParticipantState, called: Called) -> None:
+        methods = _methods(participant)
         if asked.method in methods and methods[asked.method].changes:
             self.run.recorder.add_call(
                 CallRecord(
-                    step=call.step,
+                    step=asked.at,
                     participant=asked.participant,
                     method=asked.method,
                     args=asked.args,
@@ -245,11 +222,11 @@ class Calls(RunExtension):
                     error=called.error,
                 )
             )
-        asked.reply(CallReply(step=call.step, value=called.value, error=called.error))
+        asked.reply(CallReply(step=asked.at, value=called.value, error=called.error))
 
     def stopping(self) -> None:
         """Answer every call that is left: there is no step it could be made before."""
-        waiting = [*([self._open.asked] if self._open is not None else []), *self._waiting]
+        waiting = [*([] if self._open is None else [self._open]), *self._waiting]
         self._open = None
         self._waiting.clear()
         for asked in waiting:
@@ -272,16 +249,6 @@ def recorded_calls(recording: "Recording", participant: str | None = None) -> li
     return [call for call in calls if participant in {None, call.participant}]
 
 
-def _planned(call: CallRecord, reply: Reply) -> _Asked:
-    return _Asked(
-        participant=call.participant,
-        method=call.method,
-        args=call.args,
-        step=call.step,
-        reply=reply,
-    )
-
-
 def _insist(call: CallRecord, reply: CallReply) -> None:
     """End the run where a call has failed that it was started for."""
     if reply.error is not None:
@@ -291,11 +258,3 @@ def _insist(call: CallRecord, reply: CallReply) -> None:
             step=call.step,
             code=ExitCode.SCENARIO,
         )
-
-
-def _no_steering(method: str, _args: Sequence[Any]) -> CallReply:
-    return CallReply(error=f"this run has no call {method!r}")
-
-
-def _no_reply(_reply: CallReply) -> None:
-    """Drop the answer to a call that is made again."""

@@ -1,10 +1,7 @@
 """Runs participants in a debugger: they have a terminal, and no deadline."""
 
-import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
-
-from msgspec import structs
 
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -44,12 +41,13 @@ class Debug(RunExtension):
         return {"has_terminal": True} if spec.name in self._names else {}
 
 
-def check_names(scenario: Scenario, names: Sequence[str], what: str) -> None:
+def check_names(scenario: Scenario, names: Iterable[str], what: str = "") -> None:
     """Raise WiringError for a name that no participant has; what: should be done to it."""
     known = [spec.name for spec in scenario.participants]
     for name in names:
         if name not in known:
-            raise WiringError(f"no participant {name!r} to {what}{suggest(name, known)}")
+            purpose = f" to {what}" if what else ""
+            raise WiringError(f"no participant {name!r}{purpose}{suggest(name, known)}")
 
 
 def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
@@ -58,7 +56,4 @@ def without_deadlines(scenario: Scenario, names: Sequence[str]) -> Scenario:
     Raises WiringError for a name that no participant has.
     """
     check_names(scenario, names, "debug")
-    specs = (
-        structs.replace(s, **_NO_DEADLINES) if s.name in names else s for s in scenario.participants
-    )
-    return dataclasses.replace(scenario, participants=tuple(specs))
+    return scenario.changed(names, **_NO_DEADLINES)

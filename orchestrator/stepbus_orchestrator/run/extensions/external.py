@@ -1,6 +1,5 @@
 """Participants that the user starts elsewhere: how, and which are still missing."""
 
-import dataclasses
 import shlex
 import sys
 from collections.abc import Iterable, Mapping
@@ -8,14 +7,14 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from msgspec import structs
-
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
 from stepbus_participant import suggest, write_file
 from stepbus_schemas import WiringError
+
+from .debug import check_names
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.run import Run
@@ -70,13 +69,6 @@ class External(RunExtension):
             return {}
         return {"ticket": self._tickets.get(spec.name, self.run.out / f"{spec.name}.ticket")}
 
-    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
-        """Tell from time to time who has not come yet, or not left."""
-        if self.run.state.phase.is_stopping:
-            self.remind_to_leave(participants)
-        else:
-            self.remind(participants)
-
     def started(self, participant: ParticipantState) -> None:
         """Write and tell the command that starts a participant."""
         if participant.external is None:
@@ -94,31 +86,22 @@ class External(RunExtension):
             f"`{own}`, or another program with `-- PROGRAM` behind it; also {script}",
         )
 
-    def remind(self, participants: Iterable[ParticipantState]) -> None:
-        """Tell from time to time who is not there yet, and how long the run still waits."""
-        if not self._is_time():
+    def awaiting(self, participants: Iterable[ParticipantState]) -> None:
+        """Tell from time to time who has not come yet, or not left."""
+        now = self.run.clock.monotonic()
+        if now - self._told_at < _REMIND_S:
             return
+        self._told_at = now
         for participant in participants:
-            if participant.external is not None and participant.phase is Phase.SPAWNED:
-                left_s = participant.spec.deadlines.spawn_s - participant.in_phase_s
+            if participant.external is None:
+                continue
+            if self.run.state.phase.is_stopping:
+                self._tell(participant, "has not ended yet; is it in a debugger?")
+            elif participant.phase is Phase.SPAWNED:
+                left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
                 path = participant.external.ticket.path
                 self._tell(participant, f"is not there yet ({wait}): stepbus join {path}")
-
-    def remind_to_leave(self, participants: Iterable[ParticipantState]) -> None:
-        """Tell from time to time who has not left the bus though the run is over."""
-        if not self._is_time():
-            return
-        for participant in participants:
-            if participant.external is not None:
-                self._tell(participant, "has not ended yet; is it in a debugger?")
-
-    def _is_time(self) -> bool:
-        now = self.run.clock.monotonic()
-        if now - self._told_at < _REMIND_S:
-            return False
-        self._told_at = now
-        return True
 
     def close(self) -> None:
         """Remove the scripts."""
@@ -134,7 +117,7 @@ class StartedHere(RunExtension):
 
     def prepare(self, scenario: Scenario) -> Scenario:
         """Return a scenario without external participants."""
-        return as_children(scenario)
+        return scenario.changed(external_names(scenario), start="child")
 
 
 def external_names(scenario: Scenario) -> list[str]:
@@ -142,28 +125,14 @@ def external_names(scenario: Scenario) -> list[str]:
     return [spec.name for spec in scenario.participants if spec.is_external]
 
 
-def as_children(scenario: Scenario) -> Scenario:
-    """Return a scenario in which the orchestrator starts everybody."""
-    specs = (
-        structs.replace(spec, start="child") if spec.is_external else spec
-        for spec in scenario.participants
-    )
-    return dataclasses.replace(scenario, participants=tuple(specs))
-
-
 def as_external(scenario: Scenario, names: Iterable[str]) -> Scenario:
     """Return a scenario in which somebody else starts some participants, and they have time.
 
     Raises WiringError for a name that no participant has.
     """
-    known = [spec.name for spec in scenario.participants]
-    changed = {}
+    check_names(scenario, names)
     for name in names:
-        if name not in known:
-            raise WiringError(f"no participant {name!r}{suggest(name, known)}")
-        spec = scenario.participant(name)
-        spawn_s = max(spec.deadlines.spawn_s, EXTERNAL_SPAWN_S)
+        spawn_s = max(scenario.participant(name).deadlines.spawn_s, EXTERNAL_SPAWN_S)
         spawn_ns = round(spawn_s * 1e9)
-        changed[name] = structs.replace(spec, start="external", spawn_timeout_ns=spawn_ns)
-    specs = tuple(changed.get(spec.name, spec) for spec in scenario.participants)
-    return dataclasses.replace(scenario, participants=specs)
+        scenario = scenario.changed([name], start="external", spawn_timeout_ns=spawn_ns)
+    return scenario

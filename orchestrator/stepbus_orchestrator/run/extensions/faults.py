@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import StartFailed
+from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.kernel.participants import Process
 from stepbus_orchestrator.scenario.faults import (
     MESSAGE_FAULTS,
     PROCESS_FAULTS,

@@ -1,24 +1,20 @@
-"""Real time: steps begin on the grid of the wall clock, and who is late is counted.
+"""Holds steps by the wall clock: at a speed, or in real time, where who is late is counted.
 
 It only chooses when a trigger is sent: inputs are fixed by their step numbers, so it changes no
 result.
 """
 
 import dataclasses
-import time
 from array import array
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.kernel.failures import at
-from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Clock
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.run import Run
@@ -26,18 +22,84 @@ if TYPE_CHECKING:
 _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 
 
-class RealTime(RunExtension):
-    """Step k begins `k · step / factor` after the first, without drift.
+_BEHIND_NS = Fraction(100_000_000)
+"""Who is further behind than this starts anew: a run that was paused does not hurry."""
 
-    step_ns: length of a step [ns]. factor: 2 is twice as fast as real time. clock: until
-    it has a run.
+
+class Grid(RunExtension):
+    """Holds each step until its time on a grid of the wall clock; without a period, it holds none.
+
+    step_ns: length of a step [ns].
     """
 
-    def __init__(self, step_ns: int, factor: float, clock: Clock = time) -> None:
-        self._period_ns = step_ns / Fraction(factor).limit_denominator(1_000_000)
+    def __init__(self, step_ns: int) -> None:
+        self._step_ns = step_ns
+        self._period_ns = Fraction(0)
+        self._origin_ns = 0
+
+    def attach(self, run: "Run") -> None:
+        """Go by the clock of the run."""
+        super().attach(run)
+        self._now_ns = run.clock.monotonic_ns
+
+    def start(self, factor: float, released: int) -> None:
+        """Let step `released` begin now, and further ones so many times as fast as real time."""
+        self._period_ns = self._step_ns / Fraction(factor).limit_denominator(1_000_000)
+        self._origin_ns = self._now_ns() - int(released * self._period_ns)
+
+    def due_ns(self, step: int) -> int:
+        """Return when a step begins, by the clock of the run [ns]."""
+        return self._origin_ns + int(step * self._period_ns)
+
+    def limit(self, released: int) -> int:
+        """Return the first step whose time has not come."""
+        if not self._period_ns:
+            return FAR
+        return int((self._now_ns() - self._origin_ns) // self._period_ns) + 1
+
+    def wait_s(self, released: int, longest_s: float) -> float | None:
+        """Return how long to wait for messages, at most until the next step is due [s]."""
+        if not self._period_ns:
+            return None
+        left_s = (self.due_ns(released) - self._now_ns()) * 1e-9
+        return min(left_s, longest_s) if left_s > 0 else longest_s
+
+
+class Speed(Grid):
+    """Makes a run as slow as the user likes, while it goes on. factor: None: as fast as it can."""
+
+    factor: float | None = None
+
+    def set(self, factor: float | None, released: int) -> None:
+        """Go so many times as fast as real time; None: as fast as possible.
+
+        released: steps below it have been released.
+        """
         self.factor = factor
-        self._clock = clock
-        self._origin_ns: int | None = None
+        if factor is None:
+            self._period_ns = Fraction(0)
+        else:
+            self.start(factor, released)
+
+    def limit(self, released: int) -> int:
+        """Return the first step whose time has not come."""
+        due = super().limit(released)
+        behind_ns = Fraction(self._now_ns() - self.due_ns(released))
+        if self.factor is None or behind_ns < max(self._period_ns, _BEHIND_NS):
+            return due
+        self.start(self.factor, released)
+        return released + 1
+
+
+class RealTime(Grid):
+    """Step k begins `k · step / factor` after the first, without drift.
+
+    step_ns: length of a step [ns]. factor: 2 is twice as fast as real time.
+    """
+
+    def __init__(self, step_ns: int, factor: float) -> None:
+        super().__init__(step_ns)
+        self.factor = factor
         self._lateness_ns = array("q")
         self._holders: set[str] = set()
         self._late: dict[str, int] = {}
@@ -46,64 +108,44 @@ class RealTime(RunExtension):
         """Let each step begin when all have finished the one before, and its time has come."""
         return dataclasses.replace(scenario, window=1, batch=1)
 
-    def attach(self, run: "Run") -> None:
-        """Go by the clock of the run."""
-        super().attach(run)
-        self._clock = run.clock
-
     def limit(self, released: int) -> int:
-        """Return the first step whose time has not come."""
-        others = (gate(released) for gate in self.run.extensions.gates if gate != self.limit)
-        self.follow(self.run.state, others=min(others, default=FAR))
-        return self.due()
-
-    def due(self) -> int:
-        """Return the first step whose time has not come."""
-        return int((self._clock.monotonic_ns() - self._origin()) // self._period_ns) + 1
-
-    def wait_s(self, released: int, longest_s: float) -> float:
-        """Return how long to wait for messages, at most until the next step is due [s]."""
-        left_s = (self._due_ns(released) - self._clock.monotonic_ns()) * 1e-9
-        return min(left_s, longest_s) if left_s > 0 else longest_s
-
-    def follow(self, state: RunState, *, others: int) -> None:
-        """Record who holds the next step past its time; others: the limit of all other gates."""
-        released, now = state.released, self._clock.monotonic_ns()
-        if now < self._due_ns(released):
-            return
-        if state.barrier.step_limit <= released:
-            self._holders.update(state.barrier.holders())
-        elif others <= released:
+        """Return the first step whose time has not come; note who holds the next one past it."""
+        if not self._period_ns:
+            self.start(self.factor, released)
+        overdue_ns = self._now_ns() - self.due_ns(released)
+        barrier = self.run.state.barrier
+        if overdue_ns >= 0 and barrier.step_limit <= released:
+            self._holders.update(barrier.holders())
+        elif overdue_ns >= 0 and self._others(released) <= released:
             # A pause or a call holds the run: the grid starts anew behind it.
-            self._origin_ns = self._origin() + now - self._due_ns(released)
+            self._origin_ns += overdue_ns
+        return super().limit(released)
+
+    def _others(self, released: int) -> int:
+        """Return the limit of all other gates."""
+        gates = (gate(released) for gate in self.run.gates if gate != self.limit)
+        return min(gates, default=FAR)
 
     def released(self, first: int, limit: int) -> None:
-        """Record how late the steps begin."""
-        self.began(self.run.state, first, limit)
-
-    def began(self, state: RunState, first: int, limit: int) -> None:
-        """Record that the steps from `first` to `limit` begin now.
+        """Record how late the steps begin.
 
         Raises StepTimeout where a participant was late that may not be.
         """
-        now = self._clock.monotonic_ns()
+        now = self._now_ns()
         for step in range(first, limit):
-            self._lateness_ns.append(max(0, now - self._due_ns(step)))
+            self._lateness_ns.append(max(0, now - self.due_ns(step)))
         late, self._holders = sorted(self._holders), set()
         for name in late:
             self._late[name] = self._late.get(name, 0) + 1
-        self._check(state, first, late)
-
-    def _check(self, state: RunState, step: int, late: Iterable[str]) -> None:
         for name in late:
-            participant = state.participants[name]
+            participant = self.run.state.participants[name]
             if participant.spec.real_time and participant.spec.on_late == "fail":
-                raise StepTimeout(
-                    f"{at(step - 1, state.scenario.step_ns)}: {participant.who()} was "
-                    f"{self._lateness_ns[-1] * 1e-6:.3f} ms late for real time "
+                raise self.run.state.failure(
+                    StepTimeout,
+                    participant,
+                    first - 1,
+                    f"was {self._lateness_ns[-1] * 1e-6:.3f} ms late for real time "
                     f"(participants.{name}.on_late); {participant.where_it_prints()}",
-                    participant=name,
-                    step=step - 1,
                 )
 
     def result(self) -> Mapping[str, Any]:
@@ -132,11 +174,3 @@ class RealTime(RunExtension):
             kept=float(planned_ns / (planned_ns + last_ns)),
             behind_s=last_ns * 1e-9,
         )
-
-    def _origin(self) -> int:
-        if self._origin_ns is None:
-            self._origin_ns = self._clock.monotonic_ns()
-        return self._origin_ns
-
-    def _due_ns(self, step: int) -> int:
-        return self._origin() + int(step * self._period_ns)

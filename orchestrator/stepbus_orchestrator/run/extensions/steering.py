@@ -5,7 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.extensions.pace import Pace, Speed
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.real_time import Speed
 from stepbus_schemas import CallReply, WiringError
 
 from .calls import Calls

@@ -13,17 +13,12 @@ from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
-from stepbus_orchestrator.processes.endpoints import private_folder
-from stepbus_orchestrator.processes.reaping import Reaper
+from stepbus_orchestrator.processes.launcher import Reaper
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.host import Opening
+from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
-from stepbus_orchestrator.run.inprocess.surroundings import (
-    NATIVE_LOG,
-    ScenarioModules,
-    Surroundings,
-)
+from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
 from stepbus_orchestrator.run.inprocess.turns import MOST, STAGE, Stage
 from stepbus_orchestrator.run.inprocess.watch import Watch
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
@@ -105,15 +100,12 @@ class HostedCaller(RunExtension):
         return dataclasses.replace(scenario, steps=None)
 
 
-class LocalRun:
+class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
     start_order: names, in the order in which they begin. bus: the orchestrator's, whose network
     the participants join.
     """
-
-    mesh = None
-    """They need no endpoints."""
 
     def __init__(self, opening: Opening, start_order: Sequence[str] | None, clock: Clock) -> None:
         self.hub = Hub(clock)
@@ -126,8 +118,8 @@ class LocalRun:
         self._caller = next(callers, None)
         folder, specs = opening.scenario.folder, opening.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
-        self._modules = ScenarioModules(folder, [file for file in files if file.endswith(".py")])
-        self._surroundings = Surroundings(folder, self._modules, self._owner)
+        files = [file for file in files if file.endswith(".py")]
+        self._surroundings = Surroundings(folder, files, self._owner)
         self._hosted: list[HostedParticipant] = []
         self._watch: Watch
         self._reaper: Reaper | None = None
@@ -236,7 +228,7 @@ class LocalRun:
         self.hub.threads = set(threading.enumerate())
         for name in self._start_order or [spec.name for spec in specs]:
             spec = scenario.participant(name)
-            hosted = self._host(spec, scenario, run.extensions.start_options(spec))
+            hosted = self._host(spec, scenario, run.start_options(spec))
             self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
             run.timing.event("spawn", name, f"in process {hosted.pid}")
@@ -262,7 +254,7 @@ class LocalRun:
                 ticket,
                 bus,
                 self._program_of(spec, scenario.folder),
-                modules=self._modules,
+                surroundings=self._surroundings,
                 hub=self.hub,
                 log=self._opening.logs / f"{spec.name}.log",
                 started=self._reap,
@@ -285,7 +277,7 @@ class LocalRun:
     def _reap(self, group: int) -> None:
         """Let a program that a participant has started not outlive us."""
         if self._reaper is None:
-            self._reaper = Reaper(private_folder())
+            self._reaper = Reaper()
         self._reaper.watch(group)
 
 

@@ -13,14 +13,13 @@ from typing import Any, TextIO
 import msgspec
 
 from stepbus_orchestrator.processes.activity import Activity, activity, children, descendants
-from stepbus_orchestrator.processes.child import BoundedLog
+from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.inprocess.guard import Ended
 from stepbus_orchestrator.run.inprocess.hub import Hub, Turn
-from stepbus_orchestrator.run.inprocess.surroundings import ScenarioModules
+from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
 from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, THREADS, TURN, TURNS, Turns
 from stepbus_orchestrator.run.inprocess.watch import Late
-from stepbus_orchestrator.run.kernel.participants import KeptThread
-from stepbus_participant import HOST, Host, LoopbackBus, Ticket, append_to, last_error
+from stepbus_participant import HOST, Host, LoopbackBus, Ticket, append_to
 from stepbus_schemas import Batch, encoding_of
 
 _decode_batch = msgspec.msgpack.Decoder(Batch).decode
@@ -60,7 +59,7 @@ class HostedBus(LoopbackBus):
         return counted_put
 
 
-class HostedParticipant(Turn):
+class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
     name: the participant. log: where it prints. pid: of this process. late: how it missed a
@@ -75,7 +74,7 @@ class HostedParticipant(Turn):
         bus: HostedBus,
         program: Callable[[], int],
         *,
-        modules: ScenarioModules,
+        surroundings: Surroundings,
         hub: Hub,
         log: Path,
         started: Callable[[int], None],
@@ -83,15 +82,14 @@ class HostedParticipant(Turn):
         number: int,
         turns: Turns,
     ) -> None:
-        super().__init__(hub)
+        Turn.__init__(self, hub)
+        Process.__init__(self, log)
         self.name = ticket.name
-        self.log = log
         self.pid = os.getpid()
-        self.late: KeptThread | None = None
         self.threads: set[threading.Thread] = set()
         self._number = number
         self._words = turns.words
-        self._modules = modules
+        self._surroundings = surroundings
         self._program = program
         self._host = Host(ticket, bus, log, self._keep)
         self._started = started
@@ -99,7 +97,6 @@ class HostedParticipant(Turn):
         self._children: set[int] = set()
         self._others: set[int] | None = None
         self._code: int | None = None
-        self._bounded_log = BoundedLog(log)
         self._output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
         )
@@ -119,7 +116,7 @@ class HostedParticipant(Turn):
         """End a turn."""
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
-        self._modules.keep()
+        self._surroundings.keep()
         if threading.active_count() != len(self.hub.threads):
             self._find_threads()
         if self._others is not None:
@@ -204,33 +201,9 @@ class HostedParticipant(Turn):
         """Return its exit code, negative for a signal; None while it takes part."""
         return self._code
 
-    def how_it_ended(self) -> str:
-        """Return its end in words."""
-        if self._code is not None and self._code < 0:
-            return f"was killed by {signal.Signals(-self._code).name}"
-        return f"exited with code {self._code}"
-
-    def last_error(self) -> str:
-        """Return the last error it printed, or its last line, or nothing."""
-        return last_error(self.log)
-
-    def limit_log(self) -> None:
-        """Keep the head and the tail of its log, once that has become large."""
-        self._bounded_log.limit()
-
-    def log_problem(self) -> str:
-        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
-        return self._bounded_log.problem()
-
     def activity(self) -> Activity:
         """Return what its programs are doing; it is this process."""
-        activities = [activity(group) for group in self._groups]
-        return Activity(
-            is_stopped=any(item.is_stopped for item in activities),
-            waits_for_disk=any(item.waits_for_disk for item in activities),
-            is_running=any(item.is_running for item in activities),
-            cpu_s=sum(item.cpu_s for item in activities),
-        )
+        return activity(*self._groups)
 
     def signal(self, number: int) -> None:
         """End it by a signal that would end its process; others do nothing."""
@@ -246,10 +219,7 @@ class HostedParticipant(Turn):
         self.hub.rest(timeout_s, lambda: self._code is not None)
         return self._code is not None
 
-    def terminate(self) -> None:
-        """Nothing: `end` needs no time."""
-
-    def end(self, _grace_s: float = 0.0) -> None:
+    def end(self, grace_s: float = 0.0) -> None:
         """End it, whatever it waits for."""
         if self._code is None:
             self.kill_programs()

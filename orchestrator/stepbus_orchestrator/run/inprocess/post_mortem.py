@@ -14,7 +14,7 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.recover import recover
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, PUBLISHED, TURN, Stage, Turns
-from stepbus_orchestrator.run.kernel.failures import at
+from stepbus_orchestrator.run.kernel.state import at
 from stepbus_orchestrator.run.result import RESULT_FILE, Result, file_sha256
 from stepbus_participant import append_to
 

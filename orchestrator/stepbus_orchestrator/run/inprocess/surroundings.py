@@ -19,15 +19,24 @@ NATIVE_LOG = "native.log"
 class Surroundings:
     """Lets participants work as in processes of their own, while it is entered.
 
-    folder: of the scenario; becomes the working directory. modules: those of the folder. owner:
-    returns whose code runs, for the guard.
+    The scenario's folder is the working directory, and is searched first for modules, but not in
+    the place of ours. What a run has loaded from there is known to the run, and forgotten with it:
+    each run loads the files as they are then, and none gets what another folder calls alike.
+
+    folder: of the scenario. files: that are imported by their path. owner: returns whose code runs
+    on this thread, for the guard.
     """
 
-    def __init__(self, folder: Path, modules: "ScenarioModules", owner: Owner) -> None:
-        self._folder = folder
-        self._modules = modules
+    def __init__(self, folder: Path, files: Iterable[str], owner: Owner) -> None:
+        self._folder = str(folder)
         self._owner = owner
         self._outside = self._inside = -1
+        names = {Path(file).stem for file in files} - sys.stdlib_module_names
+        self._own: dict[str, ModuleType | None] = dict.fromkeys(names)
+        self._others: dict[str, ModuleType] = {}
+        self._all: dict[str, ModuleType] = {}
+        self._path_outside = list(sys.path)
+        self._path_inside = [self._folder, *sys.path]
 
     @contextlib.contextmanager
     def around(self, native_log: Path | None) -> Iterator[None]:
@@ -50,14 +59,47 @@ class Surroundings:
         self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         os.fchdir(self._inside)
         guard(self._owner)
-        self._modules.enter()
+        self._path_outside, sys.path[:] = list(sys.path), self._path_inside
+        for name, own in self._own.items():
+            other = sys.modules.pop(name, None)
+            if other is not None:
+                self._others[name] = other
+            if own is not None:
+                sys.modules[name] = own
+        sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
+        self.keep()
+
+    def keep(self) -> None:
+        """Note what is loaded, and put back what a participant has removed: others need it."""
+        if len(sys.modules) < len(self._all):
+            sys.modules.update(self._all)
+        elif len(sys.modules) > len(self._all):
+            self._all = dict(sys.modules)
 
     def leave(self) -> None:
         """Put back what was there before."""
-        self._modules.leave()
+        self.keep()
+        sys.meta_path.remove(self)
+        self._path_inside, sys.path[:] = list(sys.path), self._path_outside
+        self._own = {name: sys.modules.pop(name, None) for name in self._own}
+        sys.modules.update(self._others)
+        self._others, self._all = {}, {}
         unguard(self._owner)
         os.fchdir(self._outside)
         os.close(self._outside)
+
+    def find_spec(
+        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Find a module as `PathFinder` does, and note it if it is of the folder."""
+        spec = PathFinder.find_spec(name, path, target)
+        origin = "" if spec is None else spec.origin or ""
+        if not origin.startswith(self._folder + os.sep) or "site-packages" in origin:
+            return spec
+        if path is None and is_installed(name):
+            return PathFinder.find_spec(name, [at for at in sys.path if at != self._folder], target)
+        self._own.setdefault(name, None)
+        return spec
 
 
 @contextlib.contextmanager
@@ -81,62 +123,3 @@ def _native_prints(log: Path | None) -> Iterator[None]:
         if not os.fstat(file).st_size:
             log.unlink(missing_ok=True)
         os.close(file)
-
-
-class ScenarioModules:
-    """What a run has loaded from its scenario's folder: known to the run, and forgotten with it.
-
-    So each run loads the files as they are then, and none gets what another folder calls alike.
-    While it is entered, the folder is searched first, but not in the place of modules of ours.
-    files: that are imported by their path.
-    """
-
-    def __init__(self, folder: Path, files: Iterable[str]) -> None:
-        self._folder = str(folder)
-        names = {Path(file).stem for file in files} - sys.stdlib_module_names
-        self._own: dict[str, ModuleType | None] = dict.fromkeys(names)
-        self._others: dict[str, ModuleType] = {}
-        self._all: dict[str, ModuleType] = {}
-        self._path_outside = list(sys.path)
-        self._path_inside = [self._folder, *sys.path]
-
-    def find_spec(
-        self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
-    ) -> ModuleSpec | None:
-        """Find a module as `PathFinder` does, and note it if it is of the folder."""
-        spec = PathFinder.find_spec(name, path, target)
-        origin = "" if spec is None else spec.origin or ""
-        if not origin.startswith(self._folder + os.sep) or "site-packages" in origin:
-            return spec
-        if path is None and is_installed(name):
-            return PathFinder.find_spec(name, [at for at in sys.path if at != self._folder], target)
-        self._own.setdefault(name, None)
-        return spec
-
-    def enter(self) -> None:
-        """Put the folder and its modules in place."""
-        self._path_outside, sys.path[:] = list(sys.path), self._path_inside
-        for name, own in self._own.items():
-            other = sys.modules.pop(name, None)
-            if other is not None:
-                self._others[name] = other
-            if own is not None:
-                sys.modules[name] = own
-        sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
-        self.keep()
-
-    def keep(self) -> None:
-        """Note what is loaded, and put back what a participant has removed: others need it."""
-        if len(sys.modules) < len(self._all):
-            sys.modules.update(self._all)
-        elif len(sys.modules) > len(self._all):
-            self._all = dict(sys.modules)
-
-    def leave(self) -> None:
-        """Take the folder and its modules away."""
-        self.keep()
-        sys.meta_path.remove(self)
-        self._path_inside, sys.path[:] = list(sys.path), self._path_outside
-        self._own = {name: sys.modules.pop(name, None) for name in self._own}
-        sys.modules.update(self._others)
-        self._others, self._all = {}, {}

@@ -17,11 +17,11 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
+from stepbus_orchestrator.processes.activity import KeptThread
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
-from stepbus_orchestrator.run.kernel.participants import KeptThread
 
 if TYPE_CHECKING:
     from .participant import HostedParticipant

@@ -1,48 +1,45 @@
-"""Who is late, measured from outside (P12); the sentences are in `failures`."""
+"""Who is late, measured from outside (P12); the errors are in `failures`."""
 
 from collections.abc import Sequence
 
+from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.kernel.state import RunState
 
-from .failures import (
-    death,
-    late_for_step,
-    late_to_close,
-    late_to_start,
-    missing_bulk,
-    owed_step,
-    seconds,
-)
+from .failures import death, late_for_step, late_to_start
 from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
 
 LAST_WORDS_S = 1.0
 """How long the last messages of a process that was ended may still be on their way [s]."""
 
 
-def check_start(participants: Participants, elapsed_s: float) -> None:
+def check_start(state: RunState, elapsed_s: float) -> None:
     """Advance the clock of all who are not ready; raises StartFailed for one who is late."""
+    participants = state.participants
     for participant in participants.values():
         if participant.phase == Phase.READY or _waits_for_others(participant, participants):
             continue
         participant.in_phase_s += elapsed_s
-        if participant.in_phase_s > seconds(participant.spec, PHASE_DEADLINES[participant.phase]):
-            raise late_to_start(_cause(participant, participants))
+        if participant.in_phase_s > participant.limit_s(PHASE_DEADLINES[participant.phase]):
+            stopped = (s for s in _sources(participant, participants) if _is_stopped(s))
+            raise late_to_start(state, next(stopped, participant))
 
 
-def _cause(late: ParticipantState, participants: Participants) -> ParticipantState:
-    """Return who keeps one from being ready: a stopped one that it waits for, or itself."""
-    sources = () if late.waiting is None else late.waiting.sources
-    awaited = [participants[name] for name in sources if name in participants]
-    stopped = (source for source in awaited if source.process.activity().is_stopped)
-    return next(stopped, late)
+def _sources(participant: ParticipantState, others: Participants) -> list[ParticipantState]:
+    """Return whom a participant waits for."""
+    names = () if participant.waiting is None else participant.waiting.sources
+    return [others[name] for name in names if name in others]
 
 
-def _waits_for_others(participant: ParticipantState, participants: Participants) -> bool:
+def _waits_for_others(participant: ParticipantState, others: Participants) -> bool:
     """Return whether it waits for a handshake of a participant that is not that far yet (P4.6)."""
-    if participant.phase != Phase.JOINED or participant.waiting is None:
-        return False
-    sources = [participants[name] for name in participant.waiting.sources if name in participants]
-    return any(source.phase < Phase.READY and source.waiting is None for source in sources)
+    return participant.phase == Phase.JOINED and any(
+        source.phase < Phase.READY and source.waiting is None
+        for source in _sources(participant, others)
+    )
+
+
+def _is_stopped(participant: ParticipantState) -> bool:
+    return participant.process.activity().is_stopped
 
 
 def check_step(state: RunState, elapsed_s: float) -> None:
@@ -53,23 +50,16 @@ def check_step(state: RunState, elapsed_s: float) -> None:
     ]
     held_by = [participants[name] for name in holders]
     for participant in held_by:
-        participant.hold(owed_step(participant.name, participants, barrier), elapsed_s)
-    late = [
-        participant
-        for participant in held_by
-        if participant.holds_s > seconds(participant.spec, "step")
-    ]
-    # A publisher to a stopped process may be blocked by it.
-    late = [
-        participant for participant in late if participant.process.activity().is_stopped
-    ] or late
+        participant.hold(state.owed_step(participant), elapsed_s)
+    late = [one for one in held_by if one.holds_s > one.limit_s("step")]
     if late:
-        raise late_for_step(late, barrier, state.scenario.step_ns)
+        # A publisher to a stopped process may be blocked by it.
+        raise late_for_step(state, [one for one in late if _is_stopped(one)] or late)
 
 
 def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> None:
     """Advance the clock of those whose closing outputs are missing; raises StepTimeout (P12.1)."""
-    end, step_ns = state.last_step, state.scenario.step_ns
+    end = state.last_step
     for name in closing:
         if state.barrier.reported[name] >= end:
             continue
@@ -78,19 +68,27 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
         if code is not None:
             participant.ended_s += elapsed_s
             # Who ended well has sent them, however busy this machine is.
-            patience_s = LAST_WORDS_S if code else seconds(participant.spec, "stop")
-            if participant.ended_s < patience_s:
-                continue
-            raise death(participant, state.participants, state.barrier, step_ns)
+            if participant.ended_s >= (LAST_WORDS_S if code else participant.limit_s("stop")):
+                raise death(state, participant)
+            continue
         participant.hold(end, elapsed_s)
-        if participant.holds_s > seconds(participant.spec, "stop"):
-            raise late_to_close(participant, end, step_ns)
+        if participant.holds_s > participant.limit_s("stop"):
+            raise state.failure(
+                StepTimeout,
+                participant,
+                end,
+                f"has not published its closing outputs for {participant.holds_s:.1f} s; "
+                f"deadline {participant.limit('stop')}",
+            )
 
 
 def check_bulk(state: RunState, waited_s: float) -> None:
     """Raise StepTimeout when announced bulk content has not come for the longest stop deadline."""
-    deadline_s = max(
-        seconds(participant.spec, "stop") for participant in state.participants.values()
-    )
-    if waited_s > deadline_s:
-        raise missing_bulk(state.last_step, waited_s, deadline_s, state.scenario.step_ns)
+    limit_s = max(participant.limit_s("stop") for participant in state.participants.values())
+    if waited_s > limit_s:
+        raise StepTimeout(
+            f"{state.at(state.last_step)}: announced bulk content has not "
+            f"arrived for {waited_s:.1f} s; deadline {limit_s:g} s (stop_timeout); was it "
+            "published?",
+            step=state.last_step,
+        )

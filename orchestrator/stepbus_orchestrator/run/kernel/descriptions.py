@@ -1,13 +1,19 @@
 """How participants describe their outputs: inherited along `like`, and checked (P4.7)."""
 
+import contextlib
 from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, TypeVar
+
+import msgspec
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.recording import Descriptions
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_schemas import Description
+from stepbus_schemas import Decoder, Description, Message, MessageError, type_name
 
 from .participants import Participants, ParticipantState
+
+_Message = TypeVar("_Message", bound=Message)
 
 
 def input_descriptions(
@@ -32,18 +38,11 @@ def _resolve(
 ) -> Description:
     """Return an output's description, with the names of the input it is `like`."""
     description = outputs.get(name, {}).get(port, Description())
-    spec = next(spec for spec in scenario.participants if spec.name == name)
-    origin = spec.inputs.get(description.like or "")
+    origin = scenario.participant(name).inputs.get(description.like or "")
     if origin is None or (name, port) in seen:
         return description
     like = _resolve(scenario, outputs, origin.source, origin.port, seen | {(name, port)})
-    return Description(
-        names=like.names,
-        units=description.units,
-        limits=description.limits,
-        shape=description.shape,
-        details=description.details,
-    )
+    return msgspec.structs.replace(description, names=like.names, like=None)
 
 
 def check_descriptions(
@@ -92,3 +91,24 @@ def _inconsistencies(description: Description, names: list[str]) -> Iterator[str
     for row, length in lengths.items():
         if length != len(names):
             yield f"{row} has {length} values for {len(names)} names"
+
+
+def newest_of(
+    cls: type[_Message],
+    scenario: Scenario,
+    descriptions: Descriptions,
+    newest: Mapping[str, Mapping[str, Any]],
+) -> Iterator[tuple[str, _Message, Description]]:
+    """Yield port, newest message and description of each output of a type.
+
+    descriptions: of all outputs. newest: participant → port → its newest message.
+    """
+    decode = Decoder(cls)
+    for spec in scenario.participants:
+        for port, output in spec.outputs.items():
+            data = newest.get(spec.name, {}).get(port)
+            if data is not None and output.type == type_name(cls):
+                # What the recorder refuses, and with it the run, is no message.
+                with contextlib.suppress(MessageError):
+                    description = descriptions.get(spec.name, {}).get(port, Description())
+                    yield port, decode(bytes(data)), description

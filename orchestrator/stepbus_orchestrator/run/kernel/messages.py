@@ -1,7 +1,7 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
 from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
@@ -27,7 +27,6 @@ from stepbus_schemas import (
 )
 
 from .admission import receive, welcome_of
-from .failures import refused, skipped
 from .participants import ParticipantState, Phase
 
 _ORCHESTRATOR = "orchestrator"
@@ -35,7 +34,7 @@ _ORCHESTRATOR = "orchestrator"
 
 _decode_hello = Decoder(Hello)
 _decode_ready = Decoder(Ready)
-_decode_log = Decoder(Log)
+_decode_raw_log = Decoder(Log)
 _decode_outputs = Decoder(Outputs)
 _decode_fault = Decoder(Fault)
 
@@ -54,6 +53,25 @@ class _WholeLog(Envelope, frozen=True):
 _decode_whole_log = msgspec.msgpack.Decoder(_WholeLog).decode
 
 
+def _decode_log(data: bytes) -> Log | _WholeLog:
+    """Return a log; where one of its entries is malformed, with their bytes: those before count."""
+    try:
+        return _decode_whole_log(data)
+    except UNDECODABLE:
+        return _decode_raw_log(data)
+
+
+class _Named(Protocol):
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def token(self) -> str: ...
+
+
+_Sent = TypeVar("_Sent", bound=_Named)
+
+
 class MessageHandler:
     """Takes what participants send; unauthenticated and malformed messages are counted (P8.6).
 
@@ -68,7 +86,7 @@ class MessageHandler:
         self._timing = timing
         self._step_ns = state.scenario.step_ns
         specs = state.scenario.participants
-        self._ports = {spec.name: _Ports(spec) for spec in specs}
+        self._wrong_ports = {spec.name: _wrong_ports(spec) for spec in specs}
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
 
     def take_alive(self, name: str, is_alive: bool) -> None:
@@ -96,15 +114,17 @@ class MessageHandler:
         # None of ours can ask before its process has been started.
         participants = self._state.participants
         answer = receive(hello, {name: self._welcomes[name] for name in participants}, self._token)
-        if not isinstance(answer, Refusal):
-            self._state.check_size(f"the params of {hello.name}", encode(answer))
+        participant = participants.get(hello.name) if hello.token == self._token else None
+        if isinstance(answer, Refusal):
+            reply(answer)
+            if participant is None:
+                self._state.unauthenticated += 1
+                return
+            raise self._state.failure(StartFailed, participant, -1, f"was refused: {answer.reason}")
+        self._state.check_size(f"the params of {hello.name}", encode(answer))
         reply(answer)
-        if not isinstance(answer, Refusal):
-            self._admit(participants[hello.name], hello)
-        elif hello.token != self._token or hello.name not in participants:
-            self._state.unauthenticated += 1
-        else:
-            raise refused(participants[hello.name], answer.reason)
+        if participant is not None:
+            self._admit(participant, hello)
 
     def _admit(self, participant: ParticipantState, hello: Hello) -> None:
         participant.language = hello.language
@@ -114,44 +134,48 @@ class MessageHandler:
         if participant.advance(Phase.JOINED):
             self._timing.event("join", participant.name, f"{hello.language} {hello.sdk}".strip())
 
-    def _sender(self, token: str, name: str, key_name: str) -> ParticipantState | None:
-        """Return who sent a message; None, and counted, where it is unauthenticated (P3.5)."""
+    def sender(
+        self, decode: Callable[[bytes], _Sent], data: bytes, key_name: str
+    ) -> tuple[ParticipantState, _Sent] | None:
+        """Return who sent an envelope, and what it holds.
+
+        None for one that changes nothing: unauthenticated, which is counted (P3.5), or of a
+        participant that is replaced.
+        """
+        try:
+            message = decode(data)
+        except MessageError:
+            self._state.unauthenticated += 1
+            return None
+        name = message.name
         participant = self._state.participants.get(name)
-        if token != self._token or participant is None or name != key_name:
+        if message.token != self._token or participant is None or name != key_name:
             self._state.unauthenticated += 1
             return None
         # What comes late from a participant that is replaced has been published already.
-        return None if name == self._state.replaced else participant
+        return None if name == self._state.replaced else (participant, message)
 
     def take_ready(self, key_name: str, data: bytes) -> None:
         """Record that a participant is ready, and its descriptions (P4.7)."""
-        try:
-            ready = _decode_ready(data)
-        except MessageError:
-            self._state.unauthenticated += 1
-            return
-        participant = self._sender(ready.token, ready.name, key_name)
-        if participant is not None and participant.advance(Phase.READY):
-            participant.ready = ready
-            self._timing.event("ready", participant.name)
+        if sent := self.sender(_decode_ready, data, key_name):
+            participant, ready = sent
+            if participant.advance(Phase.READY):
+                participant.ready = ready
+                self._timing.event("ready", participant.name)
 
     def take_log(self, key_name: str, data: bytes) -> None:
         """Take a batch of outputs (P9)."""
-        log: Log | _WholeLog
-        try:
-            log = _decode_whole_log(data)
-        except UNDECODABLE:
-            # One of its entries, at least; those before it count.
-            try:
-                log = _decode_log(data)
-            except MessageError:
-                self._state.unauthenticated += 1
-                return
-        participant = self._sender(log.token, log.name, key_name)
-        if participant is None:
+        sent = self.sender(_decode_log, data, key_name)
+        if sent is None:
             return
-        self._check_waiting(participant, log)
-        waiting = participant.waiting = log.waiting
+        participant, log = sent
+        waiting = log.waiting
+        if waiting is not None:
+            sources = [item.source for item in participant.spec.inputs.values()]
+            if any(name not in sources for name in waiting.sources):
+                what = "reports that it waits for a participant that is no source of it"
+                raise self._broken(participant, what)
+        participant.waiting = waiting
         participant.drops = log.drops
         participant.missed_trigger = (
             waiting is not None and not waiting.sources and waiting.step < self._state.released
@@ -172,15 +196,6 @@ class MessageHandler:
             except MessageError as exc:
                 raise self._broken(participant, f"logged something that is {exc}") from exc
 
-    def _check_waiting(self, participant: ParticipantState, log: Log | _WholeLog) -> None:
-        if log.waiting is None:
-            return
-        sources = [item.source for item in participant.spec.inputs.values()]
-        if any(name not in sources for name in log.waiting.sources):
-            raise self._broken(
-                participant, "reports that it waits for a participant that is no source of it"
-            )
-
     def take_outputs(self, name: str, data: bytes) -> None:
         """Take outputs that the orchestrator publishes for a participant that has failed."""
         participant = self._state.participants[name]
@@ -189,7 +204,7 @@ class MessageHandler:
     def _take_batch(self, participant: ParticipantState, batch: Iterable[Outputs]) -> None:
         """Take outputs of one participant, in the order of their steps."""
         state, name = self._state, participant.name
-        wrong, report, offer = self._ports[name].wrong, state.barrier.report, self._recorder.offer
+        wrong, report, offer = self._wrong_ports[name], state.barrier.report, self._recorder.offer
         for outputs in batch:
             if not state.started_at:
                 raise self._broken(participant, "logged outputs before the start")
@@ -199,7 +214,13 @@ class MessageHandler:
             if problem := wrong(outputs):
                 raise self._broken(participant, problem)
             if not report(name, step):
-                raise skipped(participant, step, state.barrier, self._step_ns)
+                raise state.failure(
+                    ParticipantFault,
+                    participant,
+                    state.barrier.next_step(name),
+                    f"reported step {step} instead; it must publish at every step it fires at, in "
+                    "order",
+                )
             state.newest[name] = outputs.ports
             offer(name, outputs)
             if outputs.end is not None and step >= state.ends_from.get(name, 0):
@@ -207,11 +228,8 @@ class MessageHandler:
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
         step = self._state.barrier.next_step(participant.name)
-        return ParticipantFault(
-            f"{self._state.at(step)}: {participant.who()} {what}; see docs/protocol.md",
-            participant=participant.name,
-            step=step,
-        )
+        what = f"{what}; see docs/protocol.md"
+        return self._state.failure(ParticipantFault, participant, step, what)
 
     def _add_timing(self, log: Log | _WholeLog) -> None:
         self._timing.steps(log.name, log.timing)
@@ -235,41 +253,33 @@ class MessageHandler:
 
     def take_fault(self, key_name: str, data: bytes) -> None:
         """End the run with the fault that a participant reports (P10)."""
-        try:
-            fault = _decode_fault(data)
-        except MessageError:
-            self._state.unauthenticated += 1
-            return
-        participant = self._sender(fault.token, fault.name, key_name)
-        if participant is None:
-            return
-        blamed = self._state.participants.get(fault.blames or fault.name, participant)
-        seen = "" if blamed is participant else f" (seen by {participant.who()})"
-        failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
-        failure = failed(
-            f"{self._state.at(fault.step)}: {blamed.who()}: {indented(fault.message)}{seen}; "
-            f"{blamed.where_it_prints()}",
-            participant=blamed.name,
-            step=fault.step,
-        )
-        if isinstance(failure, ParticipantFault) and blamed is not participant:
-            failure.witness = participant.name
-        raise failure
+        if sent := self.sender(_decode_fault, data, key_name):
+            participant, fault = sent
+            blamed = self._state.participants.get(fault.blames or fault.name, participant)
+            seen = "" if blamed is participant else f" (seen by {participant.who()})"
+            failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
+            when, prints = self._state.at(fault.step), blamed.where_it_prints()
+            failure = failed(
+                f"{when}: {blamed.who()}: {indented(fault.message)}{seen}; {prints}",
+                participant=blamed.name,
+                step=fault.step,
+            )
+            if isinstance(failure, ParticipantFault) and blamed is not participant:
+                failure.witness = participant.name
+            raise failure
 
 
-class _Ports:
-    """The ports of one participant."""
+def _wrong_ports(spec: ParticipantSpec) -> Callable[[Outputs], str | None]:
+    """Return a function that says what is wrong with the ports of outputs, or None (P7.2, P7.3)."""
+    plain = {port for port, output in spec.outputs.items() if not output.bulk}
+    bulk = set(spec.outputs) - plain
 
-    def __init__(self, spec: ParticipantSpec) -> None:
-        self._plain = {port for port, output in spec.outputs.items() if not output.bulk}
-        self._bulk = set(spec.outputs) - self._plain
-
-    def wrong(self, outputs: Outputs) -> str | None:
-        """Return what is wrong with the ports of published outputs, or None (P7.2, P7.3)."""
-        if outputs.ports.keys() <= self._plain and outputs.bulk.keys() <= self._bulk:
+    def wrong(outputs: Outputs) -> str | None:
+        if outputs.ports.keys() <= plain and outputs.bulk.keys() <= bulk:
             return None
-        known = self._plain | self._bulk
-        unknown = [port for port in (*outputs.ports, *outputs.bulk) if port not in known]
+        unknown = [port for port in (*outputs.ports, *outputs.bulk) if port not in spec.outputs]
         if unknown:
             return f"published on {unknown[0]!r}, not a port of the scenario"
         return "published a plain port as bulk, or a bulk port as plain"
+
+    return wrong

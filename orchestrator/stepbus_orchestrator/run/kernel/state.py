@@ -3,16 +3,24 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
-from stepbus_orchestrator.errors import StartFailed, indented
+from stepbus_orchestrator.errors import RunFailure, StartFailed, indented
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
-from stepbus_orchestrator.run.kernel.failures import at
-from stepbus_orchestrator.run.kernel.participants import Participants, Phase
+from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest
-from stepbus_schemas import Decoder, Message, WiringError
+from stepbus_schemas import Decoder, Message, WiringError, due_step
+
+_Failure = TypeVar("_Failure", bound=RunFailure)
+
+
+def at(step: int, step_ns: int) -> str:
+    """Return `step 1042 (t = 5.210 s)`, or `before the first step`."""
+    if step < 0:
+        return "before the first step"
+    return f"step {step} (t = {step * step_ns * 1e-9:.3f} s)"
 
 
 class RunPhase(StrEnum):
@@ -65,13 +73,12 @@ class RunState:
     below it may be worked on. unauthenticated: how many messages were dropped. end: the step
     before which the run ends, and why, once it was requested. compute: participant →
     total computing time [ns] and number of steps. waited: participant → its total waiting time
-    [ns] in these. newest: of each participant, port → its last
-    message. started_at: when the first trigger was sent, by
-    the monotonic clock [s]. replaced: who has failed and is replaced by its fallback.
-    is_repeating: whether the steps are those of a recording still. ends_from: participants whose
-    requests to end count from a step on only, with that step.
-    away_s: how long nobody worked, since code of this process did something else [s].
-    is_check_due, is_release_due: whether processes, or the gates, are to be checked at once.
+    [ns] in these. newest: of each participant, port → its last message. started_at: when the first
+    trigger was sent, by the monotonic clock [s]. replaced: who has failed and is replaced by its
+    fallback. is_repeating: whether the steps are those of a recording still. ends_from:
+    participants whose requests to end count from a step on only, with that step. away_s: how long
+    nobody worked, since code of this process did something else [s]. is_check_due, is_release_due:
+    whether processes, or the gates, are to be checked at once.
     """
 
     scenario: Scenario
@@ -94,6 +101,7 @@ class RunState:
 
     def __post_init__(self) -> None:
         self.barrier = Barrier(self.scenario)
+        self._decoders: dict[str, Callable[[bytes], Message]] = {}
 
     def enter(self, phase: RunPhase) -> None:
         """Enter a phase; raises ValueError for one that cannot follow."""
@@ -150,6 +158,29 @@ class RunState:
         """Return `step 1042 (t = 5.210 s)`."""
         return at(step, self.scenario.step_ns)
 
+    def owed_step(self, participant: ParticipantState) -> int:
+        """Return the step whose output a participant owes; −1 before it is ready.
+
+        Its own reports lag behind by up to a log batch; those that wait for it are ahead (P9.3).
+        """
+        if participant.phase != Phase.READY:
+            return -1
+        name, every, newest = participant.name, participant.spec.every, participant.newest()
+        owed = max(self.barrier.next_step(name), newest + every if newest >= 0 else 0)
+        for other in self.participants.values():
+            waiting = other.waiting
+            if waiting is not None and name in waiting.sources:
+                delays = [item.delay for item in other.spec.inputs.values() if item.source == name]
+                owed = max(owed, due_step(waiting.step, min(delays), every))
+        return owed
+
+    def failure(
+        self, kind: type[_Failure], participant: ParticipantState, step: int, what: str
+    ) -> _Failure:
+        """Return the failure of a participant: at which step, who, what it did."""
+        text = f"{self.at(step)}: {participant.who()} {what}"
+        return kind(text, participant=participant.name, step=step)
+
     def check_size(self, what: str, data: bytes) -> None:
         """Raise StartFailed for what the low-latency transport would silently lose (P3.7)."""
         limit = max_message_bytes(self.scenario)
@@ -159,15 +190,7 @@ class RunState:
                 "low-latency transport carries; set bus.low_latency: false"
             )
 
-
-class Newest:
-    """Decodes the newest messages of a run."""
-
-    def __init__(self, state: RunState) -> None:
-        self._state = state
-        self._decoders: dict[str, Callable[[bytes], Message]] = {}
-
-    def message(self, output: str) -> Message | None:
+    def newest_message(self, output: str) -> Message | None:
         """Return the newest message of an output, such as `plant.joint_state`; None before one.
 
         Raises WiringError for an output that the scenario does not have, or whose messages are
@@ -176,16 +199,16 @@ class Newest:
         name, _, port = output.partition(".")
         if output not in self._decoders:
             self._decoders[output] = self._decoder(output)
-        raw = self._state.newest.get(name, {}).get(port)
+        raw = self.newest.get(name, {}).get(port)
         return None if raw is None else self._decoders[output](bytes(raw))
 
     def _decoder(self, output: str) -> Callable[[bytes], Message]:
         types = {
             f"{spec.name}.{port}": described.type
-            for spec in self._state.scenario.participants
+            for spec in self.scenario.participants
             for port, described in spec.outputs.items()
             if not described.bulk
         }
         if output not in types:
             raise WiringError(f"no output {output!r}{suggest(output, types)}")
-        return Decoder(self._state.scenario.types[types[output]])
+        return Decoder(self.scenario.types[types[output]])

@@ -7,7 +7,7 @@ import zenoh
 from support.runs.stranger import disturbed
 
 import stepbus
-from stepbus_orchestrator.processes.credentials import certificates
+from stepbus_orchestrator.processes.endpoints import certificates
 from stepbus_participant import load_ticket
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")

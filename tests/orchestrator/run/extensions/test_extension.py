@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.extension import RunExtension
 PAGE = (CHECKOUT / "docs/guide/writing/extension.md").read_text()
 RUN = CHECKOUT / "orchestrator/stepbus_orchestrator/run"
 CORE = [
-    *(RUN / f"{name}.py" for name in ("run_scenario", "run", "phases", "start_up", "shutdown")),
+    *(RUN / f"{name}.py" for name in ("run_scenario", "run", "phases")),
     *sorted(RUN.glob("kernel/*.py")),
 ]
 FEATURES = r"pace|paus(e|es|ing)|speed|real.time(?!_factor)|inject\w*|calls?|steer\w*|prefix|checkpoint\w*|profil\w*|seat|hosted|debug(?!ger)"

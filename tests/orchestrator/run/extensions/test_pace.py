@@ -16,7 +16,7 @@ from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.kernel.barrier import FAR
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
@@ -55,7 +55,7 @@ def test_keys_steer_the_pace():
     assert interrupt.is_set()
 
 
-class Stepper(Silent):
+class Stepper(Observer):
     """Does single steps whenever the run is paused, then lets it go on."""
 
     def __init__(self, pace):
@@ -79,7 +79,7 @@ def test_a_run_that_is_paused_and_stepped_has_the_same_recording(tmp_path, windo
     assert (result.exit_code, result.sha256) == (0, plain.sha256)
 
 
-class Wait(Silent):
+class Wait(Observer):
     """Lets a paused run go on after longer than any deadline."""
 
     def __init__(self, pace):

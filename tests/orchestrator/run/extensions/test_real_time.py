@@ -1,6 +1,7 @@
 """Steps begin on the grid of the clock, who is late is counted, and no byte changes."""
 
 from fractions import Fraction
+from types import SimpleNamespace
 
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
@@ -26,10 +27,12 @@ class Clock:
         return self.now
 
 
-def made(factor=1.0, step_ns=5 * MS):
-    clock = Clock()
-    gate = RealTime(step_ns, factor, clock)
-    gate.due()
+def made(factor=1.0, step_ns=5 * MS, state=None, others=FAR):
+    """Return a clock, and a run in real time whose step 0 begins now; others: of all other gates."""
+    clock, gate = Clock(), RealTime(step_ns, factor)
+    state = state or RunState(scenario(window=1))
+    gate.attach(SimpleNamespace(clock=clock, state=state, gates=[gate.limit, lambda _: others]))
+    gate.limit(0)
     return clock, gate
 
 
@@ -38,7 +41,7 @@ def test_steps_begin_on_the_grid_of_the_clock():
     limits = []
     for ms in (0, 4, 5, 9, 10, 26):
         clock.now = (7 + ms) * MS
-        limits.append(gate.due())
+        limits.append(gate.limit(0))
     assert limits == [1, 1, 2, 2, 3, 6]
 
 
@@ -48,9 +51,9 @@ def test_the_grid_has_no_drift(factor):
     steps = 10_000_000
     due = Fraction(steps) * 1_000_003 / Fraction(factor).limit_denominator(1_000_000)
     clock.now = 7 * MS + int(due) - 1
-    assert gate.due() == steps
+    assert gate.limit(0) == steps
     clock.now += 2
-    assert gate.due() == steps + 1
+    assert gate.limit(0) == steps + 1
 
 
 def test_it_waits_for_messages_until_the_next_step_is_due():
@@ -69,13 +72,13 @@ def late_state(**options):
 
 
 def test_whoever_holds_a_step_past_its_time_is_counted():
-    clock, gate = made()
     state = late_state()
-    gate.began(state, 0, 1)
+    clock, gate = made(state=state)
+    gate.released(0, 1)
     clock.now += 6 * MS
-    gate.follow(state, others=1)
+    gate.limit(1)
     clock.now += 1 * MS
-    gate.began(state, 1, 2)
+    gate.released(1, 2)
     found = gate.lateness()
     assert (found.steps, found.max_us, found.p50_us) == (2, 2000.0, 2000.0)
     assert found.late == dict.fromkeys(state.barrier.holders(), 1)
@@ -83,21 +86,21 @@ def test_whoever_holds_a_step_past_its_time_is_counted():
 
 
 def test_a_pause_moves_the_grid():
-    clock, gate = made()
     state = late_state()
+    clock, gate = made(state=state, others=1)
     for name in state.participants:
         for step in range(0, 4, state.scenario.participant(name).every):
             state.barrier.report(name, step)
     clock.now += 1000 * MS
-    gate.follow(state, others=1)
-    gate.began(state, 1, 2)
+    gate.limit(1)
+    gate.released(1, 2)
     assert gate.lateness().max_us == 0.0
     assert gate.lateness().late == {}
 
 
 def test_a_gate_without_a_step_has_no_lateness():
     assert made()[1].lateness() is None
-    assert made()[1].due() < FAR
+    assert made()[1].limit(0) < FAR
 
 
 @pytest.fixture(scope="module")
@@ -157,7 +160,7 @@ def test_what_counts_is_how_late_the_last_step_is(late_ms, text):
     clock, gate = made()
     for step in range(100):
         clock.now = (7 + 5 * step) * MS + (late_ms * MS if step >= 50 else 0)
-        gate.began(states(scenario()), step, step + 1)
+        gate.released(step, step + 1)
     found = gate.lateness()
     assert found.kept == pytest.approx(500 / (500 + late_ms))
     assert bool(text) == bool(found.complaint())

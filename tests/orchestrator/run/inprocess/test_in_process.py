@@ -19,9 +19,9 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
-from stepbus_orchestrator.run.inprocess.surroundings import ScenarioModules
+from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
 from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, Turns, make_file
-from stepbus_orchestrator.run.reports import Silent
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint, LoopbackBus, Ticket
@@ -207,7 +207,7 @@ def test_one_that_does_not_let_itself_be_ended_is_given_up(tmp_path):
 
 
 def test_the_user_can_end_it(tmp_path):
-    class AtItsFirstSteps(Silent):
+    class AtItsFirstSteps(Observer):
         def progress(self, progress):
             if progress.step > 0:
                 interrupt.set()
@@ -263,7 +263,7 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
     )  # fmt: skip
     hosted = HostedParticipant(
         ticket, HostedBus(bus, "worker", words=turns.words, number=1), leave,
-        modules=ScenarioModules(tmp_path, []), hub=hub, log=Path("/dev/full"), started=lambda _group: None, shown=False,
+        surroundings=Surroundings(tmp_path, [], lambda: None), hub=hub, log=Path("/dev/full"), started=lambda _group: None, shown=False,
         number=1, turns=turns,
     )  # fmt: skip
     assert hosted.wait(5)

@@ -11,9 +11,8 @@ from stepbus_orchestrator.run.kernel.deadlines import (
     check_start,
     check_step,
 )
-from stepbus_orchestrator.run.kernel.failures import at, owed_step
 from stepbus_orchestrator.run.kernel.participants import Phase
-from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.kernel.state import RunState, at
 from stepbus_schemas import Waiting
 
 
@@ -35,28 +34,31 @@ def started(*reports, **options):
     ],
 )
 def test_each_phase_of_the_start_up_has_its_deadline(phase, seconds, sentence):
-    participants = states(scenario(participant("plant")))
-    participants["plant"].phase = phase
-    check_start(participants, seconds)
+    state = RunState(scenario(participant("plant")))
+    state.participants = states(state.scenario)
+    state.participants["plant"].phase = phase
+    check_start(state, seconds)
     with pytest.raises(StartFailed, match=sentence):
-        check_start(participants, 0.1)
+        check_start(state, 0.1)
 
 
 def test_whoever_waits_for_a_source_that_loads_is_not_late():
-    participants = states(scenario())
+    state = started()
+    participants = state.participants
     participants["plant"].phase = Phase.SPAWNED
     participants["controller"].phase = Phase.JOINED
     participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
-    check_start(participants, 19.0)
+    check_start(state, 19.0)
     assert (participants["controller"].in_phase_s, participants["plant"].in_phase_s) == (0.0, 19.0)
 
 
 def test_a_participant_that_is_up_and_not_connected_is_late():
-    participants = states(scenario())
+    state = started()
+    participants = state.participants
     participants["controller"].phase = Phase.JOINED
     participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
     with pytest.raises(StartFailed, match="is not connected to plant, which is up"):
-        check_start(participants, 31.0)
+        check_start(state, 31.0)
 
 
 def test_the_one_that_holds_the_step_is_late_and_those_that_wait_are_not():
@@ -94,9 +96,9 @@ def test_a_message_that_was_lost_is_suspected_where_its_source_has_published():
 def test_the_owed_step_is_what_others_wait_for_where_the_log_lags_behind():
     state = started(("plant", 0), ("plant", 1))
     state.participants["controller"].waiting = Waiting(step=5, sources=["plant"])
-    assert owed_step("plant", state.participants, state.barrier) == 5
+    assert state.owed_step(state.participants["plant"]) == 5
     state.participants["controller"].waiting = Waiting(step=7, sources=["mission"])
-    assert owed_step("mission", state.participants, state.barrier) == 4
+    assert state.owed_step(state.participants["mission"]) == 4
 
 
 def test_closing_outputs_have_the_stop_deadline():
