@@ -22,7 +22,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-from stepbus_orchestrator.run.reports import Progress
+from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -94,7 +94,7 @@ def processes() -> dict[str, int]:
     return found
 
 
-class Sampler:
+class Sampler(Observer):
     """An observer of a run that samples the memory of its processes.
 
     settled, end: name → mean size, after a tenth of the run and at its end.
