@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.replay.rerun import Rerun
     from stepbus_orchestrator.run.describe import ParticipantDescription
     from stepbus_tools.figures import Comparison, FieldError, Metrics
-    from stepbus_tools.sweep import SweepProgress, SweepResult
+    from stepbus_tools.sweep.run_sweep import SweepProgress, SweepResult
     from stepbus_tools.viewing.exports import Exported
 
 __all__ = [
@@ -42,7 +42,7 @@ _HOMES = (
     "stepbus_orchestrator.run.describe",
     "stepbus_tools.figures",
     "stepbus_tools.viewing.exports",
-    "stepbus_tools.sweep",
+    "stepbus_tools.sweep.run_sweep",
 )
 
 __getattr__, __dir__ = imported_on_use(__name__, __all__, _HOMES)

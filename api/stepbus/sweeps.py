@@ -9,8 +9,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 from stepbus_orchestrator.scenario.override import Overrides, override_texts, yaml_text
-from stepbus_tools.sweep import SweepProgress, SweepResult, Terms, default_name, find_spec
-from stepbus_tools.sweep import sweep as run_sweep
+from stepbus_tools.sweep.pool import PoolOptions
+from stepbus_tools.sweep.run_sweep import SweepProgress, SweepResult
+from stepbus_tools.sweep.run_sweep import sweep as run_sweep
+from stepbus_tools.sweep.spec import default_name, plan
 
 Axes = Sequence[str] | Mapping[str, Any]
 """Axes as the command line has them, or path → values: a list, `50:200:7` or `~normal(1, 0.1)`."""
@@ -72,17 +74,17 @@ def sweep(
         "trials": trials,
         "batch": batch,
     }
-    options = {key: value for key, value in given.items() if value is not None and value != []}
-    spec = find_spec(fspath(scenario), options)
-    terms = Terms(
-        home=Path("sweeps") / default_name(spec) if out is None else Path(out),
+    declared = {key: value for key, value in given.items() if value is not None and value != []}
+    planned = plan(fspath(scenario), declared)
+    options = PoolOptions(
+        home=Path("sweeps") / default_name(planned.spec) if out is None else Path(out),
         jobs=jobs,
         keep=keep,
         timeout_s=timeout_s,
         retries=retry,
         address=address,
     )
-    return run_sweep(spec, terms, on_progress, interrupt)
+    return run_sweep(planned, options, on_progress, interrupt)
 
 
 def _axes(vary: Axes) -> list[str]:

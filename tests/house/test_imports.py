@@ -15,7 +15,7 @@ EXPORTING = {
     "stepbus_participant.parameters",
     "stepbus_participant.parameters.settings",
     "stepbus_schemas.messages",
-    *(f"stepbus_tools.{name}" for name in ("figures", "sweep", "viewing", "viewing.exports", "viewing.page")),
+    *(f"stepbus_tools.{name}" for name in ("figures", "sweep.pool", "sweep.run_sweep", "sweep.spec", "viewing", "viewing.exports", "viewing.page")),
     *(f"stepbus.{name}" for name in ("errors", "messages", "params", "results", "wiring")),
     *(
         f"stepbus_orchestrator.{name}"

@@ -7,11 +7,9 @@ import pyarrow.parquet as parquet
 import pytest
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_tools.sweep import SweepProgress
-from stepbus_tools.sweep.journal import Journal
 from stepbus_tools.sweep.pool import Pace
-from stepbus_tools.sweep.result_table import TABLE_FILE, write_table
-from stepbus_tools.sweep.trial import Row
+from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
+from stepbus_tools.sweep.run_sweep import SweepProgress
 
 
 def test_the_remaining_time_is_told_by_workers_side_by_side_once_they_are_warm() -> None:
@@ -27,9 +25,9 @@ def test_the_remaining_time_is_told_by_workers_side_by_side_once_they_are_warm()
     assert SweepProgress(done=4, total=80, failed=0).remaining_s is None
 
 
-def row(run: int, **more: object) -> Row:
+def row(run: int, **more: object) -> ResultRow:
     fields: dict[str, object] = {"values": {"a": run / 2}, "outcome": "finished", "exit_code": 0}
-    return Row(run=run, **{**fields, **more})  # type: ignore[arg-type]
+    return ResultRow(run=run, **{**fields, **more})  # type: ignore[arg-type]
 
 
 def test_rows_are_there_again_and_half_a_line_is_not(tmp_path: Path) -> None:
@@ -67,24 +65,23 @@ FULL_DISK = """
 import resource, signal, sys
 from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_tools.sweep.journal import Journal
-from stepbus_tools.sweep.trial import Row
+from stepbus_tools.sweep.rows import Journal, ResultRow
 
 folder = Path(sys.argv[1])
 fields = {"values": {}, "outcome": "finished", "exit_code": 0}
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 with Journal(folder) as journal:
-    journal.add(Row(run=0, **fields))
+    journal.add(ResultRow(run=0, **fields))
     size = (folder / "rows.jsonl").stat().st_size
     # A file that may not grow further takes a part of a row, as a full disk does.
     resource.setrlimit(resource.RLIMIT_FSIZE, (size + 10, resource.RLIM_INFINITY))
     try:
-        journal.add(Row(run=1, **fields))
+        journal.add(ResultRow(run=1, **fields))
     except RecordingFailed as exc:
         print(exc)
     print((folder / "rows.jsonl").stat().st_size - size)
     resource.setrlimit(resource.RLIMIT_FSIZE, (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
-    journal.add(Row(run=1, **fields))
+    journal.add(ResultRow(run=1, **fields))
     print([found.run for found in journal.rows()])
 """
 
@@ -97,7 +94,7 @@ def test_a_full_disk_costs_one_row(tmp_path: Path) -> None:
     assert (grown_by, rows) == ("0", "[0, 1]")
 
 
-def table(folder: Path, rows: list[Row], paths: list[str]) -> bytes:
+def table(folder: Path, rows: list[ResultRow], paths: list[str]) -> bytes:
     folder.mkdir()
     with Journal(folder) as journal:
         for one in rows:

@@ -11,7 +11,8 @@ from stepbus import sweep
 from stepbus_orchestrator.cli.output import Answer, say
 from stepbus_orchestrator.cli.parameters import Json, command, number
 from stepbus_orchestrator.cli.signals import interruptible, settle
-from stepbus_tools.sweep import PAGE_FILE, RUNNING, TABLE_FILE, SweepProgress, SweepResult
+from stepbus_tools.sweep.rows import TABLE_FILE
+from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
 
 _PLAIN_EVERY = 0.1
 
@@ -135,4 +136,4 @@ def _summary(result: SweepResult) -> Iterator[str]:
     if result.metric_errors:
         yield f"{result.metric_errors} runs without your metrics: see the column metric_error"
     yield f"table  {result.folder / TABLE_FILE}"
-    yield f"page   {result.folder / PAGE_FILE}"
+    yield f"page   {result.page}"

@@ -45,16 +45,21 @@ class Design:
         repeats: int = 1,
         first_seed: int = 0,
     ) -> None:
-        _check(axes, samples, sampling, repeats)
+        _check(axes, samples, repeats)
         self._grids = [axis for axis in axes if axis.values]
-        self._drawn = [axis for axis in axes if axis.distribution is not None]
         self._sizes = [len(axis.values) for axis in self._grids]
         self._repeats, self._first_seed = repeats, first_seed
-        self._draws = _draw(self._drawn, samples, sampling, seed)
+        drawn = {axis.paths[0]: axis.distribution for axis in axes if axis.distribution}
+        self._samples = samples if drawn else 1
+        self._draws: dict[str, list[Any]] = {}
+        if drawn:
+            # At the very ends most distributions are infinite.
+            points = np.clip(_points(samples, len(drawn), sampling, seed), 1e-12, 1 - 1e-12)
+            columns = zip(drawn.items(), points.T, strict=True)
+            self._draws = {path: values.values(column) for (path, values), column in columns}
         self.paths = [path for axis in axes for path in axis.paths]
         if repeats > 1:
             self.paths.append(SEED)
-        self._samples = len(self._draws[0]) if self._draws else 1
 
     def __len__(self) -> int:
         """Return the number of runs."""
@@ -70,8 +75,7 @@ class Design:
         values: dict[str, Any] = {}
         for axis, place in zip(self._grids, places, strict=True):
             values |= zip(axis.paths, axis.values[int(place)], strict=True)
-        for axis, row in zip(self._drawn, self._draws, strict=True):
-            values[axis.paths[0]] = row[sample]
+        values |= {path: row[sample] for path, row in self._draws.items()}
         if self._repeats > 1:
             values[SEED] = self._first_seed + repeat
         return Point(number, {path: values[path] for path in self.paths})
@@ -81,7 +85,7 @@ class Design:
         return (self[number] for number in range(len(self)))
 
 
-def _check(axes: Sequence[Axis], samples: int, sampling: str, repeats: int) -> None:
+def _check(axes: Sequence[Axis], samples: int, repeats: int) -> None:
     paths = [path for axis in axes for path in axis.paths]
     twice = sorted({path for path in paths if paths.count(path) > 1})
     if twice:
@@ -97,30 +101,17 @@ def _check(axes: Sequence[Axis], samples: int, sampling: str, repeats: int) -> N
         raise WiringError(
             f"samples: no axis has a distribution; for several seeds use {argument('--repeats')}"
         )
-    if sampling not in SAMPLINGS:
-        raise WiringError(f"sampling: {sampling!r} is none of {', '.join(SAMPLINGS)}")
-
-
-def _draw(axes: Sequence[Axis], samples: int, sampling: str, seed: int) -> list[list[Any]]:
-    """Return the values of each axis."""
-    if not axes:
-        return []
-    u = _points(samples, len(axes), sampling, seed)
-    # At the very ends most distributions are infinite.
-    u = np.clip(u, 1e-12, 1 - 1e-12)
-    return [axis.distribution.values(u[:, n]) for n, axis in enumerate(axes) if axis.distribution]
 
 
 def _points(count: int, width: int, sampling: str, seed: int) -> NDArray[np.float64]:
     """Return points between 0 and 1, shape (count, width)."""
+    random = np.random.default_rng(seed)
     if sampling == "random":
-        return np.random.default_rng(seed).random((count, width))
+        return random.random((count, width))
     (qmc,) = need("such a sampling", "scipy.stats.qmc")
     makers = {"latin": qmc.LatinHypercube, "sobol": qmc.Sobol, "halton": qmc.Halton}
     with warnings.catch_warnings():
         # Sobol points are balanced only where their number is a power of 2: the docs say so.
         warnings.simplefilter("ignore", UserWarning)
-        points: NDArray[np.float64] = makers[sampling](
-            width, rng=np.random.default_rng(seed)
-        ).random(count)
+        points: NDArray[np.float64] = makers[sampling](width, rng=random).random(count)
     return points

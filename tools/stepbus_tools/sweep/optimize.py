@@ -12,68 +12,67 @@ from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.axes import Axis
 from stepbus_tools.sweep.design import Point
-from stepbus_tools.sweep.trial import Row
-
-from .spec import Spec
+from stepbus_tools.sweep.rows import ResultRow
+from stepbus_tools.sweep.spec import Plan
 
 
 class Optimizer:
     """Asks Optuna for points, and tells it what came of them."""
 
-    def __init__(self, spec: Spec) -> None:
+    def __init__(self, plan: Plan) -> None:
         (optuna,) = need(argument("--optimize"), "optuna")
         optuna.logging.set_verbosity(optuna.logging.ERROR)
-        sampler = optuna.samplers.TPESampler(seed=spec.seed)
-        direction = "maximize" if spec.maximize else "minimize"
-        self._study = optuna.create_study(sampler=sampler, direction=direction)
+        spec = plan.spec
+        self._study = optuna.create_study(
+            sampler=optuna.samplers.TPESampler(seed=spec.seed),
+            direction="maximize" if spec.maximize else "minimize",
+        )
         self._failed = optuna.trial.TrialState.FAIL
-        self._spec = spec
+        self._metric = str(spec.optimize)
+        self._trials, self._batch, self._axes = spec.trials, spec.batch, plan.axes
         self._asked: dict[int, Any] = {}
-        self.paths = [path for axis in spec.axes() for path in axis.paths]
+        self.paths = [path for axis in plan.axes for path in axis.paths]
 
     def __len__(self) -> int:
         """Return the number of runs."""
-        return self._spec.trials
+        return self._trials
 
     def batches(self) -> Iterator[list[Point]]:
         """Yield the points of one batch after the other; tell the rows before the next."""
-        axes = self._spec.axes()
-        for first in range(0, len(self), self._spec.batch):
-            last = min(first + self._spec.batch, len(self))
-            yield [self._ask(number, axes) for number in range(first, last)]
+        for first in range(0, self._trials, self._batch):
+            last = min(first + self._batch, self._trials)
+            yield [self._ask(number) for number in range(first, last)]
 
-    def refuse_unmeasured(self, rows: Sequence[Row]) -> None:
-        """Raise WiringError where runs that finished have no number to optimise."""
-        finished = [row for row in rows if row.exit_code == 0]
-        if not finished or any(self.value(row) is not None for row in finished):
-            return
-        name, measured = str(self._spec.optimize), finished[0].metrics
-        if name in measured:
-            why = f"is {measured[name]!r} in run {finished[0].run}, which is no number"
-        else:
-            known = ", ".join(measured)
-            why = f"is no metric of these runs{suggest(name, measured)}; they have {known}"
-        raise WiringError(
-            f"{argument('--optimize')} {name}: it {why}: there is nothing to optimise"
-        )
-
-    def _ask(self, number: int, axes: Sequence[Axis]) -> Point:
+    def _ask(self, number: int) -> Point:
         trial = self._asked[number] = self._study.ask()
-        return Point(number, {axis.paths[0]: _suggest(trial, axis) for axis in axes})
+        return Point(number, {axis.paths[0]: _suggest(trial, axis) for axis in self._axes})
 
-    def tell(self, rows: Sequence[Row]) -> None:
-        """Tell what came of a batch; a run without the metric is a failed one."""
+    def tell(self, rows: Sequence[ResultRow]) -> None:
+        """Tell what came of a batch; a run without the metric is a failed one.
+
+        Raises WiringError where runs that finished have no number to optimise.
+        """
+        finished = [row for row in rows if row.exit_code == 0]
+        if finished and all(self._value(row) is None for row in finished):
+            measured = finished[0].metrics
+            why = f"is no metric of these runs{suggest(self._metric, measured)}; they have "
+            why += ", ".join(measured)
+            if self._metric in measured:
+                value = measured[self._metric]
+                why = f"is {value!r} in run {finished[0].run}, which is no number"
+            raise WiringError(
+                f"{argument('--optimize')} {self._metric}: it {why}: there is nothing to optimise"
+            )
         for row in sorted(rows, key=lambda row: row.run):
-            value = self.value(row)
-            trial = self._asked.pop(row.run)
+            trial, value = self._asked.pop(row.run), self._value(row)
             if value is None:
                 self._study.tell(trial, state=self._failed)
             else:
                 self._study.tell(trial, value)
 
-    def value(self, row: Row) -> float | None:
+    def _value(self, row: ResultRow) -> float | None:
         """Return the metric of a run; None where it has none."""
-        value = row.metrics.get(str(self._spec.optimize)) if row.exit_code == 0 else None
+        value = row.metrics.get(self._metric) if row.exit_code == 0 else None
         is_number = isinstance(value, int | float) and value == value  # noqa: PLR0124  (not NaN)
         return float(value) if is_number and value is not None else None
 

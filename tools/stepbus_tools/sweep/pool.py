@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from statistics import median
@@ -22,9 +22,10 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
 from stepbus_orchestrator.processes import PYTHON
 from stepbus_participant import need, write_file
-from stepbus_tools.sweep.content import Content
+from stepbus_tools.sweep.bundle import Bundle
 from stepbus_tools.sweep.design import Point
-from stepbus_tools.sweep.trial import Row, Trials, failed_row
+from stepbus_tools.sweep.rows import ResultRow, failed_row
+from stepbus_tools.sweep.trial import Files, Trials
 
 _MARK = ".reach"
 _TEMPORARY = "stepbus-ray-"
@@ -40,11 +41,13 @@ _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
 """Failures that a machine can cause; any other would come again."""
-TIMED_OUT = "timed out"
+_TIMED_OUT = "timed out"
+Done = tuple[ResultRow, Files]
+"""The row of a run, and its files where it stays and none of them is within reach yet."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Terms:
+class PoolOptions:
     """How a pool runs points.
 
     jobs: processes at once; 0: as many as there are cores. keep: which runs stay. home: the
@@ -60,12 +63,23 @@ class Terms:
     address: str = ""
 
 
+@dataclass
+class _Task:
+    point: Point
+    attempts: int = 0
+    deaths: int = 0
+
+    def counted(self, row: ResultRow) -> ResultRow:
+        return msgspec.structs.replace(row, attempts=self.attempts)
+
+
 @dataclass(eq=False)
 class _Worker:
     """One process of the pool; task: what it does, since `since` [s]; runs: that it has done."""
 
     actor: Any
-    task: "_Task | None" = None
+    is_ready: bool = False
+    task: _Task | None = None
     since: float = field(default_factory=time.monotonic)
     runs: int = 0
 
@@ -85,30 +99,22 @@ class Pace:
             self._latest_s.append(took_s)
 
     def rate(self, workers: int) -> float | None:
-        """Return how many runs so many workers do in a second; None: nobody knows yet."""
+        """Return how many runs so many workers do in a second; None: not yet known."""
         if not self._latest_s or not workers:
             return None
         return workers / max(median(self._latest_s), 1e-6)
 
 
-@dataclass
-class _Task:
-    point: Point
-    attempts: int = 0
-    deaths: int = 0
-
-
 class _Runner:
     """What runs in a worker."""
 
-    def __init__(self, content: Content, keep: str, home: str, mark: str, temporary: str) -> None:
+    def __init__(self, bundle: Bundle, keep: str, home: str, mark: str, temporary: str) -> None:
         # A folder of that name on another machine is another folder.
         path = Path(home)
         is_here = (path / _MARK).is_file() and (path / _MARK).read_text().startswith(mark)
         self._trials = Trials(
-            content, keep=keep, home=path if is_here else None, temporary=temporary or None
+            bundle, keep=keep, home=path if is_here else None, temporary=temporary or None
         )
-        self._where = os.uname().nodename
 
     def close(self) -> None:
         """Remove what the worker has on its machine."""
@@ -117,10 +123,10 @@ class _Runner:
     def ready(self) -> None:
         """Return once the worker is there."""
 
-    def run(self, point: Point) -> tuple[bytes, Mapping[str, bytes]]:
+    def run(self, point: Point) -> tuple[bytes, Files]:
         """Run a point; return its row as JSON, and the files of a run that stays."""
         row, files = self._trials.run(point)
-        return msgspec.json.encode(msgspec.structs.replace(row, where=self._where)), files
+        return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
 
     def picture(self, point: Point) -> bytes:
         """Return the plots of a point's run as PNG."""
@@ -134,35 +140,50 @@ class Pool:
     cluster is at the address.
     """
 
-    def __init__(self, content: Content, terms: Terms) -> None:
-        self._content = content
-        self._terms = terms
+    def __init__(self, bundle: Bundle, options: PoolOptions) -> None:
+        self._bundle = bundle
+        self._options = options
         self._mark = os.urandom(16).hex()
         self._set_environment()
         (self._ray,) = need("a sweep", "ray")
         self._temporary = ""
         self._workers: list[_Worker] = []
-        self._starting: dict[Any, _Worker] = {}
-        self._busy: dict[Any, _Worker] = {}
+        self._pending: dict[Any, _Worker] = {}
+        """What Ray will answer, and who works on it."""
+        self._again: deque[_Task] = deque()
         self._looked = 0.0
         self._pace = Pace()
 
     def rate(self, most: int | None) -> float | None:
         """Return the runs in a second; None: not yet known. most: asked for at once; None: all."""
-        workers = len(self._workers) - len(self._starting)
+        workers = sum(worker.is_ready for worker in self._workers)
         return self._pace.rate(workers if most is None else min(workers, most))
+
+    # --- Ray ------------------------------------------------------------------------------
+
+    def _set_environment(self) -> None:
+        """Tell Ray, which reads it when it is imported, to call no one and to let no one in."""
+        logging.getLogger("ray").setLevel(logging.ERROR)
+        os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
+        if not self._options.address and "ray" not in sys.modules:
+            # Who has the token runs code as this user: it is in no file and on no command line.
+            # Without one, Ray leaves its own in the user's home.
+            os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": os.urandom(32).hex()}
+            # A Ray that is no cluster listens on 127.0.0.1 only, whatever the variable is called.
+            os.environ |= {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
 
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
         if self._ray.is_initialized():
             raise StartFailed("this process uses Ray already: call ray.shutdown() before the sweep")
         self._sweep_up()
-        options: dict[str, Any] = {"address": self._terms.address}
-        if not self._terms.address:
-            # Ray lets everybody into its own folder, so that lies in one of ours.
+        address = self._options.address
+        options: dict[str, Any] = {"address": address}
+        if not address:
+            # Ray lets every user into its own folder, so that lies in one of ours.
             self._temporary = tempfile.mkdtemp(prefix=_TEMPORARY, dir=_short_folder())
             options = {
-                "num_cpus": self._terms.jobs or os.cpu_count(),
+                "num_cpus": self._options.jobs or os.cpu_count(),
                 "include_dashboard": False,
                 "_temp_dir": f"{self._temporary}/r",
                 "object_store_memory": 200_000_000,
@@ -179,9 +200,9 @@ class Pool:
             )
         except Exception as exc:
             self._end()
-            at = f" at {self._terms.address}" if self._terms.address else ""
+            at = f" at {address}" if address else ""
             raise StartFailed(f"Ray{at} does not start: {exc}") from exc
-        self._stored = self._ray.put(self._content)
+        self._stored = self._ray.put(self._bundle)
         self._actor = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_Runner)
         return self
 
@@ -190,36 +211,25 @@ class Pool:
 
         Raises RecordingFailed where another process is faster.
         """
-        path = self._terms.home / _MARK
+        path = self._options.home / _MARK
         try:
             write_file(path, f"{self._mark}\n{self._temporary}\n".encode(), 0o600)
         except OSError as exc:
             shutil.rmtree(self._temporary or "/nonexistent", ignore_errors=True)
             raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
 
-    def __exit__(self, *_: object) -> None:
-        """End all workers, and the Ray that was started here."""
-        self._end()
-
     def _sweep_up(self) -> None:
         """Remove what a pool that was killed has left on this machine."""
-        mark = self._terms.home / _MARK
+        mark = self._options.home / _MARK
         is_ours = mark.is_file() and not mark.is_symlink() and mark.stat().st_uid == os.getuid()
         left = mark.read_text().splitlines()[1:] if is_ours else []
         for folder in map(Path, left):
             if folder.name.startswith(_TEMPORARY):
                 shutil.rmtree(folder, ignore_errors=True)
 
-    def _set_environment(self) -> None:
-        """Tell Ray, which reads it when it is imported, to call nobody and to let nobody in."""
-        logging.getLogger("ray").setLevel(logging.ERROR)
-        os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
-        if not self._terms.address and "ray" not in sys.modules:
-            # Who has the token runs code as this user: it is in no file and on no command line.
-            # Without one, Ray leaves its own in the user's home.
-            os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": os.urandom(32).hex()}
-            # A Ray that is no cluster listens on 127.0.0.1 only, whatever the variable is called.
-            os.environ |= {"RAY_ENABLE_WINDOWS_OR_OSX_CLUSTER": "0"}
+    def __exit__(self, *_: object) -> None:
+        """End all workers, and the Ray that was started here."""
+        self._end()
 
     def _end(self) -> None:
         idle = [worker.actor.close.remote() for worker in self._idle()]
@@ -229,32 +239,33 @@ class Pool:
             self._ray.kill(worker.actor)
         self._workers.clear()
         self._ray.shutdown()
-        (self._terms.home / _MARK).unlink(missing_ok=True)
+        (self._options.home / _MARK).unlink(missing_ok=True)
         if self._temporary:
             shutil.rmtree(self._temporary, ignore_errors=True)
 
-    def run(
-        self, points: Iterable[Point], is_over: Callable[[], bool]
-    ) -> Iterator[tuple[Row, Mapping[str, bytes]]]:
+    # --- work -----------------------------------------------------------------------------
+
+    def run(self, points: Iterable[Point], is_over: Callable[[], bool]) -> Iterator[Done]:
         """Yield row and files of each point, as they come; until all have, or it is over."""
-        waiting: Iterator[Point] = iter(points)
-        again: deque[_Task] = deque()
-        started = time.monotonic()
-        has_more = True
+        tasks, started, has_more = map(_Task, points), time.monotonic(), True
         while not is_over():
             self._fit()
-            for worker in [w for w in self._idle() if has_more or again]:
-                task = again.popleft() if again else None
+            for worker in self._idle():
+                task = self._again.popleft() if self._again else next(tasks, None)
                 if task is None:
-                    point = next(waiting, None)
-                    has_more = point is not None
-                    task = None if point is None else _Task(point)
-                if task is not None:
-                    self._give(worker, task)
-            if not (self._busy or again or has_more):
+                    has_more = False
+                    break
+                task.attempts += 1
+                worker.task, worker.since = task, time.monotonic()
+                self._pending[worker.actor.run.remote(task.point)] = worker
+            if not (has_more or self._again or any(worker.task for worker in self._workers)):
                 return
-            self._check_start(started)
-            yield from self._finished(again)
+            if not self._workers_are_there(started):
+                raise StartFailed(
+                    f"no worker has started on Ray within {_START_S:.0f} s: has it a free core? "
+                    "`ray status` tells"
+                )
+            yield from self._finished()
 
     def pictures(self, points: Sequence[Point]) -> list[bytes]:
         """Return the plots of some points as PNG; empty where there are none."""
@@ -271,8 +282,7 @@ class Pool:
         return content
 
     def _idle(self) -> list[_Worker]:
-        waiting = set(map(id, self._starting.values()))
-        return [w for w in self._workers if w.task is None and id(w) not in waiting]
+        return [worker for worker in self._workers if worker.is_ready and worker.task is None]
 
     def _fit(self) -> None:
         """Have as many workers as there are cores, which come and go on a cluster."""
@@ -280,95 +290,84 @@ class Pool:
         if now - self._looked < _LOOK_S and self._workers:
             return
         self._looked = now
+        options = self._options
         cores = int(self._ray.cluster_resources().get("CPU", 0))
-        wanted = min(cores, self._terms.jobs) if self._terms.jobs else cores
+        wanted = min(cores, options.jobs) if options.jobs else cores
+        home = str(options.home.resolve())
         for _ in range(wanted - len(self._workers)):
-            home = str(self._terms.home.resolve())
-            actor = self._actor.remote(
-                self._stored, self._terms.keep, home, self._mark, self._temporary
+            worker = _Worker(
+                self._actor.remote(self._stored, options.keep, home, self._mark, self._temporary)
             )
-            worker = _Worker(actor)
             self._workers.append(worker)
-            self._starting[actor.ready.remote()] = worker
+            self._pending[worker.actor.ready.remote()] = worker
 
-    def _give(self, worker: _Worker, task: _Task) -> None:
-        task.attempts += 1
-        worker.task, worker.since = task, time.monotonic()
-        self._busy[worker.actor.run.remote(task.point)] = worker
+    def _workers_are_there(self, started: float) -> bool:
+        """Return whether one has come, or may still do so."""
+        is_late = time.monotonic() - started > _START_S
+        return not is_late or any(worker.is_ready for worker in self._workers)
 
-    def _check_start(self, started: float) -> None:
-        """Raise StartFailed where no worker has come for a long time."""
-        has_one = len(self._starting) < len(self._workers)
-        if not has_one and time.monotonic() - started > _START_S and not self._busy:
-            raise StartFailed(
-                f"no worker has started on Ray within {_START_S:.0f} s: has it a free core? "
-                "`ray status` tells"
-            )
-
-    def _finished(self, again: deque[_Task]) -> Iterator[tuple[Row, Mapping[str, bytes]]]:
-        """Yield what has come; put what goes to another worker into `again`."""
-        pending = [*self._busy, *self._starting]
-        ready, _ = self._ray.wait(pending, num_returns=1, timeout=_WAIT_S) if pending else ([], [])
-        if not pending:
+    def _finished(self) -> Iterator[Done]:
+        """Yield what has come; put what goes to another worker aside."""
+        if not self._pending:
             time.sleep(_WAIT_S)
+            return
+        ready, _ = self._ray.wait(list(self._pending), num_returns=1, timeout=_WAIT_S)
         for reference in ready:
-            results = self._take(reference, again)
-            if results is not None:
-                yield results
-        yield from self._late()
-
-    def _take(self, reference: Any, again: deque[_Task]) -> tuple[Row, Mapping[str, bytes]] | None:
-        errors = self._ray.exceptions
-        worker = self._starting.pop(reference, None) or self._busy.pop(reference)
-        task, worker.task = worker.task, None
-        if task is not None:
+            worker = self._pending.pop(reference)
+            task, worker.task = worker.task, None
+            if task is None:
+                self._started(worker, reference)
+                continue
             worker.runs += 1
             self._pace.add(worker.runs, time.monotonic() - worker.since)
+            done = self._done(worker, task, reference)
+            if done is not None:
+                yield done
+        yield from self._late()
+
+    def _started(self, worker: _Worker, reference: Any) -> None:
+        """Take a new worker; raises StartFailed for one that raises."""
+        try:
+            self._ray.get(reference)
+            worker.is_ready = True
+        except self._ray.exceptions.RayTaskError as exc:
+            raise StartFailed(f"a worker does not start: {exc.cause}") from exc
+        except self._ray.exceptions.RayError:
+            self._drop(worker)
+
+    def _done(self, worker: _Worker, task: _Task, reference: Any) -> Done | None:
+        """Return what became of a task; None where another worker does it again."""
+        errors = self._ray.exceptions
         try:
             answer = self._ray.get(reference)
-        except (errors.RayActorError, errors.ObjectLostError, errors.RaySystemError) as exc:
-            self._drop(worker)
-            return None if task is None else self._died(task, again, exc)
         except errors.RayTaskError as exc:
-            if task is None:
-                raise StartFailed(f"a worker does not start: {exc.cause}") from exc
             row = failed_row(task.point, "failed", f"{exc.cause}", ExitCode.INTERNAL)
-            return _counted(row, task), {}
-        if task is None:
-            return None
-        row, files = msgspec.json.decode(answer[0], type=Row), answer[1]
-        if row.exit_code in _RETRIED and task.attempts <= self._terms.retries:
-            again.append(task)
-            return None
-        return _counted(row, task), files
-
-    def _died(
-        self, task: _Task, again: deque[_Task], exc: Exception
-    ) -> tuple[Row, Mapping[str, bytes]] | None:
-        """Let another worker do it; give it up where it has cost several."""
-        task.deaths += 1
-        if task.deaths < _MOST_DEATHS:
-            again.append(task)
-            return None
-        reason = f"the process that ran it died {task.deaths} times"
-        return _counted(failed_row(task.point, "died", reason, ExitCode.DIED), task), {}
-
-    def _late(self) -> Iterator[tuple[Row, Mapping[str, bytes]]]:
-        """Kill what takes too long, and yield its row."""
-        limit_s = self._terms.timeout_s
-        if not limit_s:
-            return
-        for reference, worker in list(self._busy.items()):
-            task = worker.task
-            if task is None or time.monotonic() - worker.since < limit_s:
-                continue
-            del self._busy[reference]
+            return task.counted(row), {}
+        except (errors.RayActorError, errors.ObjectLostError, errors.RaySystemError):
             self._drop(worker)
-            reason = f"it took longer than {limit_s:g} s"
-            yield (
-                _counted(failed_row(task.point, TIMED_OUT, reason, ExitCode.STEP_TIMEOUT), task),
-                {},
-            )
+            task.deaths += 1
+            if task.deaths < _MOST_DEATHS:
+                self._again.append(task)
+                return None
+            reason = f"the process that ran it died {task.deaths} times"
+            return task.counted(failed_row(task.point, "died", reason, ExitCode.DIED)), {}
+        row, files = msgspec.json.decode(answer[0], type=ResultRow), answer[1]
+        if row.exit_code in _RETRIED and task.attempts <= self._options.retries:
+            self._again.append(task)
+            return None
+        return task.counted(row), files
+
+    def _late(self) -> Iterator[Done]:
+        """Kill what takes too long, and yield its row."""
+        limit_s, now = self._options.timeout_s, time.monotonic()
+        for reference, worker in list(self._pending.items()):
+            task = worker.task
+            if limit_s and task is not None and now - worker.since >= limit_s:
+                del self._pending[reference]
+                self._drop(worker)
+                reason = f"it took longer than {limit_s:g} s"
+                row = failed_row(task.point, _TIMED_OUT, reason, ExitCode.STEP_TIMEOUT)
+                yield task.counted(row), {}
 
     def _drop(self, worker: _Worker) -> None:
         self._ray.kill(worker.actor)
@@ -381,7 +380,3 @@ def _short_folder() -> str:
     """Return a folder for Ray's sockets, whose names may have 107 bytes."""
     usual = tempfile.gettempdir()
     return usual if len(usual) <= _LONGEST_FOLDER else "/tmp"  # noqa: S108
-
-
-def _counted(row: Row, task: _Task) -> Row:
-    return msgspec.structs.replace(row, attempts=task.attempts)

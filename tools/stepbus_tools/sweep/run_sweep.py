@@ -1,11 +1,12 @@
-"""Runs a sweep: every point that has no row yet."""
+"""Runs a sweep: every point that has no row yet; and one of its runs again."""
 
 import fcntl
 import os
 import shutil
 import threading
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,22 +20,31 @@ from stepbus_orchestrator.errors import (
     argument,
 )
 from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.content import Content, collect
+from stepbus_tools.sweep.bundle import Bundle, collect
 from stepbus_tools.sweep.design import Point
-from stepbus_tools.sweep.journal import Journal
-from stepbus_tools.sweep.pool import Pool, Terms
-from stepbus_tools.sweep.result_table import TABLE_FILE, write_table
+from stepbus_tools.sweep.optimize import Optimizer
+from stepbus_tools.sweep.pool import Pool, PoolOptions
+from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
+from stepbus_tools.sweep.spec import (
+    SPEC_FILE,
+    Plan,
+    differences,
+    load_spec,
+    overrides_of,
+    save_spec,
+)
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
-from stepbus_tools.sweep.trial import Row, write_run
+from stepbus_tools.sweep.trial import write_run
 from stepbus_tools.whole_file import replaced
 
-from .optimize import Optimizer
-from .spec import SPEC_FILE, Spec, differences, load_spec, save_spec
-from .spec_check import Checked, check
-
-SOURCE_FOLDER = "source"
+_SOURCE_FOLDER = "source"
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
 RUNNING = "runs"
@@ -84,8 +94,8 @@ class SweepResult:
 
 
 def sweep(
-    spec: Spec,
-    terms: Terms,
+    plan: Plan,
+    options: PoolOptions,
     on_progress: Callable[[SweepProgress], None] = lambda _progress: None,
     interrupt: threading.Event | None = None,
 ) -> SweepResult:
@@ -93,18 +103,17 @@ def sweep(
 
     interrupt: ends it once it is set; what is done stays, and the same call goes on from there.
 
-    Raises ScenarioError or WiringError with every problem of the sweep, RecordingFailed where its
-    folder holds another one or cannot be written, StartFailed where Ray does not start, and
-    Interrupted.
+    Raises RecordingFailed where its folder holds another sweep or cannot be written, StartFailed
+    where Ray does not start, and Interrupted.
     """
-    checked = check(spec)
-    content = collect(checked.variants, spec.metrics)
-    check_limits(len(checked.scenario.participants))
-    with _claimed(terms.home):
-        _claim(spec, content, terms.home)
-        return _Sweep(spec, checked, content, terms, on_progress).run(
-            interrupt or threading.Event()
-        )
+    bundle = collect(plan.variants, plan.spec.metrics)
+    check_limits(len(plan.variants[0].participants))
+    with _claimed(options.home):
+        _claim(plan, bundle, options.home)
+        with Journal(options.home) as journal:
+            return _Sweep(plan, bundle, options, journal, on_progress).run(
+                interrupt or threading.Event()
+            )
 
 
 @contextmanager
@@ -123,16 +132,16 @@ def _claimed(home: Path) -> Iterator[None]:
         yield
 
 
-def _claim(spec: Spec, content: Content, home: Path) -> None:
-    """Make a folder this sweep's; raises RecordingFailed where it is another one's."""
-    fingerprint = content.fingerprint()
+def _claim(plan: Plan, bundle: Bundle, home: Path) -> None:
+    """Make a folder this sweep's; raises OutputExists where it is another one's."""
+    fingerprint = bundle.fingerprint()
     if not (home / SPEC_FILE).exists():
-        shutil.rmtree(home / SOURCE_FOLDER, ignore_errors=True)
-        content.unpack(home / SOURCE_FOLDER)
-        save_spec(home, spec, fingerprint)
+        shutil.rmtree(home / _SOURCE_FOLDER, ignore_errors=True)
+        bundle.unpack(home / _SOURCE_FOLDER)
+        save_spec(home, plan.spec, fingerprint)
         return
     old, before = load_spec(home)
-    changes = differences(old, spec)
+    changes = differences(old, plan.spec)
     if not changes and before != fingerprint:
         changes = ["a file of the scenario, or a metric, has changed"]
     if changes:
@@ -146,86 +155,82 @@ class _Sweep:
 
     def __init__(
         self,
-        spec: Spec,
-        checked: Checked,
-        content: Content,
-        terms: Terms,
+        plan: Plan,
+        bundle: Bundle,
+        options: PoolOptions,
+        journal: Journal,
         on_progress: Callable[[SweepProgress], None],
     ) -> None:
-        self._spec = spec
-        self._design = checked.design
-        self._optimizer = None if spec.optimize is None else Optimizer(spec)
-        self._terms = terms
-        self._content = content
+        self._plan = plan
+        self._optimizer = None if plan.spec.optimize is None else Optimizer(plan)
+        self._options, self._home = options, options.home
+        self._bundle = bundle
+        self._journal = journal
         # An optimizer asks for a batch, and waits for all of it.
-        self._at_once = None if self._optimizer is None else spec.batch
+        self._at_once = None if self._optimizer is None else plan.spec.batch
         self._on_progress = on_progress
-        self._total = len(self._optimizer or self._design)
-        self._paths: Sequence[str] = (self._optimizer or self._design).paths
-        self._causes: dict[str, int] = {}
+        self._total = len(self._optimizer or plan.design)
+        self._paths = (self._optimizer or plan.design).paths
+        self._causes: Counter[str] = Counter()
         self._metric_errors = 0
-        self._began = time.monotonic()
-        self._tabled = self._began
+        self._began = self._tabled = time.monotonic()
 
     def run(self, interrupt: threading.Event) -> SweepResult:
-        with Journal(self._terms.home) as journal:
-            resumed = len(journal)
-            for row in journal.rows():
-                self._count(row)
-            if resumed < self._total:
-                self._run_missing(journal, interrupt)
-            self._conclude(journal)
-            if interrupt.is_set():
-                raise Interrupted(
-                    f"interrupted after {len(journal)} of {self._total} runs; the same command "
-                    "goes on from there"
-                )
-            return self._result(len(journal), resumed)
-
-    def _run_missing(self, journal: Journal, interrupt: threading.Event) -> None:
-        self._tell(journal, "Ray starts, which takes some seconds, on a busy machine a minute")
-        with Pool(self._content, self._terms) as self._pool:
-            self._tell(journal, "the workers start")
-            if self._optimizer is None:
-                missing = (p for p in self._design if p.number not in journal)
-                self._run_points(missing, journal, interrupt)
-                self._draw_extremes(journal, interrupt)
-                return
-            for batch in self._optimizer.batches():
-                missing = (p for p in batch if p.number not in journal)
-                self._run_points(missing, journal, interrupt)
-                if interrupt.is_set():
-                    return
-                rows = [_checked(journal.row(p.number), p) for p in batch]
-                self._optimizer.refuse_unmeasured(rows)
-                self._optimizer.tell(rows)
-            self._draw_extremes(journal, interrupt)
-
-    def _draw_extremes(self, journal: Journal, interrupt: threading.Event) -> None:
-        """Plot the best and the worst run; both are made again, since they may not have stayed."""
-        chosen = extremes(journal, self._spec)
-        if interrupt.is_set() or not chosen:
-            return
-        self._tell(journal, f"the plots of the {' and the '.join(chosen)} run are made")
-        points = [Point(row.run, row.values) for row in chosen.values()]
-        for name, content in zip(chosen, self._pool.pictures(points), strict=True):
-            if content:
-                with replaced(self._terms.home / f"{name}.png") as part:
-                    part.write_bytes(content)
-
-    def _conclude(self, journal: Journal) -> None:
-        """Write the tables and the page."""
-        write_table(journal, self._paths, self._terms.home)
+        """Run what has no row, and write the tables and the page; raises Interrupted."""
+        journal, resumed = self._journal, len(self._journal)
+        for row in journal.rows():
+            self._count(row)
+        if resumed < self._total:
+            self._report("Ray starts, which takes some seconds, on a busy machine a minute")
+            with Pool(self._bundle, self._options) as self._pool:
+                self._report("the workers start")
+                self._run_missing(interrupt)
+        write_table(journal, self._paths, self._home)
+        extreme_rows = extremes(journal, self._plan.spec)
         pictures = {
-            f"{name} run: {row.run}": path
-            for name, row in extremes(journal, self._spec).items()
-            if (path := self._terms.home / f"{name}.png").exists()
+            f"{name} run: {row.run}": self._home / f"{name}.png"
+            for name, row in extreme_rows.items()
+            if (self._home / f"{name}.png").exists()
         }
-        write_page(journal, self._spec, self._paths, self._terms.home, pictures)
+        write_page(journal, self._plan, self._paths, self._home, pictures)
+        if interrupt.is_set():
+            raise Interrupted(
+                f"interrupted after {len(journal)} of {self._total} runs; the same command "
+                "goes on from there"
+            )
+        return SweepResult(
+            folder=self._home,
+            total=self._total,
+            done=len(journal),
+            resumed=resumed,
+            failed=self._causes.total(),
+            metric_errors=self._metric_errors,
+            causes=dict(sorted(self._causes.items())),
+            wall_s=time.monotonic() - self._began,
+        )
 
-    def _run_points(
-        self, points: Iterator[Point], journal: Journal, interrupt: threading.Event
-    ) -> None:
+    def _run_missing(self, interrupt: threading.Event) -> None:
+        optimizer = self._optimizer
+        batches = [self._plan.design] if optimizer is None else optimizer.batches()
+        for batch in batches:
+            missing = (point for point in batch if point.number not in self._journal)
+            self._run_points(missing, interrupt)
+            if interrupt.is_set():
+                return
+            if optimizer is not None:
+                optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
+        # The best and the worst run are made again, since they may not have stayed.
+        chosen = extremes(self._journal, self._plan.spec)
+        if chosen:
+            self._report(f"the plots of the {' and the '.join(chosen)} run are made")
+            points = [Point(row.run, row.values) for row in chosen.values()]
+            for name, content in zip(chosen, self._pool.pictures(points), strict=True):
+                if content:
+                    with replaced(self._home / f"{name}.png") as part:
+                        part.write_bytes(content)
+
+    def _run_points(self, points: Iterable[Point], interrupt: threading.Event) -> None:
+        journal = self._journal
         for row, files in self._pool.run(points, interrupt.is_set):
             if row.exit_code == ExitCode.RECORDING:
                 # The machine's fault, not the point's: a row of it would stay for good.
@@ -234,50 +239,34 @@ class _Sweep:
                     "are there, and the same command goes on from them"
                 )
             if files:
-                write_run(files, self._terms.home, row.run)
+                write_run(files, self._home, row)
             journal.add(row)
             self._count(row)
-            self._tell(journal)
+            self._report()
             if time.monotonic() - self._tabled > _TABLE_EVERY_S:
-                write_table(journal, self._paths, self._terms.home)
+                write_table(journal, self._paths, self._home)
                 self._tabled = time.monotonic()
 
-    def _count(self, row: Row) -> None:
+    def _count(self, row: ResultRow) -> None:
         if row.exit_code:
-            self._causes[_cause(row)] = self._causes.get(_cause(row), 0) + 1
+            who = f" ({row.participant})" if row.participant else ""
+            self._causes[f"{row.outcome}{who}, exit code {row.exit_code}"] += 1
         self._metric_errors += bool(row.metric_error)
 
-    def _tell(self, journal: Journal, phase: str = RUNNING) -> None:
-        """Say how far the sweep is, and what happens now."""
+    def _report(self, phase: str = RUNNING) -> None:
+        """Notify how far the sweep is, and what happens now."""
         self._on_progress(
             SweepProgress(
-                done=len(journal),
+                done=len(self._journal),
                 total=self._total,
-                failed=sum(self._causes.values()),
+                failed=self._causes.total(),
                 rate=self._pool.rate(self._at_once) if phase == RUNNING else None,
                 phase=phase,
             )
         )
 
-    def _result(self, done: int, resumed: int) -> SweepResult:
-        return SweepResult(
-            folder=self._terms.home,
-            total=self._total,
-            done=done,
-            resumed=resumed,
-            failed=sum(self._causes.values()),
-            metric_errors=self._metric_errors,
-            causes=dict(sorted(self._causes.items())),
-            wall_s=time.monotonic() - self._began,
-        )
 
-
-def _cause(row: Row) -> str:
-    who = f" ({row.participant})" if row.participant else ""
-    return f"{row.outcome}{who}, exit code {row.exit_code}"
-
-
-def _checked(row: Row, point: Point) -> Row:
+def _checked(row: ResultRow, point: Point) -> ResultRow:
     """Return the row of a point; raises WiringError where it is another point's.
 
     The optimizer would not have asked for it: another version of Optuna chooses otherwise.
@@ -288,3 +277,41 @@ def _checked(row: Row, point: Point) -> Row:
             "with the versions of Optuna and SciPy that began the sweep"
         )
     return row
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowRerun:
+    """A run of a sweep, and the same made again."""
+
+    row: ResultRow
+    result: Result
+
+    @property
+    def equal(self) -> bool:
+        """Return whether both recordings are the same, byte for byte."""
+        return bool(self.row.sha256) and self.row.sha256 == self.result.sha256
+
+
+def rerun_row(
+    folder: Path,
+    number: int,
+    out: Path,
+    observer: Observer | None = None,
+    interrupt: threading.Event | None = None,
+) -> RowRerun:
+    """Run a row of a sweep's folder again in separate processes, from the files that it keeps.
+
+    out: a new folder. Raises WiringError where the folder holds no sweep or no such row, and as
+    `stepbus run` does.
+    """
+    load_spec(folder)
+    with Journal(folder) as journal:
+        if number not in journal:
+            raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
+        row = journal.row(number)
+    source = folder / _SOURCE_FOLDER / "scenario"
+    files = sorted(source.rglob(layout.SCENARIO_ATTACHMENT), key=lambda p: (-len(p.parts), p))
+    if not files:
+        raise WiringError(f"{source}: the sweep's scenario is gone")
+    scenario = load(files[0], *overrides_of(Point(number, row.values)))
+    return RowRerun(row=row, result=run(scenario, Options(out=out), observer, interrupt))

@@ -1,4 +1,4 @@
-"""What a sweep is: declared once, for the command line and for a file.
+"""What a sweep is: declared once, for the command line and for a file, and checked before it runs.
 
 scenario: two_link
 vary:
@@ -11,21 +11,28 @@ import dataclasses
 import hashlib
 import json
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.errors import RecordingFailed, argument
-from stepbus_participant import Count, Problems, Settings, Whole, read_text, write_file
+from stepbus_orchestrator.errors import RecordingFailed, ScenarioError, argument
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_participant import Count, Problems, Settings, Whole, read_text, suggest, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import Axis, parse_axis
-from stepbus_tools.sweep.design import Design
+from stepbus_tools.sweep.axes import FAULTS, Axis, parse_axis
+from stepbus_tools.sweep.bundle import metric_file
+from stepbus_tools.sweep.design import Design, Point
+from stepbus_tools.sweep.sweep_metrics import BUILTIN
 
 SPEC_FILE = "sweep.json"
 _LIKE = "a sweep is a map with `scenario` and `vary`"
+_NO_FAULT = "none"
 
 
 class Spec(Settings):
@@ -57,95 +64,170 @@ class Spec(Settings):
     batch: Count = 4
     """How many of them it asks for at once, however many cores there are."""
 
-    def axes(self) -> list[Axis]:
-        """Return its axes; raises WiringError for one that is none."""
-        return [parse_axis(text) for text in self.vary]
-
-    def design(self, first_seed: int = 0) -> Design:
-        """Return its runs; raises WiringError for axes that do not go together."""
-        return Design(
-            self.axes(),
-            samples=self.samples,
-            sampling=self.sampling,
-            seed=self.seed,
-            repeats=self.repeats,
-            first_seed=first_seed,
-        )
-
     def plain(self) -> dict[str, Any]:
         """Return it as plain data, as a file has it."""
         fields: dict[str, Any] = json.loads(msgspec.json.encode(self))
         return fields
 
 
-def draft(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
-    """Return the sweep of a scenario, or of a sweep's file, and what is wrong with it by itself.
+@dataclass(frozen=True, kw_only=True)
+class Plan:
+    """A sweep that can run.
 
-    options: take the place of what the file has. What is wrong is replaced by its default.
+    variants: its scenario, and the same with values that name files. design: its runs, which an
+    optimizer chooses instead where the sweep has one.
+    """
+
+    spec: Spec
+    axes: Sequence[Axis]
+    design: Design
+    variants: Sequence[Scenario]
+
+
+def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
+    """Return the sweep of a scenario, or that of a sweep's file; nothing starts.
+
+    The scenario is loaded with values of each axis. options: take the place of what the file has.
+    Raises ScenarioError with every problem.
+    """
+    spec, problems = _read(scenario, options)
+    parsed = [
+        problems.attempt(("vary", number), partial(parse_axis, text))
+        for number, text in enumerate(spec.vary)
+    ]
+    for keys, text in _contradictions(spec, parsed):
+        if not problems.has(keys):
+            problems.add(keys, text)
+    for number, text in enumerate(spec.metrics):
+        problems.attempt(("metrics", number), partial(metric_file, text))
+    base = problems.attempt((), lambda: load(spec.scenario, spec.set))
+    variants = [] if base is None else [base]
+    # With a wrong `set`, the axes are still tried on the scenario as it is.
+    if base is not None or (spec.set and _loads(spec.scenario)):
+        overrides = () if base is None else spec.set
+        for number, axis in enumerate(parsed):
+            if axis is not None:
+                above = ("vary", number)
+                variants += _variants(spec.scenario, overrides, axis, problems.below(above))
+    axes = [axis for axis in parsed if axis is not None]
+    design: Design | None = Design([])
+    if spec.optimize is None and len(axes) == len(parsed):
+        design = problems.attempt(
+            (),
+            lambda: Design(
+                axes,
+                samples=spec.samples,
+                sampling=spec.sampling,
+                seed=spec.seed,
+                repeats=spec.repeats,
+                first_seed=base.seed if base is not None else 0,
+            ),
+        )
+    if design is None or len(problems):
+        raise ScenarioError(problems.error().problems)
+    return Plan(spec=spec, axes=axes, design=design, variants=variants)
+
+
+def _read(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
+    """Return what declares a sweep, and what is wrong with each value.
+
+    What is wrong is replaced by its default.
     """
     path = Path(scenario)
     if not (path.is_file() and _is_sweep(path)):
         problems = Problems()
-        data = {"scenario": scenario, **options}
-    else:
-        file = read_yaml(path, _LIKE)
-        data = {**file.data, **options}
-        places = {at: place for at, place in file.places.items() if at[0] not in options}
-        places |= {(key,): Place(file="", line=0) for key in options}
-        problems = dataclasses.replace(file, places=places).problems()
-        for key in ("scenario", "metrics"):
-            if key in file.data and key not in options:
-                data[key] = _beside(path.parent, data[key])
-    spec = read(Spec, data, problems)
-    for keys, text in _contradictions(spec):
-        if not problems.has(keys):
-            problems.add(keys, text)
-    return spec, problems
+        return read(Spec, {"scenario": scenario, **options}, problems), problems
+    file = read_yaml(path, _LIKE)
+    data = {**file.data, **options}
+    places = {at: place for at, place in file.places.items() if at[0] not in options}
+    places |= {(key,): Place(file="", line=0) for key in options}
+    problems = dataclasses.replace(file, places=places).problems()
+    for key in ("scenario", "metrics"):
+        if key in file.data and key not in options:
+            data[key] = _beside(path.parent, data[key])
+    return read(Spec, data, problems), problems
 
 
-def _contradictions(spec: Spec) -> Iterator[tuple[Keys, str]]:
-    """Yield what does not go together in a sweep."""
+def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[Keys, str]]:
+    """Yield what does not go together in a sweep; axes: None, those that are none."""
     usual = Spec(scenario="")
-    yield from _optimizer_problems(spec, usual)
-    if not spec.vary:
+    known = [axis for axis in axes if axis is not None]
+    is_drawn = len(known) < len(axes) or any(axis.distribution for axis in known)
+    if not axes:
         yield ("vary",), "needs at least one axis, e.g. controller.params.kp=50:200:7"
-    axes = []
-    for index, text in enumerate(spec.vary):
-        try:
-            axes.append(parse_axis(text))
-        except WiringError as exc:
-            yield ("vary", index), str(exc)
-        else:
-            is_optimized = spec.optimize is not None
-            yield from _axis_problems(axes[-1], ("vary", index), is_optimized=is_optimized)
-    is_drawn = len(axes) < len(spec.vary) or any(axis.distribution for axis in axes)
-    if spec.optimize is None and spec.sampling != usual.sampling and not is_drawn:
-        yield ("sampling",), "no axis has a distribution to draw from"
-
-
-def _optimizer_problems(spec: Spec, usual: Spec) -> Iterator[tuple[Keys, str]]:
-    if spec.optimize is None:
+    if spec.optimize is not None:
+        yield from _optimizer_problems(spec, spec.optimize, usual)
+    else:
         if spec.trials or spec.maximize:
             yield ("optimize",), "names the metric that trials are for"
         if spec.batch != usual.batch:
             yield ("batch",), "belongs to an optimizer; without one, all runs are asked for at once"
-    else:
-        if not spec.trials:
-            yield (
-                ("trials",),
-                f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100",
-            )
-        for key in ("samples", "repeats", "sampling"):
-            if getattr(spec, key) != getattr(usual, key):
-                yield (key,), "an optimizer chooses each run by itself; leave it out"
+        if spec.sampling != usual.sampling and not is_drawn:
+            yield ("sampling",), "no axis has a distribution to draw from"
+    for number, axis in enumerate(axes):
+        if axis is None:
+            continue
+        if spec.optimize is None and axis.span is not None:
+            text = f"{axis.text}: a range needs a count, e.g. {axis.text}:7; only an optimizer"
+            yield ("vary", number), f"{text} takes all of it"
+        if spec.optimize is not None and (axis.distribution or len(axis.paths) > 1):
+            text = "an optimizer takes ranges and lists, such as PATH=50:200"
+            yield ("vary", number), f"{axis.text}: {text}"
 
 
-def _axis_problems(axis: Axis, keys: Keys, *, is_optimized: bool) -> Iterator[tuple[Keys, str]]:
-    if not is_optimized and axis.span is not None:
-        text = f"{axis.text}: a range needs a count, e.g. {axis.text}:7; only an optimizer"
-        yield keys, f"{text} takes all of it"
-    if is_optimized and (axis.distribution or len(axis.paths) > 1):
-        yield keys, f"{axis.text}: an optimizer takes ranges and lists, such as PATH=50:200"
+def _optimizer_problems(spec: Spec, name: str, usual: Spec) -> Iterator[tuple[Keys, str]]:
+    """Yield what is wrong with a sweep that optimises a metric."""
+    if not spec.trials:
+        text = f"an optimizer needs a number of runs in {argument('--trials')}, e.g. 100"
+        yield ("trials",), text
+    for key in ("samples", "repeats", "sampling"):
+        if getattr(spec, key) != getattr(usual, key):
+            yield (key,), "an optimizer chooses each run by itself; leave it out"
+    # Metrics of the user's own are known later.
+    if not (spec.metrics or name in BUILTIN or name.startswith("rmse.")):
+        known = ", ".join([*BUILTIN, "rmse.JOINT"])
+        text = f"{name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
+        more = argument("--metric", "metrics", "FILE:FUNCTION")
+        yield ("optimize",), f"{text}and your own with {more}"
+
+
+def _loads(scenario: str) -> bool:
+    try:
+        load(scenario)
+    except ScenarioError:
+        return False
+    return True
+
+
+def _variants(
+    scenario: str, overrides: Sequence[str], axis: Axis, problems: Problems
+) -> Iterator[Scenario]:
+    """Yield the scenario with values of an axis that name files; add what is wrong with others."""
+    sentences: dict[str, None] = {}
+    for values in axis.probes():
+        texts, faults = overrides_of(Point(0, dict(zip(axis.paths, values, strict=True))))
+        try:
+            variant = load(scenario, [*overrides, *texts], faults)
+        except ScenarioError as exc:
+            shown = (f"{p.path}: {p.message}".removeprefix(": ") for p in exc.problems)
+            sentences |= dict.fromkeys(shown)
+            continue
+        if any(isinstance(value, str) for value in values):
+            yield variant
+    for sentence in sentences:
+        problems.add((), f"{axis.text}: {sentence}")
+
+
+def overrides_of(point: Point) -> tuple[list[str], Sequence[str]]:
+    """Return the settings of a point, as `--set` has them, and its faults."""
+    texts = [
+        f"{path}={msgspec.json.encode(value).decode()}"
+        for path, value in point.values.items()
+        if path != FAULTS
+    ]
+    fault = point.values.get(FAULTS)
+    given = fault if isinstance(fault, list) else [fault]
+    return texts, [str(one) for one in given if one not in {None, _NO_FAULT}]
 
 
 def _beside(folder: Path, value: Any) -> Any:
@@ -161,7 +243,7 @@ def _is_sweep(path: Path) -> bool:
     try:
         text = read_text(path, errors="replace")
     except OSError:
-        # Who reads it as a scenario says what is wrong with it.
+        # What reads it as a scenario says what is wrong with it.
         return False
     return any(line.startswith(("scenario:", "vary:")) for line in text.splitlines())
 

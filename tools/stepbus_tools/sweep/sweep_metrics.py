@@ -27,8 +27,6 @@ _SETTLED_AFTER_S = 2.0
 _BAND = 0.02
 _REST_SHARE = 0.2
 _FULL = 1 - 1e-6
-
-
 BUILTIN = ("success", "duration", "rmse", "overshoot", "settling", "saturation", "energy")
 """Names of the figures that ship; there is `rmse.JOINT` too."""
 
@@ -112,16 +110,13 @@ class Metrics:
     """
 
     def __init__(self, names: Mapping[str, str], folder: Path) -> None:
-        self._functions = [
-            (text, _load(folder / path, text.rpartition(":")[2], text))
-            for text, path in names.items()
-        ]
+        self._functions = {text: _load(folder / path, text) for text, path in names.items()}
 
     def of(self, recording: Recording) -> tuple[dict[str, Value], str]:
         """Return what all of them measure, and why some have not."""
         values: dict[str, Value] = {}
         errors = []
-        for text, function in self._functions:
+        for text, function in self._functions.items():
             try:
                 values |= _measured(text, function, recording)
             except MetricFailed as exc:
@@ -129,13 +124,12 @@ class Metrics:
         return values, "; ".join(errors)
 
 
-def _load(path: Path, function: str, text: str) -> Metric:
-    name = f"stepbus_metric_{path.stem}"
+def _load(path: Path, text: str) -> Metric:
+    name, function = f"stepbus_metric_{path.stem}", text.rpartition(":")[2]
     spec = importlib.util.spec_from_file_location(name, path)
     if spec is None or spec.loader is None or not path.is_file():
         raise MetricFailed(f"metric {text}: no Python file {path.name}")
-    module = importlib.util.module_from_spec(spec)
-    sys.modules[name] = module
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
     sys.path.insert(0, str(path.parent))
     try:
         spec.loader.exec_module(module)
@@ -143,7 +137,7 @@ def _load(path: Path, function: str, text: str) -> Metric:
         raise MetricFailed(f"metric {text}: {path.name} raises {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(path.parent))
-    loaded = getattr(module, function, None)
+    loaded: Any = getattr(module, function, None)
     if not callable(loaded):
         raise MetricFailed(f"metric {text}: {path.name} has no function {function!r}")
     metric: Metric = loaded
@@ -155,13 +149,12 @@ def _measured(text: str, function: Metric, recording: Recording) -> dict[str, Va
         given = function(recording)
     except Exception as exc:
         raise MetricFailed(f"{text} raised {error_text(exc)}") from exc
-    rows = given if isinstance(given, Mapping) else {text.rpartition(":")[2]: given}
-    return {str(name): _plain(text, name, value) for name, value in rows.items()}
-
-
-def _plain(text: str, name: object, value: Any) -> Value:
-    if hasattr(value, "item") and getattr(value, "ndim", 0) == 0:
-        value = value.item()
-    if value is None or isinstance(value, bool | int | float | str):
-        return value
-    raise MetricFailed(f"{text}: {name} is {type(value).__name__}, no number, text or truth value")
+    named = given if isinstance(given, Mapping) else {text.rpartition(":")[2]: given}
+    values: dict[str, Value] = {}
+    for name, value in named.items():
+        plain = value.item() if hasattr(value, "item") and not getattr(value, "ndim", 0) else value
+        if not (plain is None or isinstance(plain, bool | int | float | str)):
+            what = f"{name} is {type(plain).__name__}, no number, text or truth value"
+            raise MetricFailed(f"{text}: {what}")
+        values[str(name)] = plain
+    return values

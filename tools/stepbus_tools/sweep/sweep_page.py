@@ -11,50 +11,54 @@ from string import Template
 from typing import Any
 
 from stepbus_participant import need
-from stepbus_tools.sweep.journal import Journal
-from stepbus_tools.sweep.spec import Spec
-from stepbus_tools.sweep.trial import Row
+from stepbus_tools.sweep.rows import Journal, ResultRow
+from stepbus_tools.sweep.spec import Plan, Spec
+from stepbus_tools.sweep.sweep_metrics import BUILTIN
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
-MOST_ROWS = 20_000
+_MOST_ROWS = 20_000
+_MOST_CAUSES = 50
 _FIRST = ("rmse", "success")
 
 
 def write_page(
     journal: Journal,
-    spec: Spec,
+    plan: Plan,
     paths: Sequence[str],
     folder: Path,
-    pictures: Mapping[str, Path] = {},
-) -> Path:
-    """Write the page of all rows so far, and return its path.
+    pictures: Mapping[str, Path],
+) -> None:
+    """Write the page of all rows so far.
 
     A sweep of more than 20,000 rows shows every n-th. paths: of the axes. pictures: title → PNG.
 
     Raises RecordingFailed when it cannot be written.
     """
     (offline,) = need("the page of a sweep", "plotly.offline")
-    every = math.ceil(len(journal) / MOST_ROWS) or 1
+    every = math.ceil(len(journal) / _MOST_ROWS) or 1
     rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
+    failed = sum(row.exit_code != 0 for row in journal.rows())
+    part = f" The charts show {len(rows)} of them." if every > 1 else ""
+    number = rows[0].run if rows else 0
     room = files(__package__ or "")
     text = Template((room / "page.html").read_text("utf-8")).substitute(
-        title=escape(f"Sweep of {spec.scenario}"),
-        summary=_summary(journal, rows, every),
+        title=escape(f"Sweep of {plan.spec.scenario}"),
+        summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}",
         pictures="".join(_picture(title, path) for title, path in pictures.items()),
         causes=_causes(journal),
-        again=_again(folder, rows),
+        again=f"<p><code>stepbus rerun {escape(str(folder))} {number}</code> does run {number} "
+        "again in separate processes, and compares the SHA-256 of its recording.</p>",
         library=offline.get_plotlyjs(),
-        data=_script(_data(spec, paths, rows)),
+        # JSON that ends no script.
+        data=json.dumps(_data(plan, paths, rows)).replace("</", "<\\/"),
         script=(room / "page.js").read_text("utf-8"),
     )
-    path = folder / PAGE_FILE
-    with replaced(path) as part:
-        part.write_text(text, encoding="utf-8")
-    return path
+    with replaced(folder / PAGE_FILE) as target:
+        target.write_text(text, encoding="utf-8")
 
 
-def _data(spec: Spec, paths: Sequence[str], rows: Sequence[Row]) -> dict[str, Any]:
+def _data(plan: Plan, paths: Sequence[str], rows: Sequence[ResultRow]) -> dict[str, Any]:
     names = dict.fromkeys(name for row in rows for name in row.metrics)
     columns = {name: [_number(row.metrics.get(name)) for row in rows] for name in names}
     metrics = [n for n, values in columns.items() if any(value is not None for value in values)]
@@ -62,10 +66,8 @@ def _data(spec: Spec, paths: Sequence[str], rows: Sequence[Row]) -> dict[str, An
     return {
         "axes": list(paths),
         "metrics": metrics,
-        "metric": primary_metric(spec, metrics),
-        "logarithmic": [
-            axis.paths[0] for axis in spec.axes() if ":log" in axis.text.replace(" ", "")
-        ],
+        "metric": primary_metric(plan.spec, metrics),
+        "logarithmic": [axis.paths[0] for axis in plan.axes if axis.is_log],
         "columns": {**columns, **varied},
         "run": [row.run for row in rows],
     }
@@ -73,27 +75,27 @@ def _data(spec: Spec, paths: Sequence[str], rows: Sequence[Row]) -> dict[str, An
 
 def primary_metric(spec: Spec, metrics: Sequence[str]) -> str:
     """Return the metric that a sweep is about: the optimizer's, the user's first, or ours."""
-    ours = {"success", "duration", "overshoot", "settling", "saturation", "energy"}
-    own = [name for name in metrics if name not in ours and not name.startswith("rmse")]
+    own = [name for name in metrics if name not in BUILTIN and not name.startswith("rmse")]
     wanted = [spec.optimize or "", *own, *_FIRST]
     return next((name for name in wanted if name in metrics), metrics[0] if metrics else "")
 
 
-def extremes(journal: Journal, spec: Spec) -> dict[str, Row]:
+def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
     """Return the rows with the smallest and the largest primary metric, `best` and `worst`."""
-    low: Row | None = None
-    high: Row | None = None
+    low: tuple[float, ResultRow] | None = None
+    high: tuple[float, ResultRow] | None = None
     metric = ""
     for row in journal.rows():
         metric = metric or primary_metric(spec, list(row.metrics))
         value = _number(row.metrics.get(metric))
         if value is None or row.exit_code:
             continue
-        low = row if low is None or value < (_number(low.metrics[metric]) or 0.0) else low
-        high = row if high is None or value > (_number(high.metrics[metric]) or 0.0) else high
-    if low is None or high is None or low is high:
+        low = (value, row) if low is None or value < low[0] else low
+        high = (value, row) if high is None or value > high[0] else high
+    if low is None or high is None or low[1] is high[1]:
         return {}
-    return {"best": high, "worst": low} if spec.maximize else {"best": low, "worst": high}
+    best, worst = (high, low) if spec.maximize else (low, high)
+    return {"best": best[1], "worst": worst[1]}
 
 
 def _number(value: object) -> float | None:
@@ -109,47 +111,24 @@ def _shown(value: object) -> float | int | str | None:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _script(value: object) -> str:
-    """Return JSON that ends no script."""
-    return json.dumps(value).replace("</", "<\\/")
-
-
-def _summary(journal: Journal, rows: Sequence[Row], every: int) -> str:
-    failed = sum(row.exit_code != 0 for row in journal.rows())
-    part = f" The charts show {len(rows)} of them." if every > 1 else ""
-    return f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}"
-
-
 def _causes(journal: Journal) -> str:
     causes: dict[tuple[str, str], list[int]] = {}
     for row in journal.rows():
-        if row.exit_code or row.metric_error:
-            cause = (row.outcome if row.exit_code else "no metric", row.reason or row.metric_error)
-            if not row.exit_code:
-                cause = ("no metric", row.metric_error)
-            causes.setdefault(cause, []).append(row.run)
+        if row.exit_code:
+            causes.setdefault((row.outcome, row.reason or row.metric_error), []).append(row.run)
+        elif row.metric_error:
+            causes.setdefault(("no metric", row.metric_error), []).append(row.run)
     if not causes:
         return "<p>None.</p>"
-    rows = sorted(causes.items(), key=lambda item: -len(item[1]))[:50]
+    rows = sorted(causes.items(), key=lambda item: -len(item[1]))[:_MOST_CAUSES]
     cells = "".join(
-        f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td><td>{escape(_short(reason))}</td>"
+        f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td>"
+        f"<td>{escape(reason if len(reason) <= 200 else f'{reason[:200]} …')}</td>"
         f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"
         for (outcome, reason), runs in rows
     )
     return (
         f"<table><tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
-    )
-
-
-def _short(text: str) -> str:
-    return text if len(text) <= 200 else f"{text[:200]} …"
-
-
-def _again(folder: Path, rows: Sequence[Row]) -> str:
-    number = rows[0].run if rows else 0
-    return (
-        f"<p><code>stepbus rerun {escape(str(folder))} {number}</code> does run {number} again in "
-        "separate processes, and compares the SHA-256 of its recording.</p>"
     )
 
 

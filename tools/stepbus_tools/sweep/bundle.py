@@ -1,6 +1,7 @@
 """What a sweep's runs need, by content, so that it can go to another machine."""
 
 import ast
+import dataclasses
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,12 +15,12 @@ from stepbus_participant import read_file, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.whole_file import replaced
 
-_METRICS = "metrics"
+METRICS_FOLDER = "metrics"
 _MOST_BYTES = 5_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
-class Content:
+class Bundle:
     """A scenario with its files, and the modules of the user's metrics.
 
     files: name → content; names are relative to the scenario's folder. settings: what changes no
@@ -48,18 +49,13 @@ class Content:
         """
         scenario = Sources(self.scenario, self.files).unpack(folder / "scenario")
         for name, content in self.modules.items():
-            with replaced(folder / _METRICS / name) as part:
+            with replaced(folder / METRICS_FOLDER / name) as part:
                 part.write_bytes(content)
         return scenario
 
-    @staticmethod
-    def metrics_folder(folder: Path) -> Path:
-        """Return the folder of the metrics in the one it was unpacked to."""
-        return folder / _METRICS
 
-
-def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
-    """Return the content of a scenario and of metrics such as `my.py:tracking`.
+def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Bundle:
+    """Return what runs of a scenario need, and metrics such as `my.py:tracking`.
 
     variants: the scenario, and the same with values that name other files. Raises WiringError for
     a metric without a file, RecordingFailed for a file that cannot be read.
@@ -72,7 +68,7 @@ def collect(variants: Sequence[Scenario], metrics: Sequence[str]) -> Content:
         path = metric_file(text)
         modules |= {f"{number}/{name}": data for name, data in _modules_beside(path).items()}
         places[text] = f"{number}/{path.name}"
-    return Content(
+    return Bundle(
         scenario=resolved(base).encode(),
         files=read_files(named),
         settings=_settings(base),
@@ -107,10 +103,12 @@ def metric_file(text: str) -> Path:
 
 def _modules_beside(path: Path) -> dict[str, bytes]:
     """Return a module, and those beside it, which it may import."""
-    beside = [*path.parent.glob("*.py"), *path.parent.glob("*/__init__.py")]
-    packages = {init.parent for init in beside if init.name == "__init__.py"} - {path.parent}
-    others = [file for package in sorted(packages) for file in sorted(package.rglob("*.py"))]
-    chosen = dict.fromkeys([path, *sorted(path.parent.glob("*.py")), *others])
+    packages = sorted(init.parent for init in path.parent.glob("*/__init__.py"))
+    beside = [
+        *path.parent.glob("*.py"),
+        *(f for package in packages for f in package.rglob("*.py")),
+    ]
+    chosen = dict.fromkeys([path, *sorted(beside)])
     contents = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
     if sum(map(len, contents.values())) > _MOST_BYTES:
         raise WiringError(
@@ -122,15 +120,12 @@ def _modules_beside(path: Path) -> dict[str, bytes]:
 
 def _settings(scenario: Scenario) -> list[str]:
     """Return what a scenario's text leaves out, since it changes no result."""
-    settings = [f"window={scenario.window}", f"batch={scenario.batch}"]
-    for spec in scenario.participants:
-        deadlines = spec.deadlines
-        limits = {
-            "spawn": deadlines.spawn_s,
-            "join": deadlines.join_s,
-            "ready": deadlines.ready_s,
-            "step": deadlines.step_s,
-            "stop": deadlines.stop_s,
-        }
-        settings += [f"{spec.name}.{phase}_timeout={limit_s}s" for phase, limit_s in limits.items()]
-    return settings
+    return [
+        f"window={scenario.window}",
+        f"batch={scenario.batch}",
+        *(
+            f"{spec.name}.{key.removesuffix('_s')}_timeout={limit_s}s"
+            for spec in scenario.participants
+            for key, limit_s in dataclasses.asdict(spec.deadlines).items()
+        ),
+    ]

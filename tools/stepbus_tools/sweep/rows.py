@@ -1,0 +1,217 @@
+"""The rows of a sweep on disk: appended as they come, and made into one table.
+
+`rows.jsonl` has one line a row, in the order in which they came, wall-clock times included. It is
+what a sweep that was cut off resumes from; a last line that is half written is dropped.
+`results.parquet` is made of it: sorted, without what differs from one time to the next.
+"""
+
+import contextlib
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, Self
+
+import msgspec
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_participant import append_to, need
+from stepbus_schemas import UNDECODABLE, explained
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.sweep_metrics import Value
+from stepbus_tools.whole_file import replaced
+
+ROWS_FILE = "rows.jsonl"
+TABLE_FILE = "results.parquet"
+TIMES_FILE = "times.parquet"
+_ROWS_A_GROUP = 4096
+_FIXED = ("outcome", "exit_code", "reason", "participant", "steps", "sha256", "folder")
+
+
+class ResultRow(msgspec.Struct, frozen=True, kw_only=True):
+    """What a sweep knows of one run.
+
+    reason: how it ended, without what only the machine knows. metrics: name → value.
+    metric_error: why the user's metrics have none. wall_s, where, attempts: of this time only.
+    """
+
+    run: int
+    values: dict[str, Any]
+    outcome: str
+    exit_code: int
+    reason: str = ""
+    participant: str | None = None
+    steps: int = 0
+    sha256: str = ""
+    kept: bool = False
+    metrics: dict[str, Value] = {}
+    metric_error: str = ""
+    wall_s: float = 0.0
+    where: str = ""
+    attempts: int = 1
+
+    @property
+    def folder(self) -> str | None:
+        """Return the folder of a run that stays, in that of its sweep."""
+        return f"runs/{self.run:06}" if self.kept else None
+
+
+def failed_row(point: Point, outcome: str, reason: str, code: int) -> ResultRow:
+    """Return the row of a run that has no result of its own."""
+    return ResultRow(
+        run=point.number,
+        values=dict(point.values),
+        outcome=outcome,
+        exit_code=code,
+        reason=reason,
+        metrics={"success": False},
+    )
+
+
+_decode = msgspec.json.Decoder(ResultRow).decode
+
+
+class Journal:
+    """Rows in a file; kept in memory is only where each of them is.
+
+    Raises RecordingFailed where the file cannot be opened, or a row cannot be written: a full disk
+    costs that row only.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._path = folder / ROWS_FILE
+        self._places: dict[int, tuple[int, int]] = {}
+        """Run → where its line starts, and its length."""
+        self._end = 0
+        try:
+            # No buffer: rows are written while others are read, and a buffer would be old.
+            self._file = os.fdopen(append_to(self._path), "ab+", buffering=0)
+        except OSError as exc:
+            raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
+        try:
+            self._find_rows()
+            self._file.truncate(self._end)
+        except OSError as exc:
+            self._file.close()
+            if isinstance(exc, RecordingFailed):
+                raise
+            raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
+
+    def _find_rows(self) -> None:
+        with self._path.open("rb") as file:
+            for line in file:
+                if not line.endswith(b"\n"):
+                    return
+                try:
+                    self._place(_decode(line).run, len(line))
+                except UNDECODABLE as exc:
+                    raise RecordingFailed(
+                        f"{self._path}: byte {self._end} begins no row: it {explained(exc)}"
+                    ) from exc
+
+    def _place(self, number: int, length: int) -> None:
+        self._places[number] = self._end, length
+        self._end += length
+
+    def __enter__(self) -> Self:
+        """Return the journal."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the file."""
+        self._file.close()
+
+    def __contains__(self, number: object) -> bool:
+        """Return whether there is a row of a run."""
+        return number in self._places
+
+    def __len__(self) -> int:
+        """Return the number of rows."""
+        return len(self._places)
+
+    def add(self, row: ResultRow) -> None:
+        """Append a row; the file has all of it, or nothing."""
+        line = memoryview(msgspec.json.encode(row) + b"\n")
+        written = 0
+        try:
+            while written < len(line):
+                written += os.write(self._file.fileno(), line[written:])
+        except OSError as exc:
+            with contextlib.suppress(OSError):
+                self._file.truncate(self._end)
+            raise RecordingFailed(
+                f"{self._path} cannot be written: {exc.strerror}; all {len(self)} rows before are "
+                "there, and the same command goes on from them"
+            ) from exc
+        self._place(row.run, len(line))
+
+    def row(self, number: int) -> ResultRow:
+        """Return the row of a run."""
+        start, length = self._places[number]
+        return _decode(os.pread(self._file.fileno(), length, start))
+
+    def rows(self) -> Iterator[ResultRow]:
+        """Yield all rows by number."""
+        return (self.row(number) for number in sorted(self._places))
+
+
+def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
+    """Write the tables of all rows so far; no reader sees half of one.
+
+    `results.parquet` has run, the axes, how the run ended, its metrics; the same bytes for the same
+    sweep, wherever it ran. `times.parquet` has what differs. paths: of the axes.
+
+    Raises RecordingFailed when one cannot be written.
+    """
+    arrow, parquet = need("a sweep", "pyarrow", "pyarrow.parquet")
+    names = sorted({name for row in journal.rows() for name in row.metrics})
+    # An axis, or a column of ours, may have the name of a metric.
+    taken = {*paths, *_FIXED, "run", "metric_error"}
+    metrics = {name: f"metric.{name}" if name in taken else name for name in names}
+    columns: dict[str, list[Any]] = {
+        name: [] for name in ("run", *paths, *_FIXED, *metrics.values(), "metric_error")
+    }
+    times: dict[str, list[Any]] = {
+        name: [] for name in ("run", "wall_s", "steps_per_s", "where", "attempts")
+    }
+    for row in journal.rows():
+        for path in paths:
+            columns[path].append(row.values.get(path))
+        for name in ("run", *_FIXED):
+            columns[name].append(getattr(row, name))
+        for name, column in metrics.items():
+            columns[column].append(row.metrics.get(name))
+        columns["metric_error"].append(row.metric_error or None)
+        for name in ("run", "wall_s", "where", "attempts"):
+            times[name].append(getattr(row, name))
+        times["steps_per_s"].append(row.steps / row.wall_s if row.wall_s else None)
+    if not any(columns["metric_error"]):
+        del columns["metric_error"]
+    empty = {
+        **dict.fromkeys(("run", "exit_code", "steps", "attempts"), arrow.int64()),
+        **dict.fromkeys((*metrics.values(), "wall_s", "steps_per_s"), arrow.float64()),
+    }
+    for file, content in ((TABLE_FILE, columns), (TIMES_FILE, times)):
+        arrays = {
+            name: _array(arrow, cells, empty.get(name, arrow.string()))
+            for name, cells in content.items()
+        }
+        with replaced(folder / file) as part:
+            parquet.write_table(arrow.table(arrays), part, row_group_size=_ROWS_A_GROUP)
+
+
+def _array(arrow: Any, cells: Sequence[Any], empty: Any) -> Any:
+    """Return a column: of numbers where all are, else of texts; empty: its type without any."""
+    types: set[type] = {type(cell) for cell in cells if cell is not None}
+    if not types:
+        return arrow.array(cells, empty)
+    is_plain = types == {int, float} or (len(types) == 1 and types < {bool, float, int, str})
+    if is_plain and float in types:
+        cells = [None if cell is None else float(cell) for cell in cells]
+    try:
+        return arrow.array(cells if is_plain else list(map(_text, cells)))
+    except OverflowError:
+        return arrow.array(list(map(_text, cells)))
+
+
+def _text(cell: Any) -> str | None:
+    return cell if cell is None or isinstance(cell, str) else repr(cell)
