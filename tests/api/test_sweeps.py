@@ -8,44 +8,46 @@ from stepbus import sweeps
 
 @pytest.fixture
 def asked(monkeypatch):
-    """Return what a sweep would run, and on what terms."""
-    found = []
-    monkeypatch.setattr(sweeps, "run_sweep", lambda spec, terms, *_: found.append((spec, terms)))
-    return found
+    """Return which sweeps would run, and how."""
+    calls = []
+    monkeypatch.setattr(
+        sweeps, "run_sweep", lambda plan, options, *_: calls.append((plan.spec, options))
+    )
+    return calls
 
 
 def test_axes_are_texts_or_a_map_of_values(asked):
     by_map = {
         "controller.params.kp": [50, 100.5],
-        "controller.params.law": ["pd", "pid"],
+        "controller.params.law": ["pd", "pd_gravity"],
         "controller.params.kd": "10:20:3",
-        "controller.params.ki": "~uniform(0, 1)",
+        "mission.params.omega": "~uniform(0, 1)",
         "seed": range(3),
     }
     stepbus.sweep("two_link", by_map, samples=4, retry=2, timeout_s=9.0, jobs=1, keep="all")
     texts = [
         "controller.params.kp=50,100.5",
-        'controller.params.law="pd","pid"',
+        'controller.params.law="pd","pd_gravity"',
         "controller.params.kd=10:20:3",
-        "controller.params.ki~uniform(0, 1)",
+        "mission.params.omega~uniform(0, 1)",
         "seed=0,1,2",
     ]
     stepbus.sweep("two_link", texts, samples=4)
-    (spec, terms), (same, plain) = asked
+    (spec, options), (same, plain) = asked
     assert list(spec.vary) == texts
     assert spec == same
-    assert (terms.retries, terms.timeout_s, terms.jobs, terms.keep) == (2, 9.0, 1, "all")
-    assert terms.home == plain.home
-    assert terms.home.parts[0] == "sweeps"
+    assert (options.retries, options.timeout_s, options.jobs, options.keep) == (2, 9.0, 1, "all")
+    assert options.home == plain.home
+    assert options.home.parts[0] == "sweeps"
 
 
 def test_a_file_of_a_sweep_is_replaced_in_parts(asked, tmp_path):
     file = tmp_path / "sweep.yaml"
-    file.write_text("scenario: two_link\nvary: ['seed=1,2']\nrepeats: 3\nseed: 5\n")
-    stepbus.sweep(file, set={"duration": "1s"}, seed=0)
+    file.write_text("scenario: two_link\nvary: ['duration=1s,2s']\nrepeats: 3\nseed: 5\n")
+    stepbus.sweep(file, set={"batch": 2}, seed=0)
     spec = asked[0][0]
     assert spec.seed == 0
-    assert (list(spec.vary), spec.repeats, list(spec.set)) == (["seed=1,2"], 3, ['duration="1s"'])
+    assert (list(spec.vary), spec.repeats, list(spec.set)) == (["duration=1s,2s"], 3, ["batch=2"])
 
 
 @pytest.mark.parametrize(
