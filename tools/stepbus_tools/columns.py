@@ -63,6 +63,11 @@ class Field:
     columns: Sequence[Column]
     is_flat: bool = False
 
+    @property
+    def is_numeric(self) -> bool:
+        """Return whether its values are numbers, one or several."""
+        return self.columns[0].type in (*NUMBERS, "list")
+
     def values(self, batch: Batch, array: NDArray[Any] | None) -> list[Cells]:
         """Return the values of each column, shape (m,); None where a message lacks them.
 
@@ -131,12 +136,13 @@ class Table:
             columns += field.values(batch, arrays[field.name])
         return columns
 
-    def numbers(self, batch: Batch) -> Iterator[tuple[Field, Array | None]]:
-        """Yield fields of numbers with theirs, shape (m, n), NaN where a message lacks them.
+    def numbers(
+        self, batch: Batch, fields: Sequence[Field]
+    ) -> Iterator[tuple[Field, Array | None]]:
+        """Yield numeric fields with their numbers, shape (m, n), NaN where a message lacks them.
 
         None: a vector without names, whose length changes. Raises as `values`.
         """
-        fields = [f for f in self.fields if f.columns[0].type in (*NUMBERS, "list")]
         arrays = batch.arrays(*(field.name for field in fields))
         for field in fields:
             array = arrays[field.name]

@@ -174,7 +174,7 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
         raise WiringError(f"{text!r} is no signal; write e.g. plant.joint_state.position[0]")
     participant, name, field, index = form.groups()
     port = recording[f"{participant}/{name}"]
-    curves = PortCurves(Table(port), sys.maxsize, sys.maxsize)
+    curves = PortCurves(Table(port), sys.maxsize, points=sys.maxsize)
     for piece in recording.batches([port]):
         curves.take(piece[port.topic])
     if field is not None and field not in curves.fields:

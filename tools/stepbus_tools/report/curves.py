@@ -1,6 +1,7 @@
 """The curves of a recording: few points that look like all of them, in little memory."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -117,54 +118,56 @@ def read_ports(recording: Recording, readers: Sequence[PortReader]) -> float:
 
 
 class PortCurves(PortReader):
-    """The curves of the numbers of one port.
+    """The curves of the numbers of one port; fields: by title.
 
-    most: lines of a field. points: of a line. fields: by title.
+    most: lines of a field; the others of a field have none. widest: a field with more numbers has
+    no curve. points: of a line.
     """
 
-    def __init__(self, table: Table, most: int, points: int = _MOST_POINTS) -> None:
+    def __init__(
+        self,
+        table: Table,
+        most: int,
+        *,
+        widest: int = sys.maxsize,
+        points: int = _MOST_POINTS,
+    ) -> None:
         super().__init__(table.port)
         self.name = table.name
         self.fields: dict[str, FieldCurve] = {}
         self._table = table
-        self._ended: set[str] = set()
-        self._most, self._points = most, points
+        self._read = [f for f in table.fields if f.is_numeric and len(f.columns) <= widest]
+        self._most, self._widest, self._points = most, widest, points
 
     def take(self, batch: Batch) -> None:
         """Take the next piece; raises MessageError for one that cannot be read."""
-        for title, unit, labels, values in self._numbers(batch):
-            known = self.fields.get(title)
-            if known is None and not np.isnan(values).all():
-                curve = Curve(self._points)
-                known = FieldCurve(title=title, unit=unit, labels=labels, curve=curve)
-                self.fields[title] = known
-            if known is not None and len(known.labels) == len(labels):
-                known.curve.add(batch.t, values[:, : self._most])
-            elif known is not None:
-                self._end(title)
+        for field, values in list(self._table.numbers(batch, self._read)):
+            width = 0 if values is None else values.shape[1]
+            known = self.fields.get(field.name)
+            if values is None or width > self._widest or (known and len(known.labels) != width):
+                # Its length changes, or nobody could tell its lines apart.
+                self._read.remove(field)
+                self.fields.pop(field.name, None)
+            elif known or not np.isnan(values).all():
+                labels, unit = field.labels(width), field.columns[0].unit
+                self._add(batch, field.name, unit, labels, values[:, : self._most])
 
-    def _end(self, title: str) -> None:
-        """Drop a vector whose length changes."""
-        self._ended.add(title)
-        self.fields.pop(title, None)
-
-    def _numbers(self, batch: Batch) -> Iterator[tuple[str, str, Sequence[str], Array]]:
-        """Yield title, unit, labels of what has curves, and its values, shape (m, n)."""
-        for field, values in self._table.numbers(batch):
-            if values is None:
-                self._end(field.name)
-            elif field.name not in self._ended:
-                yield field.name, field.columns[0].unit, field.labels(values.shape[1]), values
+    def _add(
+        self, batch: Batch, title: str, unit: str, labels: Sequence[str], values: Array
+    ) -> None:
+        made = FieldCurve(title=title, unit=unit, labels=labels, curve=Curve(self._points))
+        self.fields.setdefault(title, made).curve.add(batch.t, values)
 
 
 class ContactCurves(PortCurves):
     """How many contacts there are, and how hard."""
 
-    def _numbers(self, batch: Batch) -> Iterator[tuple[str, str, Sequence[str], Array]]:
-        sizes: list[Any] = [getattr(message, "force", ()) for message in batch.messages()]
-        rows = np.array([(len(f), sum(f), max(f, default=0.0)) for f in sizes], dtype=float)
-        yield "pairs in contact", "", ["pairs"], rows[:, :1]
-        yield "normal force", "N", ["sum", "largest"], rows[:, 1:]
+    def take(self, batch: Batch) -> None:
+        """Take the next piece; raises MessageError for one that cannot be read."""
+        forces: list[Any] = [getattr(message, "force", ()) for message in batch.messages()]
+        rows = np.array([(len(f), sum(f), max(f, default=0.0)) for f in forces], dtype=float)
+        self._add(batch, "pairs in contact", "", ["pairs"], rows[:, :1])
+        self._add(batch, "normal force", "N", ["sum", "largest"], rows[:, 1:])
 
 
 class SignalCurves:

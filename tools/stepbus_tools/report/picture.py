@@ -93,7 +93,7 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
             joints, lines = read_joints(recording)
             if not has_plots:
                 return lines
-            tables = [table for table in readable(recording)[0] if _is_pictured(table.port)]
+            tables = [table for table in readable(recording)[0] if is_pictured(table.port)]
             ports = [PortCurves(table, _MOST_LINES) for table in tables]
             read_ports(recording, ports)
             return [*lines, *draw_report(recording, joints, ports)]
@@ -123,11 +123,12 @@ def port_charts(ports: Sequence[PortCurves]) -> list[Chart]:
     fields = [
         replace(field_chart(field, _MOST_LINES), title=f"{port.name}: {field.title}")
         for port in ports
-        if _is_pictured(port.port)
+        if is_pictured(port.port)
         for field in port.fields.values()
     ]
     return fields[:_MOST_FIELDS]
 
 
-def _is_pictured(port: Port) -> bool:
+def is_pictured(port: Port) -> bool:
+    """Return whether report.png has the numbers of a port that is no joint's."""
     return port.type in _SHOWN or port.type not in SHIPPED

@@ -36,18 +36,17 @@ class Conversion:
         self._emit = emit
         self._frames = [frame for frame in scene.frames if not frame.is_ghost]
         self._parents = {frame.name: frame.parent for frame in self._frames}
-        self._converters: Mapping[type, Callable[[PortInfo, Any, int], None]] = {
-            JointState: self._joints,
-            JointReference: self._joints,
-            Image: self._image,
-            Event: self._event,
-        }
 
     def take(self, port: PortInfo, message: Message, t_ns: int) -> None:
         """Convert a message; one of another type becomes nothing."""
-        convert = self._converters.get(type(message))
-        if convert is not None:
-            convert(port, message, t_ns)
+        match message:
+            case JointState() | JointReference():
+                self._emit(topic_of(port), self._joints(port, message, t_ns), t_ns)
+            case Image():
+                if (image := self._image(port, message, t_ns)) is not None:
+                    self._emit(topic_of(port), image, t_ns)
+            case Event():
+                self._emit("/log", self._log(port, message, t_ns), t_ns)
 
     def place(self, placed: Mapping[str, Pose], t_ns: int) -> None:
         """Convert where frames are in their parents; ghosts have no place."""
@@ -93,8 +92,8 @@ class Conversion:
             indices=visual.mesh.faces.ravel().tolist(),
         )
 
-    def _joints(self, port: PortInfo, state: Any, t_ns: int) -> None:
-        columns = {name: getattr(state, name, None) for name in ("position", "velocity", "effort")}
+    def _joints(self, port: PortInfo, state: Message, t_ns: int) -> Any:
+        columns = {key: getattr(state, key, None) for key in ("position", "velocity", "effort")}
         rows = [
             self._types.JointState(
                 name=name,
@@ -102,32 +101,27 @@ class Conversion:
             )
             for i, name in enumerate(port.names)
         ]
-        message = self._types.JointStates(timestamp=self._stamp(t_ns), joints=rows)
-        self._emit(topic_of(port), message, t_ns)
+        return self._types.JointStates(timestamp=self._stamp(t_ns), joints=rows)
 
-    def _image(self, port: PortInfo, image: Image, t_ns: int) -> None:
+    def _image(self, port: PortInfo, image: Image, t_ns: int) -> Any:
+        """Return an image as JPEG; None where its bytes do not fit its size."""
         stream = io.BytesIO()
         try:
             pixels = np.ascontiguousarray(pixels_of(image))
             self._pillow.fromarray(pixels).save(stream, "JPEG", quality=85)
         except (ValueError, SystemError):
-            return
-        message = self._types.CompressedImage(
-            timestamp=self._stamp(t_ns),
-            frame_id=f"{port.participant}/{port.name}",
-            data=stream.getvalue(),
-            format="jpeg",
+            return None
+        return self._types.CompressedImage(
+            timestamp=self._stamp(t_ns), frame_id=port.topic, data=stream.getvalue(), format="jpeg"
         )
-        self._emit(topic_of(port), message, t_ns)
 
-    def _event(self, port: PortInfo, event: Event, t_ns: int) -> None:
-        message = self._types.Log(
+    def _log(self, port: PortInfo, event: Event, t_ns: int) -> Any:
+        return self._types.Log(
             timestamp=self._stamp(t_ns),
             level=getattr(self._types.LogLevel, event.level.capitalize()),
             message=event.text,
             name=port.participant,
         )
-        self._emit("/log", message, t_ns)
 
     def _stamp(self, t_ns: int) -> Any:
         return self._types.Timestamp(sec=t_ns // _NS, nsec=t_ns % _NS)

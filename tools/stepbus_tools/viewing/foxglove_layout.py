@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -25,8 +25,7 @@ def layout_of(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Ma
         for port in joints
         for index, name in enumerate(port.names)
     ]
-    panels: dict[str, Mapping[str, Any]] = {"3D!scene": _view(scene, messages)}
-    right: list[str] = []
+    panels: dict[str, Mapping[str, Any]] = {}
     if paths:
         panels["Plot!joints"] = {
             "paths": paths[:20],
@@ -35,17 +34,14 @@ def layout_of(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Ma
             "legendDisplay": "left",
             "sidebarDimension": 170,
         }
-        right.append("Plot!joints")
     if images:
         panels["Image!camera"] = {"imageMode": {"imageTopic": topic_of(images[0])}}
-        right.append("Image!camera")
     panels["RosOut!log"] = {"topicToRender": "/log"}
-    right.append("RosOut!log")
-    column: Any = right[-1]
-    for name in reversed(right[:-1]):
+    *above, column = cast("list[Any]", list(panels))
+    for name in reversed(above):
         column = {"direction": "column", "first": name, "second": column}
     return {
-        "configById": panels,
+        "configById": {"3D!scene": _view(scene, messages), **panels},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},

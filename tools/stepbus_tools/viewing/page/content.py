@@ -1,5 +1,6 @@
 """What a page shows of one run."""
 
+import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from stepbus_tools.report.curves import (
     PortReader,
     read_ports,
 )
+from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, result_of, scenario_name
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.page.step_times import StepTimes, read_step_times
@@ -139,7 +141,8 @@ def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
         elif table.port.type == "Image/1":
             readers.append(Stills(table.port))
         elif table.port.type not in (*_JOINTS, *_SHAPELESS):
-            readers.append(PortCurves(table, _MOST_LINES))
+            widest = sys.maxsize if is_pictured(table.port) else _MOST_LINES
+            readers.append(PortCurves(table, _MOST_LINES, widest=widest))
     return readers, list(lost.values())
 
 
