@@ -10,8 +10,8 @@ from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Description, Image, Poses, WiringError
 from stepbus_tools.viewing.render import Painter, parse_viewpoint, whole_scene
-from stepbus_tools.viewing.scene import Frame, Mesh, Pose, Scene, Visual
-from stepbus_tools.viewing.scene.primitives import PRIMITIVES
+from stepbus_tools.viewing.scene import Frame, Pose, Scene, Visual
+from stepbus_tools.viewing.scene.meshes import primitive
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 
@@ -95,8 +95,7 @@ def test_what_cannot_be_filmed_is_one_sentence(
 
 
 def box(size, position, color):
-    vertices, faces = PRIMITIVES["box"](size)
-    visual = Visual(mesh=Mesh(vertices, faces), color=color)
+    visual = Visual(mesh=primitive("box", size), color=color)
     return Frame(name=str(position), pose=Pose(position), visuals=(visual,))
 
 
@@ -125,11 +124,11 @@ def test_the_whole_scene_is_seen():
         parse_viewpoint("1,2", scene, {})
 
 
-@pytest.mark.parametrize("shape", PRIMITIVES)
+@pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "sphere"])
 def test_primitives_are_closed_and_turned_outwards(shape):
     sizes = {"box": (1.0, 2.0, 3.0), "sphere": (0.5,)}.get(shape, (0.5, 2.0))
-    vertices, faces = PRIMITIVES[shape](sizes)
-    corners = vertices[faces].astype(float)
+    mesh = primitive(shape, sizes)
+    corners = mesh.vertices[mesh.faces].astype(float)
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
     exact = {"box": 6.0, "sphere": 0.524, "cylinder": 1.571, "capsule": 2.094}[shape]
     assert volume == pytest.approx(exact, rel=0.05)

@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene import Pose, build_scene
-from stepbus_tools.viewing.scene.primitives import about, from_rpy
+from stepbus_tools.viewing.scene.pose import about, from_rpy
 
 
 @pytest.fixture(scope="module")

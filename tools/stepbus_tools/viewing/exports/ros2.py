@@ -13,11 +13,9 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_schemas import (
     Event,
-    GripperState,
-    JointState,
 )
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.scene import Latest, about, build_scene, measured
+from stepbus_tools.viewing.scene import Latest, about, build_scene, positions_in
 from stepbus_tools.whole_file import replaced
 
 from .frames import FrameTree, Transform
@@ -170,16 +168,15 @@ def _named(names: str, values: Iterable[float]) -> Fields:
 
 def _joint_state(_: FrameTree, instant: Instant) -> Converted:
     state: Any = instant.message
-    is_gripper = isinstance(state, GripperState)
     yield (
         "",
         "sensor_msgs/msg/JointState",
         {
             "header": _header(instant.t_ns, ""),
             "name": list(instant.port.names),
-            "position": measured(state) if is_gripper else state.position,
-            "velocity": None if is_gripper else state.velocity,
-            "effort": state.effort if isinstance(state, JointState) else None,
+            "position": positions_in(state),
+            "velocity": getattr(state, "velocity", None),
+            "effort": getattr(state, "effort", None),
         },
     )
 

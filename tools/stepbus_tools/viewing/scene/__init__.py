@@ -1,8 +1,8 @@
 """What a recording shows: frames, what they look like, and where messages place them."""
 
-from stepbus_tools.viewing.scene.primitives import Pose, about
+from stepbus_tools.viewing.scene.pose import Pose, about
 
-from .bodies import Body, Latest, Messages, all_positions, measured
+from .bodies import Body, Latest, Messages, all_positions, positions_in
 from .build import Ports, build_scene
 from .meshes import Color, Mesh, Visual
 from .scene import GHOST, Chain, Frame, Scene, bounds
@@ -24,5 +24,5 @@ __all__ = [
     "all_positions",
     "bounds",
     "build_scene",
-    "measured",
+    "positions_in",
 ]

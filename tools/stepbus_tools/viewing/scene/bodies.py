@@ -1,7 +1,7 @@
 """A body with a model, and where messages say that it is: joints, true poses, odometry."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from stepbus_schemas import (
@@ -13,12 +13,9 @@ from stepbus_schemas import (
     Message,
     Poses,
 )
-from stepbus_tools.viewing.scene.primitives import Pose, about, from_xyzw
+from stepbus_tools.viewing.scene.pose import Pose, about, from_xyzw
 
 from .model import Model
-
-Reader = Callable[[Message], Sequence[float] | None]
-"""Returns the positions in a message; None where it has none."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,37 +32,30 @@ Messages = Mapping[str, Latest]
 
 @dataclass(frozen=True, kw_only=True)
 class JointSource:
-    """A port that says where joints are. names: of its vectors."""
+    """A port that says where joints are, or should be. names: of its vectors."""
 
     topic: str
     names: Sequence[str]
-    read: Reader
 
     def positions(self, messages: Messages) -> Mapping[str, float]:
         """Return joint → its position [rad or m]; nothing where the message does not say."""
         latest = messages.get(self.topic)
-        values = None if latest is None else self.read(latest.message)
+        values = None if latest is None else positions_in(latest.message)
         if values is None or len(values) != len(self.names):
             return {}
         rows = zip(self.names, values, strict=True)
         return {name: value for name, value in rows if math.isfinite(value)}
 
 
-def measured(message: Message) -> Sequence[float] | None:
-    """Return the positions that a message reports."""
-    if isinstance(message, JointState):
-        return message.position
-    if isinstance(message, GripperState):
-        return [message.width / 2, message.width / 2]
-    return None
-
-
-def wanted(message: Message) -> Sequence[float] | None:
-    """Return the positions that a message asks for."""
-    if isinstance(message, JointReference):
-        return message.position
-    if isinstance(message, JointCommand) and message.mode in {"position", "teleport"}:
-        return message.values
+def positions_in(message: Message) -> Sequence[float] | None:
+    """Return the positions of joints that a message reports or asks for; None where it has none."""
+    match message:
+        case JointState() | JointReference():
+            return message.position
+        case GripperState():
+            return [message.width / 2, message.width / 2]
+        case JointCommand() if message.mode in {"position", "teleport"}:
+            return message.values
     return None
 
 

@@ -10,9 +10,9 @@ from stepbus_orchestrator.recording import PortInfo, Recording, Tail, layout
 from stepbus_orchestrator.replay.sources import Sources
 from stepbus_participant import scratch_folder
 from stepbus_schemas import parse_shapes
-from stepbus_tools.viewing.scene.primitives import Pose
+from stepbus_tools.viewing.scene.pose import from_xyzw
 
-from .bodies import Body, JointSource, Reader, measured, wanted
+from .bodies import Body, JointSource
 from .meshes import GREY, PLACEHOLDER, Color, Visual, primitive
 from .model import Model
 from .origin import Origin
@@ -133,11 +133,8 @@ class _Builder:
             mesh = primitive(shape.type, shape.sizes)
             if mesh is None:
                 self._notes.append(f"link {link.name}: its {shape.type} is not recorded")
-                mesh = PLACEHOLDER
-            x, y, z, w = shape.orientation
-            yield Visual(
-                mesh=mesh, pose=Pose(shape.position, (w, x, y, z)), color=_color(link.color)
-            )
+            pose = from_xyzw(shape.position, shape.orientation)
+            yield Visual(mesh=mesh or PLACEHOLDER, pose=pose, color=_color(link.color))
 
     # --- bodies with a model --------------------------------------------------------------
 
@@ -152,7 +149,7 @@ class _Builder:
         odometry = (p.topic for p in self._of_type("BaseState/1") if _joint_names(body, p))
         return replace(
             body,
-            measured=self._sources(body, _MEASURED, measured),
+            measured=self._sources(body, _MEASURED),
             links=links,
             odometry=next(odometry, ""),
         )
@@ -176,7 +173,7 @@ class _Builder:
         else:
             placed = []
             self._add_tree(body, f"{body.name}/", body.measured)
-        targets = self._sources(body, _WANTED, wanted)
+        targets = self._sources(body, _WANTED)
         if targets:
             # The body once more, where its joints should be.
             sources = [*targets, *body.measured]
@@ -208,10 +205,10 @@ class _Builder:
         if moving or body.anchor or body.odometry:
             self._motions.append(BodyMotion(body, prefix, sources, moving))
 
-    def _sources(self, body: Body, types: Sequence[str], read: Reader) -> list[JointSource]:
-        """Return the ports of some types that know joints of a body, and what reads them."""
+    def _sources(self, body: Body, types: Sequence[str]) -> list[JointSource]:
+        """Return the ports of some types that know joints of a body."""
         return [
-            JointSource(topic=port.topic, names=names, read=read)
+            JointSource(topic=port.topic, names=names)
             for type_name in types
             for port in self._of_type(type_name)
             if (names := _joint_names(body, port)) and self._places(port)

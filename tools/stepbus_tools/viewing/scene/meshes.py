@@ -1,7 +1,9 @@
 """What a frame looks like: meshes of files and of primitives."""
 
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import need
-from stepbus_tools.viewing.scene.primitives import PRIMITIVES, Pose
+
+from .pose import Pose
 
 Color = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
 GREY: Color = (176, 178, 184)
 
+_SEGMENTS = 24
+_RINGS = 12
 _MOST_FACES = 4000
 _CELLS = 64
 
@@ -46,13 +51,54 @@ class Visual:
 def primitive(shape: str, size: tuple[float, ...]) -> Mesh | None:
     """Return a box (x, y, z), capsule or cylinder (radius, length) or sphere (radius) [m].
 
-    None for any other shape.
+    None for any other shape or size.
     """
-    make = PRIMITIVES.get(shape)
-    return None if make is None else Mesh(*make(size))
+    match shape, size:
+        case "box", (_, _, _):
+            return _box(size)
+        case "cylinder", (radius, length):
+            half = length / 2
+            return _turned([(0.0, -half), (radius, -half), (radius, half), (0.0, half)])
+        case "capsule", (radius, length):
+            return _round(radius, length / 2)
+        case "sphere", (radius,):
+            return _round(radius, 0.0)
+    return None
 
 
-PLACEHOLDER = Mesh(*PRIMITIVES["box"]((0.08, 0.08, 0.08)), GREY)
+def _box(size: tuple[float, ...]) -> Mesh:
+    signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    faces = [(a, *pair) for a, b, c, d in sides for pair in ((b, c), (c, d))]
+    return Mesh((signs * np.array(size) / 2).astype(np.float32), np.array(faces, np.uint32))
+
+
+def _round(radius: float, half: float) -> Mesh:
+    """Return two halves of a sphere, so far above and below the middle [m]."""
+    angles = np.linspace(-np.pi / 2, np.pi / 2, _RINGS + 2)
+    rows = [(radius * np.cos(a), radius * np.sin(a) + np.copysign(half, a)) for a in angles]
+    rows[0], rows[-1] = (0.0, rows[0][1]), (0.0, rows[-1][1])
+    return _turned([(float(r), float(z)) for r, z in rows])
+
+
+def _turned(profile: Sequence[tuple[float, float]]) -> Mesh:
+    """Return what a line turns into about z. profile: radius and height, from below [m]."""
+    angles = np.arange(_SEGMENTS) * (2 * np.pi / _SEGMENTS)
+    rows = [(r * np.cos(angles), r * np.sin(angles), np.full(_SEGMENTS, z)) for r, z in profile]
+    vertices = np.concatenate([np.stack(row, axis=1) for row in rows])
+    here = np.arange(_SEGMENTS)
+    then = (here + 1) % _SEGMENTS
+    faces = []
+    for ring, ((below, _), (above, _)) in enumerate(pairwise(profile)):
+        a, b = ring * _SEGMENTS, (ring + 1) * _SEGMENTS
+        if below:
+            faces.append(np.stack((a + here, a + then, b + then), axis=1))
+        if above:
+            faces.append(np.stack((a + here, b + then, b + here), axis=1))
+    return Mesh(vertices.astype(np.float32), np.concatenate(faces).astype(np.uint32))
+
+
+PLACEHOLDER = replace(_box((0.08, 0.08, 0.08)), color=GREY)
 """A grey box, which stands for what cannot be shown."""
 
 

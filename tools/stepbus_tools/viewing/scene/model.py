@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from stepbus_participant import Mimic, mimics, package_path, parse_urdf, read_urdf_text
 from stepbus_schemas import WiringError
-from stepbus_tools.viewing.scene.primitives import Pose, Vector, about, from_rpy, unit
+from stepbus_tools.viewing.scene.pose import Pose, Vector, about, from_rpy, unit
 
 from .meshes import GREY, PLACEHOLDER, Color, Mesh, Visual, mesh_file, primitive
 

@@ -7,7 +7,7 @@ from typing import Any
 from stepbus_participant import find_file, read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
-from stepbus_tools.viewing.scene.primitives import Pose, Vector, from_rpy
+from stepbus_tools.viewing.scene.pose import Pose, Vector, from_rpy
 
 from .bodies import Body
 from .model import Model, load_model

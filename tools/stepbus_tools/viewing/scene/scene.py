@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_schemas import Poses
-from stepbus_tools.viewing.scene.primitives import Pose, from_xyzw
+from stepbus_tools.viewing.scene.pose import Pose, from_xyzw
 
 from .bodies import Body, JointSource, Messages, all_positions
 from .meshes import Visual
