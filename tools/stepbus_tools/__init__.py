@@ -20,11 +20,11 @@ def after_run(recording: Path, *, has_plots: bool) -> list[str]:
 
     if not has_plots:
         return write_report(recording, has_plots=False)
-    from stepbus_tools.viewing.page import PAGE_FILE, read_run, render_page  # noqa: PLC0415
+    from stepbus_tools.viewing.page import PAGE_FILE, RunPage, render_page  # noqa: PLC0415
 
     lines: list[str] = []
     try:
-        run = read_run(recording)
+        run = RunPage(recording)
         lines = [*run.lines, *draw_report(run.recording, run.joints, run.ports)]
         return [*lines, f"report    {render_page([run], run.path.with_name(PAGE_FILE))}"]
     except (StepbusError, OSError) as exc:

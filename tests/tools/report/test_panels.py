@@ -28,11 +28,11 @@ def panels_of(tracking):
 
 
 def solid(chart):
-    return {line.label: line.values.tolist() for line in chart.lines if line.role == "measured"}
+    return {line.label: line.points[1].tolist() for line in chart.lines if line.role == "measured"}
 
 
 def dashed(chart):
-    return {line.label: line.values.tolist() for line in chart.lines if line.role != "measured"}
+    return {line.label: line.points[1].tolist() for line in chart.lines if line.role != "measured"}
 
 
 def test_measured_values_are_drawn_over_references(record):
@@ -61,7 +61,7 @@ def test_torques_that_were_applied_are_drawn_over_what_was_commanded(record, has
     state = {"effort": [-10.0]} if has_effort else {}
     torque = panels_of(read_tracking(record(**arm("torque", **state))))["torque"]
     expected = {"j": [-10.0] * 4, "commanded": [7.0] * 4} if has_effort else {"j": [7.0] * 4}
-    assert {line.label: line.values.tolist() for line in torque.lines} == expected
+    assert {line.label: line.points[1].tolist() for line in torque.lines} == expected
     assert [line.role for line in torque.lines] == ["measured", "command"][: len(expected)]
 
 
@@ -100,11 +100,11 @@ def test_the_picture_of_a_mobile_manipulator_is_written(record, tmp_path):
 
 def test_a_legend_names_what_is_dashed_once_and_no_line_that_its_title_names():
     def line(label, role="measured"):
-        return ChartLine(label=label, t=np.arange(3.0), values=np.zeros(3), role=role)
+        return ChartLine(label, (np.arange(3.0), np.zeros(3)), role)
 
     wanted = [line("reference", "reference"), line("reference", "reference")]
-    both = Chart(title="position", unit="rad", lines=[line("a"), line("b"), *wanted])
-    alone = Chart(title="odometry: x", unit="m", lines=[line("x")])
+    both = Chart("position", "rad", [line("a"), line("b"), *wanted])
+    alone = Chart("odometry: x", "m", [line("x")])
     text = draw("a run", [both, alone], "svg").decode()
     assert [text.count(f"<!-- {word} -->") for word in ("a", "b", "reference", "x")] == [
         1,

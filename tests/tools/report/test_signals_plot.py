@@ -37,7 +37,7 @@ def test_an_element_is_named_by_its_index_or_its_joint(recording, index):
     (signal,) = find_signals(recording, f"plant.joint_state.position[{index}]")
     values = recording["plant.joint_state"].position[:, 1]
     (line,) = signal.lines
-    assert (line.label, list(line.values)) == ("joint2", list(values))
+    assert (line.label, list(line.points[1])) == ("joint2", list(values))
 
 
 def test_a_port_stands_for_all_of_its_numbers(recording):

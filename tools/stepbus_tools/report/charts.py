@@ -5,13 +5,12 @@ Every picture and page takes these; how a chart looks is up to what draws it.
 
 import re
 import sys
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
 from stepbus_tools.columns import Table, readable
@@ -22,20 +21,19 @@ Role = Literal["measured", "error", "reference", "command", "target"]
 
 _MOST_JOINTS = 20
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
-_DASHED = {"reference": "reference", "command": "commanded"}
+_DASHED: Sequence[tuple[Role, str]] = (("reference", "reference"), ("command", "commanded"))
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class ChartLine:
-    """A line of a chart. t: [s]; values: both of shape (p,)."""
+    """A line of a chart. points: times [s] and values."""
 
     label: str
-    t: Array
-    values: Array
+    points: Line
     role: Role = "measured"
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Chart:
     """Lines over time. unit: of their values; may be empty. limits: of them, where there are."""
 
@@ -48,59 +46,53 @@ class Chart:
 def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
     """Return error, position, velocity and torque, or force, of a joint; some may be empty."""
     state, reference = curves.state_of(joint), curves.reference_of(joint)
-    unit, force = ("m", "N") if curves.is_prismatic(joint) else ("rad", "N·m")
+    is_sliding = curves.is_prismatic(joint)
+    unit = "m" if is_sliding else "rad"
 
-    def chart(
-        title: str, unit: str, rows: Sequence[tuple[str, Role, Line | None]], *limits: str
-    ) -> Chart:
-        lines = [_line(label, role, row) for label, role, row in rows if row and _is_finite(row)]
-        return Chart(title=title, unit=unit, lines=lines, limits=_limits(state, joint, limits))
+    def of(port: SignalCurves | None, quantity: str) -> Line | None:
+        return None if port is None else port.of(quantity, joint)
 
-    def of(curves: SignalCurves | None, quantity: str) -> Line | None:
-        return None if curves is None else curves.of(quantity, joint)
+    def chart(title: str, unit: str, limits: Sequence[str], *rows: _Row) -> Chart:
+        return Chart(title, unit, _lines(rows), _limits(state, joint, limits))
 
-    commands = [of(port, "values") for port in curves.torques]
+    commands: list[_Row] = [
+        (f"command {number or ''}".strip(), of(port, "values"), "command")
+        for number, port in enumerate(curves.torques)
+    ]
     return [
-        chart("error", unit, [("error", "error", curves.error(joint))]),
+        chart("error", unit, (), ("error", curves.error(joint), "error")),
         chart(
             "position",
             unit,
-            [
-                ("measured", "measured", of(state, "position")),
-                ("reference", "reference", of(reference, "position")),
-                ("target", "target", of(state, "target")),
-            ],
-            "lower",
-            "upper",
+            ("lower", "upper"),
+            ("measured", of(state, "position"), "measured"),
+            ("reference", of(reference, "position"), "reference"),
+            ("target", of(state, "target"), "target"),
         ),
         chart(
             "velocity",
             f"{unit}/s",
-            [
-                ("measured", "measured", of(state, "velocity")),
-                ("reference", "reference", of(reference, "velocity")),
-            ],
-            "velocity",
+            ("velocity",),
+            ("measured", of(state, "velocity"), "measured"),
+            ("reference", of(reference, "velocity"), "reference"),
         ),
         chart(
-            "torque" if force == "N·m" else "force",
-            force,
-            [
-                ("applied", "measured", of(state, "effort")),
-                *((f"command {i or ''}".strip(), "command", c) for i, c in enumerate(commands)),
-            ],
-            "effort",
+            "force" if is_sliding else "torque",
+            "N" if is_sliding else "N·m",
+            ("effort",),
+            ("applied", of(state, "effort"), "measured"),
+            *commands,
         ),
     ]
 
 
-def _line(label: str, role: Role, line: Line) -> ChartLine:
-    return ChartLine(label=label, role=role, t=line[0], values=line[1])
+_Row = tuple[str, Line | None, Role]
+"""Label, points and role of a line that may be absent."""
 
 
-def _is_finite(line: Line) -> bool:
-    """Return whether a line has any number."""
-    return bool(np.isfinite(line[1]).any())
+def _lines(rows: Iterable[_Row]) -> list[ChartLine]:
+    """Return the lines that have any number."""
+    return [ChartLine(n, row, role) for n, row, role in rows if row and np.isfinite(row[1]).any()]
 
 
 def _limits(state: SignalCurves | None, joint: str, keys: Sequence[str]) -> list[float]:
@@ -135,23 +127,22 @@ def _united(
     """Yield the chart of a quantity of several joints, where it is measured."""
     first, solid, dashed = charts[0], list[ChartLine](), list[ChartLine]()
     for joint, chart in zip(joints, charts, strict=False):
-        by_role = {line.role: line for line in reversed(chart.lines)}
-        shown = by_role.get("measured") or by_role.get("error")
-        should = by_role.get("reference")
-        if (command := by_role.get("command")) is not None:
-            shown, should = (shown, command) if shown else (command, None)
-        solid += [replace(shown, label=joint, role="measured")] if shown else []
-        dashed += [replace(should, label=_DASHED[should.role])] if should else []
+        points = {line.role: line.points for line in reversed(chart.lines)}
+        shown = points.get("measured") or points.get("error")
+        if shown is None and "command" in points:
+            shown = points.pop("command")
+        solid += [ChartLine(joint, shown)] if shown else []
+        for role, label in _DASHED:
+            dashed += [ChartLine(label, points[role], role)] if role in points else []
     if solid:
         title = f"error: {wanted} − measured" if first.title == "error" else first.title
-        yield Chart(title=title + more, unit=first.unit, lines=[*solid, *dashed])
+        yield Chart(title + more, first.unit, [*solid, *dashed])
 
 
 def field_chart(field: FieldCurve, most: int) -> Chart:
     """Return the chart of a field of a port. most: lines."""
-    rows = [(label, field.curve.line(i)) for i, label in enumerate(field.labels[:most])]
-    lines = [_line(label, "measured", row) for label, row in rows if _is_finite(row)]
-    return Chart(title=field.title, unit=field.unit, lines=lines)
+    rows = ((name, field.curve.line(i), "measured") for i, name in enumerate(field.labels[:most]))
+    return Chart(field.title, field.unit, _lines(rows))
 
 
 def signal_names(recording: Recording) -> list[str]:
@@ -191,13 +182,10 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
     is_single = labels == [field.title]
     numbers = range(len(labels))[:_MOST_JOINTS]
     if index is not None:
-        at = {label: number for number, label in enumerate(labels)}.get(index, -1)
-        at = int(index) if index.isdecimal() else at
+        at = int(index) if index.isdecimal() else labels.index(index) if index in labels else -1
         if is_single or not 0 <= at < len(labels):
             names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
             raise WiringError(f"{text}: there is no [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
-    lines = [
-        _line(title if is_single else labels[i], "measured", field.curve.line(i)) for i in numbers
-    ]
-    return Chart(title=title, unit=field.unit, lines=lines)
+    lines = [ChartLine(title if is_single else labels[i], field.curve.line(i)) for i in numbers]
+    return Chart(title, field.unit, lines)

@@ -63,7 +63,7 @@ def _draw(axis: Any, chart: Chart) -> None:
     labels: list[str] = []
     for number, line in enumerate(chart.lines):
         curve = Curve()
-        curve.add(line.t, line.values[:, None])
+        curve.add(line.points[0], line.points[1][:, None])
         solid = {"color": _COLOURS[number % len(_COLOURS)], "linewidth": 2}
         # What is dashed is black, so its legend names it once.
         label = line.label if line.label not in labels else None

@@ -31,44 +31,39 @@ def draw_variants(
 
     Raises WiringError for a signal that the recording lacks, ExtraMissing without matplotlib.
     """
-    panels: dict[str, list[ChartLine]] = {}
-    units: dict[str, str] = {}
+    panels: dict[tuple[str, str], list[ChartLine]] = {}
     mark_s = 0.0
     for name, path in {_RECORDED: recording, **branches}.items():
+        role: Role = "reference" if name == _RECORDED else "measured"
         with Recording(path) as opened:
-            mark_s = mark_s or at * _step_s(opened)
+            if name == _RECORDED:
+                rows = (port.last for port in opened.ports.values())
+                mark_s = at * next((r.t_ns * 1e-9 / r.step for r in rows if r and r.step > 0), 0.0)
             chosen = [chart for text in signals for chart in find_signals(opened, text)]
             for chart in chosen if signals else _errors(opened):
                 for line in chart.lines:
-                    role: Role = "reference" if name == _RECORDED else "measured"
                     title = f"{chart.title}: {line.label}".removesuffix(f": {chart.title}")
-                    panels.setdefault(title, []).append(replace(line, label=name, role=role))
-                    units[title] = chart.unit
+                    lines = panels.setdefault((title, chart.unit), [])
+                    lines.append(ChartLine(name, line.points, role))
     if not panels:
         raise WiringError(
             f"{recording} has no joint to draw; choose signals with --plot, e.g. of "
             f"`stepbus plot {recording}`"
         )
-    charts = [_around(mark_s, title, units[title], lines) for title, lines in panels.items()]
+    charts = [Chart(*key, _around(mark_s, lines)) for key, lines in panels.items()]
     save(str(recording), charts, target, mark_s=mark_s)
-    return list(panels)
+    return [chart.title for chart in charts]
 
 
-def _step_s(recording: Recording) -> float:
-    """Return how long a step is [s]."""
-    ports = (port for port in recording.ports.values() if port.last_step > 0)
-    return next((float(port.t[-1] / port.steps[-1]) for port in ports), 0.0)
-
-
-def _around(mark_s: float, title: str, unit: str, lines: Sequence[ChartLine]) -> Chart:
+def _around(mark_s: float, lines: Sequence[ChartLine]) -> list[ChartLine]:
     """Return lines from a little before a time on; those of the recording behind the others."""
-    end_s = max((float(line.t[-1]) for line in lines if len(line.t)), default=mark_s)
+    end_s = max((float(line.points[0][-1]) for line in lines), default=mark_s)
     start_s = max(0.0, mark_s - _BEFORE * (end_s - mark_s))
-    cut = [
-        replace(line, t=line.t[line.t >= start_s], values=line.values[line.t >= start_s])
-        for line in sorted(lines, key=lambda line: line.role == "reference")
-    ]
-    return Chart(title=title, unit=unit, lines=cut)
+    cut = []
+    for line in sorted(lines, key=lambda line: line.role == "reference"):
+        t, values = line.points
+        cut.append(replace(line, points=(t[t >= start_s], values[t >= start_s])))
+    return cut
 
 
 def _errors(recording: Recording) -> Iterator[Chart]:
@@ -77,10 +72,8 @@ def _errors(recording: Recording) -> Iterator[Chart]:
     what = "error" if tracking.joints else "position"
     for joint in (tracking.joints or tracking.measured)[:_MOST_VARIANTS]:
         state = tracking.state_of(joint)
-        if state is None:
-            continue
-        values = tracking.error(joint) if tracking.joints else state.of("position", joint)
-        if values is not None:
+        position = None if state is None else state.of("position", joint)
+        if state is not None and position is not None:
             title = f"{joint}: {what}"
-            line = ChartLine(label=title, t=state.t, values=values)
-            yield Chart(title=title, unit=tracking.unit(joint), lines=[line])
+            values = tracking.error(joint) if tracking.joints else position
+            yield Chart(title, tracking.unit(joint), [ChartLine(title, (state.t, values))])

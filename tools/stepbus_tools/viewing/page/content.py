@@ -2,14 +2,13 @@
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
-from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.report.charts import Chart, ChartLine, field_chart, joint_charts
@@ -23,9 +22,9 @@ from stepbus_tools.report.curves import (
 from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, result_of, scenario_name
 from stepbus_tools.viewing.exports import check_readable
-from stepbus_tools.viewing.page.step_times import StepTimes, read_step_times
-from stepbus_tools.viewing.render import Pixels, scene_still
-from stepbus_tools.viewing.timeline import TimelineEvent, read_timeline
+from stepbus_tools.viewing.page.step_times import read_step_times
+from stepbus_tools.viewing.render import scene_still
+from stepbus_tools.viewing.timeline import read_timeline
 
 _JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")
 _SHAPELESS = ("Detections/1", "Goal/1", "LaserScan/1", "Plan/1", "PlanRequest/1", "PointCloud/1")
@@ -67,68 +66,44 @@ class Stills(PortReader):
                     self._wanted = [wanted for wanted in self._wanted if wanted > step]
 
 
-@dataclass(frozen=True, kw_only=True)
 class RunPage:
-    """One run. lines: of its summary. events_left: how many are not shown.
+    """One run, read piece by piece.
 
-    problems: what cannot be shown, a sentence each. still: the scene at its end.
-    """
-
-    name: str
-    path: Path
-    recording: Recording
-    result: Result | None
-    lines: Sequence[str]
-    joints: JointCurves
-    ports: Sequence[PortCurves]
-    cameras: Sequence[Stills]
-    events: Sequence[TimelineEvent]
-    events_left: int
-    times: Mapping[str, StepTimes]
-    end_s: float
-    last_step: int
-    problems: Sequence[str]
-    still: Pixels | None
-
-
-def read_run(path: Path) -> RunPage:
-    """Read what a page shows of a recording, piece by piece.
+    label: among several runs; empty for one alone. lines: of its summary. events_left: how many are not shown. problems: what cannot be shown, a
+    sentence each. still: the scene at its end.
 
     Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
     """
-    with Recording(path) as recording:
-        check_readable(recording)
-        result = result_of(recording)
-        problems = list[str]()
-        if recording.cut_short:
-            end = f"it is shown up to step {recording.last_step}"
-            problems.append(f"the recording {recording.cut_short}; {end}")
-        try:
-            joints, lines = read_joints(recording)
-        except StepbusError as exc:
-            joints, lines = JointCurves(), []
-            problems.append(f"joints: {exc}")
-        readers, others = _readers(recording)
-        end_s = max(joints.end_s, read_ports(recording, readers))
-        problems += [*others, *(f"{r.port.topic}: {r.problem}" for r in readers if r.problem)]
-        events, events_left = read_timeline(recording, result)
-        return RunPage(
-            name=result.scenario if result else scenario_name(recording),
-            path=recording.path,
-            recording=recording,
-            result=result,
-            lines=lines,
-            joints=joints,
-            ports=[reader for reader in readers if isinstance(reader, PortCurves)],
-            cameras=[reader for reader in readers if isinstance(reader, Stills)],
-            events=events,
-            events_left=events_left,
-            times=read_step_times(recording.path.parent) if result else {},
-            end_s=end_s,
-            last_step=recording.last_step,
-            problems=problems,
-            still=scene_still(recording),
-        )
+
+    def __init__(self, path: Path) -> None:
+        self.label = ""
+        self.joints = JointCurves()
+        self.lines: Sequence[str] = ()
+        self.problems: list[str] = []
+        with Recording(path) as recording:
+            check_readable(recording)
+            self.recording, self.path = recording, recording.path
+            self.last_step = recording.last_step
+            self.result = result_of(recording)
+            self.name = self.result.scenario if self.result else scenario_name(recording)
+            if recording.cut_short:
+                end = f"it is shown up to step {self.last_step}"
+                self.problems.append(f"the recording {recording.cut_short}; {end}")
+            try:
+                self.joints, self.lines = read_joints(recording)
+            except StepbusError as exc:
+                self.problems.append(f"joints: {exc}")
+            readers, others = _readers(recording)
+            self.end_s = max(self.joints.end_s, read_ports(recording, readers))
+            self.problems += [
+                *others,
+                *(f"{r.port.topic}: {r.problem}" for r in readers if r.problem),
+            ]
+            self.ports = [reader for reader in readers if isinstance(reader, PortCurves)]
+            self.cameras = [reader for reader in readers if isinstance(reader, Stills)]
+            self.events, self.events_left = read_timeline(recording, self.result)
+            self.times = read_step_times(self.path.parent) if self.result else {}
+            self.still = scene_still(recording)
 
 
 def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
@@ -152,7 +127,7 @@ def groups(run: RunPage) -> Iterator[Group]:
     charts = {joint: [c for c in joint_charts(run.joints, joint) if c.lines] for joint in joints}
     errors = {joint: c for joint in joints for c in charts[joint] if c.title == "error"}
     overview = [
-        Chart(title="error", unit=unit, lines=lines)
+        Chart("error", unit, lines)
         for unit in ("rad", "m")
         if (lines := list(_named_errors(errors, joints[:_MOST_JOINTS], unit)))
     ]
@@ -178,11 +153,11 @@ def _named_errors(
 ) -> Iterator[ChartLine]:
     for joint in joints:
         if joint in errors and errors[joint].unit == unit:
-            yield replace(errors[joint].lines[0], label=joint, role="measured")
+            yield ChartLine(joint, errors[joint].lines[0].points)
 
 
 def _largest(chart: Chart | None) -> float:
-    return 0.0 if chart is None else float(np.nanmax(np.abs(chart.lines[0].values)))
+    return 0.0 if chart is None else float(np.nanmax(np.abs(chart.lines[0].points[1])))
 
 
 def path_of(port: PortCurves) -> Array:

@@ -17,12 +17,12 @@ import numpy as np
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_participant import ExtraMissing, extra_hint
 from stepbus_tools.columns import dotted
-from stepbus_tools.report.charts import Chart, ChartLine, Role
+from stepbus_tools.report.charts import ChartLine, Role
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
-from .content import RunPage, groups, path_of, read_run
+from .content import RunPage, groups, path_of
 from .step_times import lateness_html, times_html
 from .svg import figure, path_from_above
 
@@ -53,7 +53,7 @@ def write_page(
     Raises RecordingFailed when a recording cannot be read or the page cannot be written,
     ExtraMissing without uPlot.
     """
-    runs = [read_run(path) for path in paths]
+    runs = [RunPage(path) for path in paths]
     if problems is not None:
         problems += [f"{run.path}: {text}" for run in runs for text in run.problems]
     return render_page(runs, target or runs[0].path.with_name(PAGE_FILE))
@@ -62,28 +62,28 @@ def write_page(
 def render_page(runs: Sequence[RunPage], target: Path) -> Path:
     """Write the page of runs that have been read; raises as `write_page`."""
     library, assets = _uplot(), files(__package__ or "") / "assets"
-    labelled = list(zip(_labels(runs), runs, strict=True))
+    if len(runs) > 1:
+        folders = [run.path.parent.name or run.path.stem for run in runs]
+        for run, folder in zip(runs, folders, strict=True):
+            run.label = folder if len(set(folders)) == len(folders) else str(run.path)
     title = " · ".join(dict.fromkeys(run.name for run in runs))
     text = Template(_read(assets / "page.html")).substitute(
         title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
-        head="".join(_head(run, label) for label, run in labelled),
-        stills=_section("The scene at its end", _scenes(labelled)),
+        head="".join(map(_head, runs)),
+        stills=_section("The scene at its end", _scenes(runs)),
         pictures=_section("Camera", "".join(map(_camera_stills, runs))),
-        path=_section("Path of the base, from above", path_from_above(_paths(labelled))),
-        happenings=_section("Events and faults", _events(labelled)),
-        timing=_section("Step times", "".join(_times(run, label) for label, run in labelled)),
+        path=_section("Path of the base, from above", path_from_above(_paths(runs))),
+        happenings=_section("Events and faults", _events(runs)),
+        timing=_section("Step times", "".join(map(_times, runs))),
         again=_section("Run it again", "".join(map(_again, runs))),
         style=_read(library / "uPlot.min.css") + _read(assets / "page.css"),
         library=_read(library / "uPlot.iife.js"),
-        data=_script(_data(labelled)),
+        data=_script(_data(runs)),
         script=_read(assets / "page.js"),
     )
     with replaced(target) as part:
         part.write_text(text, encoding="utf-8")
     return target
-
-
-_Labelled = Sequence[tuple[str, RunPage]]
 
 
 def _uplot() -> Path:
@@ -105,14 +105,6 @@ def _script(value: object) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-def _labels(runs: Sequence[RunPage]) -> list[str]:
-    """Return a short name of each run: the folder, where that tells them apart."""
-    if len(runs) == 1:
-        return [""]
-    names = [run.path.parent.name or run.path.stem for run in runs]
-    return names if len(set(names)) == len(names) else [str(run.path) for run in runs]
-
-
 # --- the charts ---------------------------------------------------------------------------
 
 
@@ -125,7 +117,8 @@ class _Arrays:
     def line(self, line: ChartLine) -> dict[str, Any]:
         """Return a line of a chart, as the script takes it."""
         curve = Curve(_MOST_POINTS)
-        curve.add(line.t, np.where(np.isfinite(line.values), line.values, np.nan)[:, None])
+        t, values = line.points
+        curve.add(t, np.where(np.isfinite(values), values, np.nan)[:, None])
         t, values = curve.line(0)
         at, y = self._place(b"d", t.astype("<f8")), self._place(b"f", values.astype("<f4"))
         return {"label": line.label, "t": at, "y": y, **_STYLES[line.role]}
@@ -138,12 +131,12 @@ class _Arrays:
         return self._places.setdefault(form + values.tobytes(), len(self._places))
 
 
-def _data(labelled: _Labelled) -> Mapping[str, Any]:
+def _data(runs: Sequence[RunPage]) -> Mapping[str, Any]:
     """Return what the script shows: all charts, marks, and their last time [s]."""
-    arrays, runs = _Arrays(), [run for _, run in labelled]
+    arrays = _Arrays()
     ends_s = [t for run in runs for t in (run.end_s, *(one.t_ns * 1e-9 for one in run.events))]
     return {
-        "groups": _groups(labelled, arrays),
+        "groups": _groups(runs, arrays),
         "marks": [
             {"t": one.t_ns * 1e-9, "level": one.level}
             for run in runs
@@ -156,36 +149,27 @@ def _data(labelled: _Labelled) -> Mapping[str, Any]:
     }
 
 
-def _groups(labelled: _Labelled, arrays: _Arrays) -> list[Mapping[str, Any]]:
+def _groups(runs: Sequence[RunPage], arrays: _Arrays) -> list[Mapping[str, Any]]:
     """Return the groups of all runs: each chart once, with the lines of all in it."""
-    merged: dict[str, dict[str, Any]] = {}
-    for number, (label, run) in enumerate(labelled):
+    merged: dict[str, tuple[bool, dict[tuple[str, str], dict[str, Any]]]] = {}
+    for number, run in enumerate(runs):
         for group in groups(run):
-            into = merged.setdefault(group.title, {"open": group.is_open, "charts": {}})
+            _, charts = merged.setdefault(group.title, (group.is_open, {}))
             for chart in group.charts:
-                empty = {"unit": chart.unit, "limits": chart.limits, "lines": []}
-                kept = into["charts"].setdefault((chart.title, chart.unit), empty)
-                kept["lines"] += _lines(chart, kept["lines"], arrays, label, number)
+                row = {"title": chart.title, "unit": chart.unit, "limits": chart.limits}
+                kept = charts.setdefault((chart.title, chart.unit), {**row, "lines": []})
+                seen = {(line["t"], line["y"]) for line in kept["lines"]}
+                for line in map(arrays.line, chart.lines):
+                    if not run.label:
+                        kept["lines"].append(line)
+                    # What is the same for all, such as a reference, is there once.
+                    elif (line["t"], line["y"]) not in seen or not line.get("dash"):
+                        label = f"{run.label} {line['label']}"
+                        kept["lines"].append({**line, "label": label, "color": number})
     return [
-        {
-            "title": title,
-            "open": group["open"],
-            "charts": [{"title": name, **row} for (name, _), row in group["charts"].items()],
-        }
-        for title, group in merged.items()
+        {"title": title, "open": is_open, "charts": list(charts.values())}
+        for title, (is_open, charts) in merged.items()
     ]
-
-
-def _lines(
-    chart: Chart, known: Sequence[Mapping[str, Any]], arrays: _Arrays, label: str, number: int
-) -> Iterator[Mapping[str, Any]]:
-    """Yield the lines of a run; of several, what is the same for all, as a reference, is once."""
-    seen = {(line["t"], line["y"]) for line in known}
-    for line in map(arrays.line, chart.lines):
-        if not label:
-            yield line
-        elif (line["t"], line["y"]) not in seen or not line.get("dash"):
-            yield {**line, "label": f"{label} {line['label']}", "color": number}
 
 
 # --- the rest -----------------------------------------------------------------------------
@@ -195,9 +179,9 @@ def _section(title: str, content: str) -> str:
     return f"<section><h2>{title}</h2>{content}</section>" if content else ""
 
 
-def _head(run: RunPage, label: str) -> str:
+def _head(run: RunPage) -> str:
     result = run.result
-    name = escape(run.name + (f" ({label})" if label else ""))
+    name = escape(run.name + (f" ({run.label})" if run.label else ""))
     verdict, why = "unknown", "There is no result.json beside the recording."
     problems = list(run.problems)
     if result is not None:
@@ -237,10 +221,10 @@ def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
     yield "sha256", result.sha256[:16]
 
 
-def _scenes(labelled: _Labelled) -> str:
+def _scenes(runs: Sequence[RunPage]) -> str:
     rows = [
-        figure(run.still, f"{label} t = {run.end_s:.2f} s".strip())
-        for label, run in labelled
+        figure(run.still, f"{run.label} t = {run.end_s:.2f} s".strip())
+        for run in runs
         if run.still is not None
     ]
     return f'<div class="stills scene">{"".join(rows)}</div>' if rows else ""
@@ -259,32 +243,33 @@ def _camera_stills(run: RunPage) -> str:
     return f'<div class="stills">{"".join(rows)}</div>' if rows else ""
 
 
-def _paths(labelled: _Labelled) -> dict[str, Array]:
+def _paths(runs: Sequence[RunPage]) -> dict[str, Array]:
     return {
-        f"{label} {port.name}".strip(): points
-        for label, run in labelled
+        f"{run.label} {port.name}".strip(): points
+        for run in runs
         for port in run.ports
         if len(points := path_of(port))
     }
 
 
-def _events(labelled: _Labelled) -> str:
+def _events(runs: Sequence[RunPage]) -> str:
     rows = "".join(
-        f'<tr class="{escape(one.level)}"><td>{one.t_ns * 1e-9:.3f} s</td><td>{escape(label)}</td>'
-        f"<td>{escape(one.level)}</td><td>{escape(one.source)}</td><td>{escape(one.text)}</td></tr>"
-        for label, run in labelled
+        f'<tr class="{escape(one.level)}"><td>{one.t_ns * 1e-9:.3f} s</td>'
+        f"<td>{escape(run.label)}</td><td>{escape(one.level)}</td><td>{escape(one.source)}</td>"
+        f"<td>{escape(one.text)}</td></tr>"
+        for run in runs
         for one in run.events
     )
-    left = sum(run.events_left for _, run in labelled)
+    left = sum(run.events_left for run in runs)
     more = f"<p>{left} more are in the recording.</p>" if left else ""
     return f"<div class=scroll><table>{rows}</table></div>{more}" if rows else ""
 
 
-def _times(run: RunPage, label: str) -> str:
+def _times(run: RunPage) -> str:
     if not run.times:
         return ""
     late = run.result.real_time if run.result else None
-    title = f"<h3>{escape(label)}</h3>" if label else ""
+    title = f"<h3>{escape(run.label)}</h3>" if run.label else ""
     return title + times_html(run.times) + (lateness_html(late) if late else "")
 
 
