@@ -52,7 +52,7 @@ CLOCK = (
     Column(name="t_ns", type="int64", unit="ns", text="simulation time"),
     Column(name="t", type="double", unit="s", text="simulation time"),
 )
-"""The first columns of every port."""
+"""What precedes the columns of every port."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -121,10 +121,10 @@ class Table:
         self.port = port
         self.name = dotted(port)
         self.fields = fields_of(port, port.message_class)
-        self.columns = [*CLOCK, *(column for field in self.fields for column in field.columns)]
+        self.columns = [column for field in self.fields for column in field.columns]
 
     def values(self, batch: Batch, names: Collection[str] | None = None) -> list[Cells]:
-        """Return the values of each column; raises MessageError.
+        """Return the values of the clock and of each column; raises MessageError.
 
         names: of the fields; default: all.
         """

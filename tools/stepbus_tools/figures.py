@@ -18,7 +18,7 @@ from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.sweep_metrics import builtin_metrics
 
-from .columns import CLOCK, NUMBERS, Column, Table, readable
+from .columns import NUMBERS, Column, Table, readable
 
 _UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 
@@ -65,17 +65,18 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
     wanted = tuple(f"{signal.replace('/', '.', 1)}." for signal in signals)
     parts, units = [], dict[str, str]()
     for table in tables:
-        names = {column.name: f"{table.name}.{column.name}" for column in _values(table)}
-        chosen = [
-            column
-            for column in _values(table)
-            if not wanted or f"{names[column.name]}.".startswith(wanted)
-        ]
+        # Never bytes, such as of pictures.
+        chosen = {
+            column.name: column
+            for column in table.columns
+            if column.type != "binary"
+            and (not wanted or f"{table.name}.{column.name}.".startswith(wanted))
+        }
         if chosen:
-            t_ns, values = _read(recording, table, chosen)
-            rows = {names[column]: cells for column, cells in values.items()}
+            t_ns, values = _read(recording, table, list(chosen.values()))
+            rows = {f"{table.name}.{name}": cells for name, cells in values.items()}
             parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
-            units |= {names[column.name]: column.unit for column in chosen if column.unit}
+            units |= {f"{table.name}.{name}": c.unit for name, c in chosen.items() if c.unit}
     if not parts:
         raise RecordingFailed(f"{recording.path} has no values for a DataFrame")
     frame = pandas.concat(parts, axis=1).sort_index()
@@ -83,16 +84,11 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
     return frame
 
 
-def _values(table: Table) -> list[Column]:
-    """Return the columns behind the clock, without bytes, such as of pictures."""
-    return [column for column in table.columns[len(CLOCK) :] if column.type != "binary"]
-
-
 def _check(recording: Recording, tables: Sequence[Table], signal: str) -> None:
     """Raise WiringError where the recording has no such signal."""
     parts = signal.replace("/", ".", 1).split(".", 2)
     port = recording[".".join(parts[:2])]
-    names = [c.name for table in tables if table.port is port for c in table.columns[len(CLOCK) :]]
+    names = [column.name for table in tables if table.port is port for column in table.columns]
     if len(parts) > 2 and not any(f"{name}.".startswith(f"{parts[2]}.") for name in names):
         raise WiringError(f"{port.topic} has no values {parts[2]!r}{suggest(parts[2], names)}")
 
@@ -192,25 +188,23 @@ class Comparison:
 
 def compare(first: Path, second: Path) -> Comparison:
     """Compare the numbers of two recordings, port by port; see `stepbus.compare`."""
-    errors, spans = list[FieldError](), list[NDArray[np.int64]]()
+    errors, times = list[FieldError](), list[NDArray[np.int64]]()
     with Recording(first) as one, Recording(second) as other:
         tables, others = ({table.name: table for table in readable(r)[0]} for r in (one, other))
         for name in [name for name in tables if name in others]:
-            columns = _common(tables[name], others[name])
+            units = {c.name: c.unit for c in others[name].columns if c.type in NUMBERS}
+            columns = [
+                column
+                for column in tables[name].columns
+                if column.type in NUMBERS and units.get(column.name) == column.unit
+            ]
             if columns:
-                times, values = _read(one, tables[name], columns)
-                other_times, other_values = _read(other, others[name], columns)
-                t_ns, rows, other_rows = _aligned(times, other_times)
-                spans += [t_ns] if len(t_ns) else []
-                errors += [
-                    error
-                    for c in columns
-                    if (
-                        error := _error(
-                            name, c, t_ns, values[c.name][rows], other_values[c.name][other_rows]
-                        )
-                    )
-                ]
+                t_ns, pairs = _aligned(
+                    _read(one, tables[name], columns), _read(other, others[name], columns)
+                )
+                times += [t_ns] if len(t_ns) else []
+                apart = (_error(name, column, t_ns, *pairs[column.name]) for column in columns)
+                errors += [error for error in apart if error is not None]
     return Comparison(
         first=str(first),
         second=str(second),
@@ -218,31 +212,26 @@ def compare(first: Path, second: Path) -> Comparison:
         only_first=[name for name in tables if name not in others],
         only_second=[name for name in others if name not in tables],
         span_s=(
-            float(min((t_ns[0] for t_ns in spans), default=0) * 1e-9),
-            float(max((t_ns[-1] for t_ns in spans), default=0) * 1e-9),
+            float(min((t_ns[0] for t_ns in times), default=0) * 1e-9),
+            float(max((t_ns[-1] for t_ns in times), default=0) * 1e-9),
         ),
     )
 
 
-def _common(one: Table, other: Table) -> list[Column]:
-    """Return the columns that are numbers of the same unit in both."""
-    units = {c.name: c.unit for c in other.columns[len(CLOCK) :] if c.type in NUMBERS}
-    known = (c for c in one.columns[len(CLOCK) :] if c.type in NUMBERS)
-    return [column for column in known if units.get(column.name) == column.unit]
+_Read = tuple[NDArray[np.int64], Mapping[str, Array]]
 
 
-def _aligned(
-    first: NDArray[np.int64], second: NDArray[np.int64]
-) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.int64]]:
-    """Return times [ns], and for each of both the index of the message that it holds then.
+def _aligned(one: _Read, other: _Read) -> tuple[NDArray[np.int64], dict[str, tuple[Array, Array]]]:
+    """Return times [ns], and column → what both have then.
 
     The times are those of the one with fewer messages, while both have some: what the other then
     holds is its newest, as an input would read it (P6.1).
     """
+    (first, values), (second, others) = one, other
     start, end = max(first[0], second[0]), min(first[-1], second[-1])
     t_ns = min((t[(t >= start) & (t <= end)] for t in (first, second)), key=len)
     held, other_held = (np.searchsorted(t, t_ns, side="right") - 1 for t in (first, second))
-    return t_ns, held, other_held
+    return t_ns, {name: (values[name][held], others[name][other_held]) for name in values}
 
 
 def _error(

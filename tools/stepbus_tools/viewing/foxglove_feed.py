@@ -9,10 +9,9 @@ from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
 from stepbus_schemas import Event
 from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
 from stepbus_tools.viewing.foxglove_server import Row, Server
-from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.history import History, timed_messages
 from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene import Messages, Scene, build_scene
-from stepbus_tools.viewing.timeline import timed_messages
 
 Happened = tuple[int, PortInfo, Event]
 """Time [ns], port and event."""

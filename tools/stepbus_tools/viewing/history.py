@@ -1,10 +1,21 @@
-"""A recording at any time, read when it is asked for."""
+"""A recording at any time, and what happened in it: read when it is asked for."""
 
-from collections.abc import Iterable
+import contextlib
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from itertools import islice
+from typing import Any
 
-from stepbus_orchestrator.recording import Recording
-from stepbus_schemas import MessageError, WiringError
+from stepbus_orchestrator.recording import Port, Recording, layout, recorded_decoder
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.scenario.faults import read_fault
+from stepbus_schemas import CallRecord, Event, GoalStatus, MessageError, StepbusError, WiringError
 from stepbus_tools.viewing.scene import Latest, Messages
+
+_MOST = 400
+_MOST_OF_ONE = 4 * _MOST
+"""A port that talks all the time drowns no other."""
+_SERIOUS = ("error", "fault", "warning", "failure")
 
 
 class History:
@@ -40,3 +51,67 @@ class History:
             if row is not None:
                 latest[topic] = Latest(step=row[0], message=row[1])
         return latest
+
+
+@dataclass(frozen=True, kw_only=True)
+class TimelineEvent:
+    """Something that happened. level: info, warning, error, goal, call, fault, failure."""
+
+    t_ns: int
+    level: str
+    source: str
+    text: str
+
+
+def read_timeline(recording: Recording, result: Result | None) -> tuple[list[TimelineEvent], int]:
+    """Return what happened in order of time, the serious first to be kept; and how much is left."""
+    events = [*_failure(result), *_faults(recording, result)]
+    for port in recording.ports.values():
+        if port.type in ("Event/1", "GoalStatus/1", layout.CALLS_TYPE):
+            events += islice(_events(port), _MOST_OF_ONE)
+    kept = sorted(events, key=lambda one: one.level not in _SERIOUS)[:_MOST]
+    return sorted(kept, key=lambda one: one.t_ns), len(events) - len(kept)
+
+
+def timed_messages(port: Port) -> Iterator[tuple[int, Any]]:
+    """Yield time [ns] and message, up to the first that cannot be read."""
+    is_call = port.type == layout.CALLS_TYPE
+    decode = recorded_decoder(CallRecord if is_call else port.message_class)
+    with contextlib.suppress(StepbusError):
+        for entry in port.entries():
+            yield entry.t_ns, decode(entry.data)
+
+
+def _events(port: Port) -> Iterator[TimelineEvent]:
+    for t_ns, message in timed_messages(port):
+        source = f"{port.participant}.{port.name}"
+        match message:
+            case CallRecord():
+                level, source = "call", message.participant
+                text = f"{message.method}({', '.join(map(repr, message.args))})"
+                text += f": {message.error}" if message.error else ""
+            case Event():
+                level, text = message.level, message.text
+            case GoalStatus() if message.state not in ("accepted", "running"):
+                level = "warning" if message.state == "failed" else "goal"
+                text = f"goal {message.id} {message.state}. {message.text}".rstrip()
+            case _:
+                continue
+        yield TimelineEvent(t_ns=t_ns, level=level, source=source, text=text)
+
+
+def _faults(recording: Recording, result: Result | None) -> Iterator[TimelineEvent]:
+    """Yield the faults of the scenario, by what its own form of them says."""
+    planned = recording.metadata.get(layout.FAULTS_METADATA, {}).values()
+    step_ns = result.step_ns if result else History(recording).step_ns
+    for text in dict.fromkeys([*planned, *(result.faults if result else ())]):
+        with contextlib.suppress(StepbusError):
+            t_ns = read_fault(text).step * step_ns
+            yield TimelineEvent(t_ns=t_ns, level="fault", source="injected", text=text)
+
+
+def _failure(result: Result | None) -> Iterator[TimelineEvent]:
+    if result is not None and result.exit_code and result.at_step >= 0:
+        t_ns = result.at_step * result.step_ns
+        who = result.participant or "orchestrator"
+        yield TimelineEvent(t_ns=t_ns, level="failure", source=who, text=result.reason)

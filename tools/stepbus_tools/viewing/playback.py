@@ -15,10 +15,9 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Event, StepbusError
 from stepbus_tools.viewing.exports import check_readable
-from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.history import History, timed_messages
 from stepbus_tools.viewing.scene import build_scene
 from stepbus_tools.viewing.stage import OTHER_COLOR, Data, Signal, Stage, View, plain_topics
-from stepbus_tools.viewing.timeline import timed_messages
 
 _SAMPLES = 400
 _MOST_EVENTS = 300

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
+
+import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import PortInfo, Recording
 from stepbus_participant import need
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion
-from stepbus_tools.viewing.foxglove_layout import layout_of
-from stepbus_tools.viewing.scene import Latest, build_scene
+from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conversion, topic_of
+from stepbus_tools.viewing.scene import Latest, Messages, Scene, bounds, build_scene
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports
@@ -44,7 +46,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
                     conversion.take(instant.port, instant.message, t_ns)
     with replaced(layout) as path:
-        text = json.dumps(layout_of(scene, latest, wanted), indent=2)
+        text = json.dumps(_layout(scene, latest, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target, layout], problems=problems, lost=list(lost))
@@ -82,3 +84,90 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
         writer.close()
     except RuntimeError as exc:
         raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
+
+
+def _layout(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapping[str, Any]:
+    """Return a layout: the scene beside the joints' positions, images, the log.
+
+    messages: place the scene.
+    """
+    joints = [port for port in ports if port.type == "JointState/1"]
+    images = [port for port in ports if port.type == "Image/1"]
+    paths = [
+        {
+            "value": f"{topic_of(port)}.joints[{index}].position",
+            "label": name,
+            "enabled": True,
+            "timestampMethod": "receiveTime",
+        }
+        for port in joints
+        for index, name in enumerate(port.names)
+    ]
+    panels: dict[str, Mapping[str, Any]] = {}
+    if paths:
+        panels["Plot!joints"] = {
+            "paths": paths[:20],
+            "title": "position [rad]",
+            "showLegend": True,
+            "legendDisplay": "left",
+            "sidebarDimension": 170,
+        }
+    if images:
+        panels["Image!camera"] = {"imageMode": {"imageTopic": topic_of(images[0])}}
+    panels["RosOut!log"] = {"topicToRender": "/log"}
+    *above, column = cast("list[Any]", list(panels))
+    for name in reversed(above):
+        column = {"direction": "column", "first": name, "second": column}
+    return {
+        "configById": {"3D!scene": _scene_panel(scene, messages), **panels},
+        "globalVariables": {},
+        "userNodes": {},
+        "playbackConfig": {"speed": 1},
+        "layout": {
+            "direction": "row", "first": "3D!scene", "second": column, "splitPercentage": 60,
+        },
+    }  # fmt: skip
+
+
+def _scene_panel(scene: Scene, messages: Messages) -> Mapping[str, Any]:
+    """Return a 3D panel that shows the whole scene, on a floor, without the names of its frames."""
+    low, high = bounds(scene, messages)
+    size = float(np.linalg.norm(high - low))
+    middle = ((low + high) / 2).tolist()
+    side = max(3, math.ceil(1.5 * size))
+    return {
+        "followTf": WORLD,
+        "followMode": "follow-none",
+        "cameraState": {
+            "distance": 1.3 * size,
+            "perspective": True,
+            "phi": 65,
+            "thetaOffset": 45,
+            "target": middle,
+            "targetOffset": middle,
+            "targetOrientation": [0, 0, 0, 1],
+            "fovy": 45,
+            "near": 0.01,
+            "far": 1000,
+        },
+        "topics": {"/scene": {"visible": True}},
+        "transforms": {},
+        "scene": {"transforms": {"showLabel": False, "axisScale": 0, "lineWidth": 0}},
+        "layers": {
+            "floor": {
+                "layerId": "foxglove.Grid",
+                "instanceId": "floor",
+                "label": "floor",
+                "visible": True,
+                "frameId": WORLD,
+                "frameLocked": True,
+                "size": side,
+                "divisions": 2 * side,
+                "lineWidth": 1,
+                "color": "#8a8f98",
+                "position": [middle[0], middle[1], min(0.0, float(low[2]))],
+                "rotation": [0, 0, 0],
+                "order": 1,
+            }
+        },
+    }

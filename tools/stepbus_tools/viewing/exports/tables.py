@@ -65,7 +65,7 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
         if is_file:
             sinks = dict.fromkeys(tables, opened(target, _LONG, {}))
         else:
-            sinks = {t: opened(path, t.columns, _about(t)) for t, path in paths.items()}
+            sinks = {t: opened(p, [*CLOCK, *t.columns], _about(t)) for t, p in paths.items()}
         for table, batch in _pieces(recording, tables, lost):
             try:
                 values = table.values(batch)
@@ -105,7 +105,7 @@ def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:
     """Yield a row for each value of a piece, column by column."""
     steps, _, t, *cells_of = values
     count = len(steps)
-    for column, cells in zip(table.columns[len(CLOCK) :], cells_of, strict=True):
+    for column, cells in zip(table.columns, cells_of, strict=True):
         numbers: Cells = [None] * count
         texts: Cells = [None] * count
         if column.type in NUMBERS:
@@ -143,7 +143,7 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
         writer = csv.writer(file)
         writer.writerow(["file", "column", "type", "unit", "description"])
         for table in tables:
-            for one in table.columns:
+            for one in (*CLOCK, *table.columns):
                 writer.writerow([f"{table.name}.csv", one.name, one.type, one.unit, one.text])
     return path
 

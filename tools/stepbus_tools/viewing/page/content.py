@@ -22,9 +22,9 @@ from stepbus_tools.report.curves import (
 from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, result_of, scenario_name
 from stepbus_tools.viewing.exports import check_readable
+from stepbus_tools.viewing.history import read_timeline
 from stepbus_tools.viewing.page.step_times import read_step_times
 from stepbus_tools.viewing.render import scene_still
-from stepbus_tools.viewing.timeline import read_timeline
 
 _JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")
 _SHAPELESS = ("Detections/1", "Goal/1", "LaserScan/1", "Plan/1", "PlanRequest/1", "PointCloud/1")
@@ -69,8 +69,8 @@ class Stills(PortReader):
 class RunPage:
     """One run, read piece by piece.
 
-    label: among several runs; empty for one alone. lines: of its summary. events_left: how many are not shown. problems: what cannot be shown, a
-    sentence each. still: the scene at its end.
+    label: among several runs; empty for one alone. lines: of its summary. events_left: how many are
+    not shown. problems: what cannot be shown, a sentence each. still: the scene at its end.
 
     Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
     """

@@ -1,9 +1,8 @@
 """Draws scenes with viser: the page of a view, and the file of an export."""
 
-from .camera import look_at
 from .curves import Data, Signal
 from .server import Page, open_page
-from .stage import OTHER_COLOR, Stage
+from .stage import OTHER_COLOR, Stage, look_at
 from .view import View, plain_topics
 
 __all__ = [

@@ -1,10 +1,21 @@
-"""A scene on a page: its nodes, and what moves them."""
+"""A scene on a page: its nodes, what moves them, and where a viewer stands at the start."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from stepbus_tools.viewing.scene import GHOST, Color, Frame, Pose, Scene, Visual
+import numpy as np
+
+from stepbus_tools.viewing.scene import (
+    GHOST,
+    Color,
+    Frame,
+    Messages,
+    Pose,
+    Scene,
+    Visual,
+    bounds,
+)
 
 OTHER_COLOR: Color = (255, 120, 30)
 _GHOST_COLOR: Color = (40, 140, 255)
@@ -14,6 +25,13 @@ _APART_M = 0.01
 _APART_RAD = math.radians(1.0)
 _STICKS = 0.5
 """A ghost that is shown stays until it is so much nearer."""
+_AWAY = np.array([0.64, -0.64, 0.43])
+_RIGHT = 0.14 * np.array([1.0, 1.0, 0.0])
+"""The controls cover the right of the page, so its middle is to the right of the scene's."""
+_FLAT, _TALL = 0.6, 0.25
+"""How far away, in sizes of a scene: one that is flat needs less of the page."""
+_NARROW, _LIFT = 0.7, 0.3
+"""On a page that is higher than wide: how far away at an aspect of 1, how far below the middle."""
 
 
 class Stage:
@@ -141,3 +159,36 @@ def _apart(a: Pose, b: Pose) -> float:
     """Return how far two poses are apart; 1 is where an eye sees it."""
     cosine = min(1.0, abs(sum(x * y for x, y in zip(a.wxyz, b.wxyz, strict=True))))
     return max(math.dist(a.position, b.position) / _APART_M, 2 * math.acos(cosine) / _APART_RAD)
+
+
+def look_at(server: Any, scene: Scene, messages: Messages) -> None:
+    """Make new viewers look at the whole scene, and draw a floor below it."""
+    low, high = bounds(scene, messages)
+    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
+    width, depth, height = (high - low).tolist()
+    away = (_FLAT + _TALL * min(1.0, height / max(width, depth, 1e-9))) * size
+    beside = middle + _RIGHT * away
+    server.initial_camera.look_at = tuple(beside.tolist())
+    server.initial_camera.position = tuple((beside + _AWAY * away).tolist())
+    server.on_client_connect(lambda client: _step_back(client, middle, away))
+    side = max(3.0, np.ceil(1.5 * size))
+    server.scene.add_grid(
+        "/floor",
+        width=side,
+        height=side,
+        position=(float(middle[0]), float(middle[1]), min(0.0, float(low[2]))),
+        cell_size=0.5,
+        section_size=1.0,
+    )
+
+
+def _step_back(client: Any, middle: Any, away: float) -> None:
+    """Fit the scene above the controls of a page that is higher than wide, as on a phone."""
+    aspect = client.camera.aspect
+    if aspect >= 1.0:
+        return
+    distance = away * _NARROW / aspect
+    down = np.array([0.0, 0.0, _LIFT * distance])
+    with client.atomic():
+        client.camera.position = tuple((middle + _AWAY * distance - down).tolist())
+        client.camera.look_at = tuple((middle - down).tolist())

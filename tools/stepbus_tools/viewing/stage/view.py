@@ -6,12 +6,11 @@ from typing import Any
 
 from stepbus_schemas import BaseState, GripperState
 from stepbus_tools.viewing.scene import Messages, Ports, Scene
-from stepbus_tools.viewing.stage.camera import look_at
 from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
 from stepbus_tools.viewing.stage.overlays import Images, Overlays
 
 from .server import set_theme
-from .stage import Stage
+from .stage import Stage, look_at
 
 _MOST_EVENTS = 40
 _BULKY = ("Image/1", "PointCloud/1", "Chain/1", "CallRecord/1")
