@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,7 @@ from mcap.writer import CompressionType, Writer
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
-from stepbus_schemas import (
-    Event,
-)
+from stepbus_schemas import Event
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.scene import Latest, about, build_scene, positions_in
 from stepbus_tools.whole_file import replaced
@@ -48,7 +46,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
     tree = FrameTree(scene, ports)
-    wanted = [p for p in ports if p.type in _CONVERTERS or p.topic in scene.topics]
+    wanted = [p for p in ports if p.type in _CONVERTED or p.topic in scene.topics]
     left = [f"{p.topic} ({p.type})" for p in ports if p not in wanted]
     rate, latest = Rate(_TF_HZ), dict[str, Latest]()
     with replaced(target) as path, path.open("wb") as stream:
@@ -65,11 +63,9 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
             if moved := list(tree.moved(due, latest)):
                 bag.add("/tf", _TF, _transforms(moved, t_ns), t_ns)
             for instant in group:
-                convert = _CONVERTERS.get(instant.port.type)
-                for suffix, type_name, fields in convert(tree, instant) if convert else ():
-                    port = instant.port
-                    topic = f"/{port.participant}/{port.name}{suffix}".replace("-", "_")
-                    bag.add(topic, type_name, fields, t_ns)
+                for suffix, type_name, convert in _CONVERTED.get(instant.port.type, ()):
+                    topic = f"/{instant.port.topic}{suffix}".replace("-", "_")
+                    bag.add(topic, type_name, convert(tree, instant), t_ns)
         bag.close()
     unknown = [f"ROS 2 has no type for {', '.join(left)}: left out"] if left else []
     problems = [*scene.notes, *unknown, *lost.values()]
@@ -138,8 +134,6 @@ class _Bag:
 
 
 Fields = Mapping[str, Any]
-Converted = Iterator[tuple[str, str, Fields]]
-"""End of the topic, type and fields of a message."""
 
 
 def _transforms(placed: Iterable[Transform], t_ns: int) -> Fields:
@@ -162,26 +156,26 @@ def _header(t_ns: int, frame: str) -> Fields:
     return {"stamp": {"sec": t_ns // NS, "nanosec": t_ns % NS}, "frame_id": frame}
 
 
+def _measured_by(tree: FrameTree, instant: Instant) -> Fields:
+    """Return the header of what a sensor measures."""
+    return _header(instant.t_ns, tree.sensor_frame(instant.port))
+
+
 def _named(names: str, values: Iterable[float]) -> Fields:
     return dict(zip(names, map(float, values), strict=True))
 
 
-def _joint_state(_: FrameTree, instant: Instant) -> Converted:
-    state: Any = instant.message
-    yield (
-        "",
-        "sensor_msgs/msg/JointState",
-        {
-            "header": _header(instant.t_ns, ""),
-            "name": list(instant.port.names),
-            "position": positions_in(state),
-            "velocity": getattr(state, "velocity", None),
-            "effort": getattr(state, "effort", None),
-        },
-    )
+def _joints(_: FrameTree, instant: Instant) -> Fields:
+    return {
+        "header": _header(instant.t_ns, ""),
+        "name": list(instant.port.names),
+        "position": positions_in(instant.message),
+        "velocity": getattr(instant.message, "velocity", None),
+        "effort": getattr(instant.message, "effort", None),
+    }
 
 
-def _odometry(tree: FrameTree, instant: Instant) -> Converted:
+def _odometry(tree: FrameTree, instant: Instant) -> Fields:
     state: Any = instant.message
     parent, child = tree.base_of(instant.port)
     covariance = _UNKNOWN * np.eye(6).ravel()
@@ -193,91 +187,91 @@ def _odometry(tree: FrameTree, instant: Instant) -> Converted:
         "linear": _named("xyz", (state.vx, 0.0, 0.0)),
         "angular": _named("xyz", (0.0, 0.0, state.wz)),
     }
-    yield (
-        "",
-        "nav_msgs/msg/Odometry",
-        {
-            "header": _header(instant.t_ns, parent),
-            "child_frame_id": child,
-            "pose": {"pose": pose, "covariance": covariance},
-            "twist": {"twist": twist, "covariance": covariance},
-        },
-    )
+    return {
+        "header": _header(instant.t_ns, parent),
+        "child_frame_id": child,
+        "pose": {"pose": pose, "covariance": covariance},
+        "twist": {"twist": twist, "covariance": covariance},
+    }
 
 
-def _image(tree: FrameTree, instant: Instant) -> Converted:
+def _image(tree: FrameTree, instant: Instant) -> Fields:
     image: Any = instant.message
-    shape = {
-        "header": _header(instant.t_ns, tree.sensor_frame(instant.port)),
+    return {
+        "header": _measured_by(tree, instant),
         "height": image.height,
         "width": image.width,
+        "encoding": image.encoding,
+        "step": (3 if image.encoding == "rgb8" else 4) * image.width,
+        "data": np.frombuffer(image.data, np.uint8),
     }
-    depth = 3 if image.encoding == "rgb8" else 4
-    data = np.frombuffer(image.data, np.uint8)
-    picture = {"encoding": image.encoding, "step": depth * image.width, "data": data}
-    yield "", "sensor_msgs/msg/Image", {**shape, **picture}
+
+
+def _camera_info(tree: FrameTree, instant: Instant) -> Fields:
+    image: Any = instant.message
     (fx, fy), (cx, cy) = image.focal, image.centre
-    info = {
+    return {
+        "header": _measured_by(tree, instant),
+        "height": image.height,
+        "width": image.width,
         "distortion_model": "plumb_bob",
         "d": np.zeros(5),
         "k": (fx, 0, cx, 0, fy, cy, 0, 0, 1),
         "r": np.eye(3).ravel(),
         "p": (fx, 0, cx, 0, 0, fy, cy, 0, 0, 0, 1, 0),
     }
-    yield "/camera_info", "sensor_msgs/msg/CameraInfo", {**shape, **info}
 
 
-def _imu(tree: FrameTree, instant: Instant) -> Converted:
+def _imu(tree: FrameTree, instant: Instant) -> Fields:
     imu: Any = instant.message
-    fields: dict[str, Any] = {
-        "header": _header(instant.t_ns, tree.sensor_frame(instant.port)),
+    # In this type, zeros say that a covariance is unknown, and -1 that there is no orientation.
+    absent = None if imu.orientation else (-1.0, *np.zeros(8))
+    return {
+        "header": _measured_by(tree, instant),
         "orientation": _named("xyzw", imu.orientation or (0, 0, 0, 1)),
+        "orientation_covariance": absent,
         "angular_velocity": _named("xyz", imu.angular_velocity),
         "linear_acceleration": _named("xyz", imu.linear_acceleration),
     }
-    if not imu.orientation:
-        # In this type, zeros say that a covariance is unknown, and -1 that there is no orientation.
-        fields["orientation_covariance"] = (-1.0, *np.zeros(8))
-    yield "", "sensor_msgs/msg/Imu", fields
 
 
-def _wrench(tree: FrameTree, instant: Instant) -> Converted:
+def _wrench(tree: FrameTree, instant: Instant) -> Fields:
     message: Any = instant.message
     wrench = {"force": _named("xyz", message.force), "torque": _named("xyz", message.torque)}
-    header = _header(instant.t_ns, tree.sensor_frame(instant.port))
-    yield "", "geometry_msgs/msg/WrenchStamped", {"header": header, "wrench": wrench}
+    return {"header": _measured_by(tree, instant), "wrench": wrench}
 
 
-def _scan(tree: FrameTree, instant: Instant) -> Converted:
+def _scan(tree: FrameTree, instant: Instant) -> Fields:
     scan: Any = instant.message
     span = max(0, len(scan.ranges) - 1) * scan.angle_increment
     names = ("angle_min", "angle_increment", "range_min", "range_max", "ranges", "intensities")
-    yield (
-        "",
-        "sensor_msgs/msg/LaserScan",
-        {
-            "header": _header(instant.t_ns, tree.sensor_frame(instant.port)),
-            "angle_max": scan.angle_min + span,
-            **{name: getattr(scan, name) for name in names},
-        },
-    )
+    return {
+        "header": _measured_by(tree, instant),
+        "angle_max": scan.angle_min + span,
+        **{name: getattr(scan, name) for name in names},
+    }
 
 
-def _text(_: FrameTree, instant: Instant) -> Converted:
+def _text(_: FrameTree, instant: Instant) -> Fields:
     message: Any = instant.message
     level = f"{message.level}: " if isinstance(message, Event) else ""
-    yield "", _STRING, {"data": f"{level}{message.text}"}
+    return {"data": f"{level}{message.text}"}
 
 
-_CONVERTERS: Mapping[str, Callable[[FrameTree, Instant], Converted]] = {
-    "BaseState/1": _odometry,
-    "Event/1": _text,
-    "GripperState/1": _joint_state,
-    "Image/1": _image,
-    "Imu/1": _imu,
-    "JointReference/1": _joint_state,
-    "JointState/1": _joint_state,
-    "LaserScan/1": _scan,
-    "Text/1": _text,
-    "Wrench/1": _wrench,
+_JOINTS = ("", "sensor_msgs/msg/JointState", _joints)
+_CONVERTED: Mapping[str, Sequence[tuple[str, str, Callable[[FrameTree, Instant], Fields]]]] = {
+    "BaseState/1": [("", "nav_msgs/msg/Odometry", _odometry)],
+    "Event/1": [("", _STRING, _text)],
+    "GripperState/1": [_JOINTS],
+    "Image/1": [
+        ("", "sensor_msgs/msg/Image", _image),
+        ("/camera_info", "sensor_msgs/msg/CameraInfo", _camera_info),
+    ],
+    "Imu/1": [("", "sensor_msgs/msg/Imu", _imu)],
+    "JointReference/1": [_JOINTS],
+    "JointState/1": [_JOINTS],
+    "LaserScan/1": [("", "sensor_msgs/msg/LaserScan", _scan)],
+    "Text/1": [("", _STRING, _text)],
+    "Wrench/1": [("", "geometry_msgs/msg/WrenchStamped", _wrench)],
 }
+"""Type → end of the topic, type and fields of what becomes of a message."""
