@@ -11,8 +11,8 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Tail
 from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
-from stepbus_tools.viewing.stage import Signal, open_page
-from stepbus_tools.viewing.stage.curves import _span
+from stepbus_tools.viewing.stage.curves import Signal, _span
+from stepbus_tools.viewing.stage.server import open_page
 
 STEP_NS = 20_000_000
 OWN = Types({

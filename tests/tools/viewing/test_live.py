@@ -20,7 +20,7 @@ from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.live_page import follow
-from stepbus_tools.viewing.stage import open_page
+from stepbus_tools.viewing.stage.server import open_page
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 

@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.playback import Playback, open_recording
-from stepbus_tools.viewing.stage import open_page
+from stepbus_tools.viewing.stage.server import open_page
 
 
 def record(folder, *overrides):

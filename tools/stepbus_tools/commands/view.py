@@ -93,7 +93,7 @@ class _Page:
     """A page in the browser."""
 
     def __init__(self, label: str, place: Place) -> None:
-        from stepbus_tools.viewing.stage import open_page  # noqa: PLC0415
+        from stepbus_tools.viewing.stage.server import open_page  # noqa: PLC0415
 
         self._page = open_page(label, host=place.host, port=place.port or 0, tell=self._tell)
         say(f"view: {self._page.address}\nCtrl-C closes it")

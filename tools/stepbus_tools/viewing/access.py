@@ -161,12 +161,12 @@ class Door:
         )
 
     def _is_ours(self, host: str) -> bool:
+        ours = {"localhost", self._host.lower(), socket.gethostname().lower()}
         try:
             name = urlsplit(f"//{host}").hostname or ""
+            return name in ours or bool(ipaddress.ip_address(name))
         except ValueError:
             return False
-        ours = {"localhost", self._host.lower(), socket.gethostname().lower()}
-        return name in ours or _is_ip_address(name)
 
     def _has_cookie(self, headers: Any) -> bool:
         pairs = [pair.strip() for line in headers.get_all("Cookie") for pair in line.split(";")]
@@ -191,14 +191,6 @@ def _first_name(path: str) -> tuple[str, str]:
     given, _, rest = path.removeprefix("/").partition("/")
     name, mark, query = given.partition("?")
     return name, f"/{rest}{mark}{query}"
-
-
-def _is_ip_address(name: str) -> bool:
-    try:
-        ipaddress.ip_address(name)
-    except ValueError:
-        return False
-    return True
 
 
 def _is_one_of(text: str, secrets_: list[str]) -> bool:

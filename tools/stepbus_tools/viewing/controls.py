@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from typing import Any
 
 from stepbus_tools.viewing.run_client import RunClient
-from stepbus_tools.viewing.scene import Ports
-from stepbus_tools.viewing.stage import Stage
+from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.stage.stage import Stage
 from stepbus_tools.viewing.steer_panel import SteerPanel
 
 _SPEEDS: Mapping[str, float | None] = {

@@ -12,7 +12,8 @@ from stepbus_orchestrator.recording import PortInfo
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
 from stepbus_tools.viewing.render import pixels_of
-from stepbus_tools.viewing.scene import Frame, Pose, Scene
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Frame, Scene
 
 PER_S = 30.0
 """Messages of each topic a second, at most; events are all there."""

@@ -10,7 +10,7 @@ from stepbus_orchestrator.recording import Port, Recording, layout, recorded_dec
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.faults import read_fault
 from stepbus_schemas import CallRecord, Event, GoalStatus, MessageError, StepbusError, WiringError
-from stepbus_tools.viewing.scene import Latest, Messages
+from stepbus_tools.viewing.scene.bodies import Latest, Messages
 
 _MOST = 400
 _MOST_OF_ONE = 4 * _MOST

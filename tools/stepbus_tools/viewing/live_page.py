@@ -13,8 +13,9 @@ from stepbus_orchestrator.recording import Tail, layout
 from stepbus_schemas import Event
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
-from stepbus_tools.viewing.scene import build_scene
-from stepbus_tools.viewing.stage import Data, Signal, View, plain_topics
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _CHART_S = 0.25
 _WORDS_S = 0.5
@@ -145,10 +146,10 @@ class Points:
         return seconds, values.reshape(len(steps), len(signal.names))
 
 
-def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: float = 600.0) -> bool:
+def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
     """Show a run on a page until it has ended, or the viewer has; returns whether the run has.
 
-    folder, start_s, and what is raised: as of `follow_run`.
+    folder, and what is raised: as of `follow_run`.
     """
     waiting = server.gui.add_markdown("waiting for the run to start …")
 
@@ -156,4 +157,4 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool], start_s: floa
         waiting.remove()
         return LivePage(server, tail, client).turn
 
-    return follow_run(folder, is_over, begin, start_s)
+    return follow_run(folder, is_over, begin)

@@ -16,8 +16,10 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Event, StepbusError
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, timed_messages
-from stepbus_tools.viewing.scene import build_scene
-from stepbus_tools.viewing.stage import OTHER_COLOR, Data, Signal, Stage, View, plain_topics
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage
+from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _SAMPLES = 400
 _MOST_EVENTS = 300

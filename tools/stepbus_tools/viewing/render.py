@@ -10,7 +10,10 @@ from numpy.typing import NDArray
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.scene import Frame, Messages, Pose, Scene, bounds, build_scene
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]

@@ -13,11 +13,12 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.viewing.scene import Latest, Messages
+from stepbus_tools.viewing.scene.bodies import Latest, Messages
 
 FRAME_S = 1 / 30
 IDLE_S = 5.0
 """So long without anything new, and a run has been killed, or its user is told."""
+_START_S = 600.0
 _STATUS_S = 0.4
 _FLUSH_AGAIN_S = 2.0
 _ANSWER_S = 10.0
@@ -127,19 +128,15 @@ def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
 
 
 def follow_run(
-    folder: Path,
-    is_over: Callable[[], bool],
-    begin: Callable[[Tail, RunClient], Turn],
-    start_s: float = 600.0,
+    folder: Path, is_over: Callable[[], bool], begin: Callable[[Tail, RunClient], Turn]
 ) -> bool:
     """Show a run until it has ended, or the viewer has; returns whether the run has ended.
 
     folder: of the run, which may not have begun. begin: takes its recording, which has its first
-    messages, and the connection to it. start_s: how long to wait for that [s].
-    Raises RecordingFailed when it does not begin.
+    messages, and the connection to it. Raises RecordingFailed when it does not begin.
     """
     with contextlib.ExitStack() as stack:
-        tail = _wait_for(folder, is_over, start_s, stack)
+        tail = _wait_for(folder, is_over, stack)
         if tail is None:
             return False
         client = RunClient(folder)
@@ -162,10 +159,10 @@ def follow_run(
 
 
 def _wait_for(
-    folder: Path, is_over: Callable[[], bool], start_s: float, stack: contextlib.ExitStack
+    folder: Path, is_over: Callable[[], bool], stack: contextlib.ExitStack
 ) -> Tail | None:
     """Return the recording of a run as soon as it has messages; None when the viewer has ended."""
-    deadline, path, tail = time.monotonic() + start_s, folder / layout.RUN_FILE, None
+    deadline, path, tail = time.monotonic() + _START_S, folder / layout.RUN_FILE, None
     while not is_over():
         if tail is None and path.exists():
             tail = Tail(path)
@@ -175,6 +172,6 @@ def _wait_for(
         if tail is not None and tail.is_complete:
             raise RecordingFailed(f"{path} has no messages, so there is nothing to show")
         if time.monotonic() > deadline:
-            raise RecordingFailed(f"{folder}: no run has started there for {start_s:.0f} s")
+            raise RecordingFailed(f"{folder}: no run has started there for {_START_S:.0f} s")
         time.sleep(FRAME_S)
     return None

@@ -10,8 +10,9 @@ from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Description, Image, Poses, WiringError
 from stepbus_tools.viewing.render import Painter, parse_viewpoint, whole_scene
-from stepbus_tools.viewing.scene import Frame, Pose, Scene, Visual
-from stepbus_tools.viewing.scene.meshes import primitive
+from stepbus_tools.viewing.scene.meshes import Visual, primitive
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Frame, Scene
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 

@@ -4,8 +4,7 @@ import types
 
 import pytest
 
-from stepbus_tools.viewing.scene import Pose
-from stepbus_tools.viewing.scene.pose import about
+from stepbus_tools.viewing.scene.pose import Pose, about
 from stepbus_tools.viewing.stage.stage import Ghosts
 
 Z = (0.0, 0.0, 1.0)

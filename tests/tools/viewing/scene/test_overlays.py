@@ -3,9 +3,11 @@
 import pytest
 
 from stepbus_schemas import Contacts, Description, Detections
-from stepbus_tools.viewing.scene import Frame, Latest, Scene
-from stepbus_tools.viewing.stage import Stage, open_page
+from stepbus_tools.viewing.scene.bodies import Latest
+from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.stage.overlays import Overlays
+from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.stage import Stage
 
 
 class Port:

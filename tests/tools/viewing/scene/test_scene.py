@@ -11,8 +11,8 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.scene import Pose, build_scene
-from stepbus_tools.viewing.scene.pose import about, from_rpy
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.pose import Pose, about, from_rpy
 
 
 @pytest.fixture(scope="module")

@@ -115,15 +115,9 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
         yield lambda _step: None
         return
     # It takes a tenth of a second to load.
-    from rich import progress  # noqa: PLC0415
     from rich.console import Console  # noqa: PLC0415
+    from rich.progress import Progress as Bar  # noqa: PLC0415
 
-    columns = (
-        progress.TextColumn("{task.description}"),
-        progress.BarColumn(),
-        progress.TaskProgressColumn(),
-        progress.TimeRemainingColumn(),
-    )
-    with progress.Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+    with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=max(1, last_step))
         yield lambda step: bar.update(task, completed=step)

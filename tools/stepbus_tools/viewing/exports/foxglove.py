@@ -16,7 +16,9 @@ from stepbus_orchestrator.recording import PortInfo, Recording
 from stepbus_participant import need
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conversion, topic_of
-from stepbus_tools.viewing.scene import Latest, Messages, Scene, bounds, build_scene
+from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.scene import Scene, bounds
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports

@@ -6,7 +6,9 @@ from itertools import chain
 from typing import NamedTuple
 
 from stepbus_orchestrator.recording import Port
-from stepbus_tools.viewing.scene import Body, Messages, Pose, Scene, all_positions
+from stepbus_tools.viewing.scene.bodies import Body, Messages, all_positions
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Scene
 
 _MAP = "map"
 _ODOM = "odom"

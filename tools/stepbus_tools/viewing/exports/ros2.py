@@ -13,7 +13,9 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_schemas import Event
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.scene import Latest, about, build_scene, positions_in
+from stepbus_tools.viewing.scene.bodies import Latest, positions_in
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.pose import about
 from stepbus_tools.whole_file import replaced
 
 from .frames import FrameTree, Transform

@@ -7,8 +7,9 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.scene import build_scene
-from stepbus_tools.viewing.stage import Stage, look_at, open_page
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.stage import Stage, look_at
 from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 30.0

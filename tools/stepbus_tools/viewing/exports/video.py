@@ -15,7 +15,7 @@ from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, parse_viewpoint, pixels_of
-from stepbus_tools.viewing.scene import build_scene
+from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 25

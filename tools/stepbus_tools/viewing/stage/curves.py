@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from stepbus_schemas import Message
 from stepbus_tools.columns import NUMBERS, dotted, fields_of
-from stepbus_tools.viewing.scene import Messages, Ports
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.build import Ports
 
 _MOST = 16
 """Curves of one signal; more cannot be told apart."""

@@ -6,16 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_tools.viewing.scene import (
-    GHOST,
-    Color,
-    Frame,
-    Messages,
-    Pose,
-    Scene,
-    Visual,
-    bounds,
-)
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.meshes import Color, Visual
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import GHOST, Frame, Scene, bounds
 
 OTHER_COLOR: Color = (255, 120, 30)
 _GHOST_COLOR: Color = (40, 140, 255)

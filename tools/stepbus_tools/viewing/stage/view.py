@@ -5,7 +5,9 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from stepbus_schemas import BaseState, GripperState
-from stepbus_tools.viewing.scene import Messages, Ports, Scene
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
 from stepbus_tools.viewing.stage.overlays import Images, Overlays
 
