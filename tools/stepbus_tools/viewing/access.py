@@ -107,13 +107,10 @@ class Door:
 
     def guard(self, process: Process) -> Process:
         """Return what refuses strangers, and passes on other requests without their first name."""
+        guarded = _guarded(process, self._answer)
 
         def process_request(connection: Any, request: Any) -> Any:
-            name, rest = _first_name(request.path)
-            response = self._answer(connection, request.headers, name)
-            if response is None:
-                request.path = rest
-                response = process(connection, request)
+            response = guarded(connection, request)
             if response is not None:
                 response.headers.update(_HEADERS)
             return response
@@ -176,21 +173,30 @@ class Door:
 def only_with(token: str, process: Process) -> Process:
     """Return what refuses each request without the token, and passes on the rest without it."""
 
+    def answer(connection: Any, _headers: Any, name: str) -> Any:
+        if _is_one_of(name, [token]):
+            return None
+        return connection.respond(HTTPStatus.FORBIDDEN, "Open the address with its token.\n")
+
+    return _guarded(process, answer)
+
+
+def _guarded(process: Process, answer: Callable[[Any, Any, str], Any]) -> Process:
+    """Return what passes on requests that have no answer yet, without the first name of the path.
+
+    answer: takes connection, headers and that name.
+    """
+
     def process_request(connection: Any, request: Any) -> Any:
-        name, rest = _first_name(request.path)
-        if not _is_one_of(name, [token]):
-            return connection.respond(HTTPStatus.FORBIDDEN, "Open the address with its token.\n")
-        request.path = rest
-        return process(connection, request)
+        given, _, rest = request.path.removeprefix("/").partition("/")
+        name, mark, query = given.partition("?")
+        response = answer(connection, request.headers, name)
+        if response is None:
+            request.path = f"/{rest}{mark}{query}"
+            response = process(connection, request)
+        return response
 
     return process_request
-
-
-def _first_name(path: str) -> tuple[str, str]:
-    """Return the first name of a path, and the path without it."""
-    given, _, rest = path.removeprefix("/").partition("/")
-    name, mark, query = given.partition("?")
-    return name, f"/{rest}{mark}{query}"
 
 
 def _is_one_of(text: str, secrets_: list[str]) -> bool:

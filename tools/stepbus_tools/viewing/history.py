@@ -44,12 +44,9 @@ class History:
         latest: dict[str, Latest] = {}
         for topic in topics:
             port = self.recording.ports.get(topic)
-            try:
-                row = None if port is None else port.latest(t_ns)
-            except (MessageError, WiringError):
-                continue
-            if row is not None:
-                latest[topic] = Latest(step=row[0], message=row[1])
+            with contextlib.suppress(MessageError, WiringError):
+                if port is not None and (row := port.latest(t_ns)) is not None:
+                    latest[topic] = Latest(*row)
         return latest
 
 

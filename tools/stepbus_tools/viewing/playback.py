@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from itertools import islice
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -60,8 +61,8 @@ class Playback:
         self._t_ns = 0
         self.is_playing = False
         self._jumps: dict[str, int] = {}
-        self._pending: list[Callable[[], None]] = []
-        self._lock = threading.Lock()
+        # Work for the page's own thread, which alone touches the page.
+        self._pending: SimpleQueue[Callable[[], None]] = SimpleQueue()
         self._add_time(server.gui)
         self._view = View(server, build_scene(recording), recording.ports, self._samples)
         self._stage: Stage | None = None
@@ -130,11 +131,6 @@ class Playback:
 
     # --- what is found in the background --------------------------------------------------
 
-    def _later(self, work: Callable[[], None]) -> None:
-        """Leave work to the page's own thread, which alone touches the page."""
-        with self._lock:
-            self._pending.append(work)
-
     def _find_events(self) -> None:
         events: list[tuple[int, str]] = []
         with Recording(self._history.recording.path) as recording:
@@ -145,8 +141,8 @@ class Playback:
                         who = f"{message.level}: {port.participant}"
                         events.append((t_ns, f"{t_ns * 1e-9:.3f} s {who}: {text}"))
         events = sorted(events)[:_MOST_EVENTS]
-        self._later(lambda: self._view.tell([text for _, text in events]))
-        self._later(lambda: self._add_jumps({text: t_ns for t_ns, text in events}))
+        self._pending.put(lambda: self._view.tell([text for _, text in events]))
+        self._pending.put(lambda: self._add_jumps({text: t_ns for t_ns, text in events}))
 
     def _add_jumps(self, jumps: dict[str, int]) -> None:
         self._jumps |= jumps
@@ -159,13 +155,13 @@ class Playback:
             divergence = diff(self._history.recording.path, other).divergence
         except StepbusError as exc:
             text = str(exc)
-            self._later(lambda: self._view.tell([text]))
+            self._pending.put(lambda: self._view.tell([text]))
             return
         t_ns, text = 0, "0.000 s both recordings are equal"
         if divergence is not None:
             t_ns = divergence.step * self._history.step_ns
             text = f"{t_ns * 1e-9:.3f} s first divergence: {divergence.text()}"
-        self._later(lambda: self._add_jumps({text: t_ns}))
+        self._pending.put(lambda: self._add_jumps({text: t_ns}))
 
     @property
     def status(self) -> str:
@@ -181,10 +177,8 @@ class Playback:
 
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
-        with self._lock:
-            pending, self._pending = self._pending, []
-        for work in pending:
-            work()
+        while not self._pending.empty():
+            self._pending.get()()
         if self.is_playing:
             speed = _SPEEDS[self._speed.value]
             self._seek(self._t_ns + round(elapsed_s * speed * 1e9))

@@ -123,8 +123,7 @@ def newest(asked: Sequence[Ask]) -> list[Ask]:
 
 def latest_of(tail: Tail, topics: Iterable[str]) -> Messages:
     """Return the newest message of each port that has one to read."""
-    messages = {topic: tail.latest(topic) for topic in topics}
-    return {t: Latest(step=row[0], message=row[1]) for t, row in messages.items() if row}
+    return {topic: Latest(*row) for topic in topics if (row := tail.latest(topic)) is not None}
 
 
 def follow_run(

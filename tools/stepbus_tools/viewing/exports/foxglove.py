@@ -40,7 +40,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
         conversion.bodies()
         for t_ns, group in instants(recording, wanted, lost, reached):
             moving = [i for i in group if i.port.topic in scene.topics]
-            latest |= {i.port.topic: Latest(step=i.step, message=i.message) for i in moving}
+            latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
             if moving and t_ns >= due_ns:
                 due_ns = t_ns + round(NS / PER_S)
                 conversion.place(scene.poses(latest), t_ns)

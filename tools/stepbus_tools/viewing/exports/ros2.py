@@ -60,7 +60,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
         bag.add("/tf_static", _TF, _transforms(tree.still(), 0), 0)
         for t_ns, group in instants(recording, wanted, lost, reached):
             topics = [instant.port.topic for instant in group]
-            latest |= {i.port.topic: Latest(step=i.step, message=i.message) for i in group}
+            latest |= {i.port.topic: Latest(i.step, i.message) for i in group}
             due = frozenset(topic for topic in topics if rate.passes(topic, t_ns))
             if moved := list(tree.moved(due, latest)):
                 bag.add("/tf", _TF, _transforms(moved, t_ns), t_ns)

@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 from stepbus_schemas import (
     BaseState,
@@ -18,8 +19,7 @@ from stepbus_tools.viewing.scene.pose import Pose, about, from_xyzw
 from .model import Model
 
 
-@dataclass(frozen=True, kw_only=True)
-class Latest:
+class Latest(NamedTuple):
     """The newest message of a port: its step, and itself."""
 
     step: int
