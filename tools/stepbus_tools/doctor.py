@@ -55,7 +55,7 @@ _PORTS = 8
 class Finding(msgspec.Struct, frozen=True):
     """The result of one check.
 
-    warn: runs are slower, or something is missing that not everybody needs. fail: runs do not work.
+    warn: runs are slower, or what is missing not every user needs. fail: runs do not work.
     """
 
     what: str

@@ -47,12 +47,14 @@ def join_command(
     $ stepbus join /tmp/c.ticket -- python my_controller.py
     $ stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py
     """
-    found = await_ticket(ticket, parse_duration(wait) * 1e-9, _notify)
-    folder = Path.cwd() if program else Path(found.folder)
-    bridge = BridgeSpec(format=found.bridge, describe=found.describe) if found.bridge else None
-    spec = ParticipantSpec(name=found.name, exec=tuple(program or found.exec), bridge=bridge)
+    awaited = await_ticket(ticket, parse_duration(wait) * 1e-9, _notify)
+    folder = Path.cwd() if program else Path(awaited.folder)
+    bridge = (
+        BridgeSpec(format=awaited.bridge, describe=awaited.describe) if awaited.bridge else None
+    )
+    spec = ParticipantSpec(name=awaited.name, exec=tuple(program or awaited.exec), bridge=bridge)
     argv = start_command(spec, folder)
-    _notify(f"{found.name} of run {found.run}: {' '.join(argv)}")
+    _notify(f"{awaited.name} of run {awaited.run}: {' '.join(argv)}")
     _become(argv, folder, participant_environment(ticket.absolute()))
 
 

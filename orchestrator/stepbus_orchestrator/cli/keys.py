@@ -25,7 +25,7 @@ def has_terminal() -> bool:
 
 @contextlib.contextmanager
 def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
-    """Let keys control a run while this is open; do nothing without a terminal.
+    """Read keys that control a run while this is open; do nothing without a terminal.
 
     interrupt: is set when the user stops the run.
     """
@@ -44,7 +44,7 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
         over.set()
         # Somebody else who reads the terminal may have taken the key that it waits to read.
         thread.join(_JOIN_S)
-        # Not TCSADRAIN, which waits for whoever reads; and the terminal may be gone.
+        # Not TCSADRAIN, which waits for the reader; and the terminal may be gone.
         with contextlib.suppress(termios.error):
             termios.tcsetattr(descriptor, termios.TCSANOW, before)
 

@@ -24,13 +24,13 @@ Draw = Callable[[Progress], None]
 
 _PLAIN_EVERY_S = 2.0
 _LAST_S = 10.0
-"""How long the last sentences may take; where nobody reads them, the buffer gives up earlier."""
+"""How long the last sentences may take; where no reader takes them, the buffer gives up earlier."""
 
 
 class Display(Observer):
     """Shows progress and sentences from a thread of its own.
 
-    A terminal that nobody reads, or that Ctrl-S holds, blocks its writer; the run must continue.
+    A terminal that is not read, or that Ctrl-S holds, blocks its writer; the run must continue.
     When there is no time, progress is left out, sentences are not. draw: shows the progress. clear:
     removes what is not to stay.
     """

@@ -31,7 +31,7 @@ class Command:
     name: as typed. summary: one line in the overview. description: above its own help. examples:
     command lines that work. add_arguments: declares its arguments. execute: does it and returns
     the exit code; errors are raised. is_run: runs a scenario, and ends in time
-    though nobody reads what it prints.
+    though no reader takes what it prints.
     """
 
     name: str
@@ -148,15 +148,16 @@ def _keywords(name: str, row: _Row) -> dict[str, Any]:
     is_annotated = get_origin(row.hint) is Annotated
     hint, *annotated = get_args(row.hint) if is_annotated else (row.hint,)
     types = get_args(hint) if get_origin(hint) in (Union, UnionType) else (hint,)
+    many = next((option for option in types if get_origin(option) is Sequence), None)
     default = row.parameter.default
-    keywords = _kind(types)
+    keywords = _kind(get_args(many) if many else types)
     if row.parameter.kind is not row.parameter.POSITIONAL_OR_KEYWORD:
         keywords["flag"] = f"--{name.replace('_', '-')}"
     for extra in (*annotated, row.special):
         keywords |= extra
     is_option = "flag" in keywords
     usual: dict[str, Any]
-    if any(get_origin(option) is Sequence for option in types):
+    if many:
         usual = {"default": [], **({"action": "append"} if is_option else {"nargs": "*"})}
         if any(get_origin(option) is Mapping for option in types):
             usual["metavar"] = "PATH=VALUE"

@@ -221,7 +221,7 @@ def _load_after_run() -> list[Any]:
 
 
 def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) -> list[str]:
-    """Let installed packages write their files, such as a report; return what they say of a run."""
+    """Write what installed packages do, such as a report; return what they say of the run."""
     if not result.recording.exists() or result.steps == 0:
         return []
     if is_interrupted and not result.exit_code:

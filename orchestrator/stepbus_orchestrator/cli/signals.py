@@ -74,7 +74,7 @@ def interruptible() -> Iterator[threading.Event]:
 
 @contextlib.contextmanager
 def abortable() -> Iterator[None]:
-    """Let the first such signal raise KeyboardInterrupt; the others do what they did before."""
+    """Raise KeyboardInterrupt at the first such signal; the others do what they did before."""
     before: dict[int, Any] = {}
 
     def on_signal(_number: int, _frame: FrameType | None) -> None:

@@ -1,7 +1,7 @@
 """Standard output and error that neither fail nor hold up their writer.
 
 A command ends with its own exit code and in its own time, whatever becomes of its output: a pipe
-that its reader has closed, a full disk, a terminal that Ctrl-S holds or that nobody reads.
+that its reader has closed, a full disk, a terminal that Ctrl-S holds or that is not read.
 """
 
 import contextlib
@@ -143,7 +143,7 @@ def buffered() -> Iterator[None]:
         yield
     finally:
         output.finish()
-        # A closed pipe is how `head` ends, and a closed terminal has nobody left to tell.
+        # A closed pipe is how `head` ends, and there is no user at a closed terminal.
         if output.failure not in {0, errno.EPIPE, errno.EIO}:
             print_error(f"stdout: {os.strerror(output.failure)}; the output is incomplete")
         elif output.is_incomplete:
@@ -153,7 +153,7 @@ def buffered() -> Iterator[None]:
 
 
 def hurry() -> None:
-    """Wait for readers only so long from now on: a run ends in time though nobody reads."""
+    """Wait for readers only so long from now on: a run ends in time though none reads."""
     for stream in (sys.stdout, sys.stderr):
         buffer = getattr(stream, "buffer", None)
         if isinstance(buffer, StdoutBuffer):

@@ -45,7 +45,7 @@ class Bridge(Participant):
 def _descriptions(config: Config, given: Described) -> dict[str, Description]:
     """Return the descriptions that are known before the program describes its outputs.
 
-    An output with joints that nobody describes is like the first input with joints.
+    An output with joints that is not described is like the first input with joints.
     """
     types = config.types
     inputs = (name for name, port in config.inputs.items() if has_joints(port.type, types))

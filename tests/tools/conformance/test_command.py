@@ -9,6 +9,7 @@ from support.paths import DOCS
 
 from stepbus_orchestrator.cli import main
 from stepbus_schemas import JointCommand, encode
+from stepbus_tools.commands.checks import conformance_command
 from stepbus_tools.conformance import CHECKS
 from stepbus_tools.conformance.feeds import repeated, reverse, shifted
 
@@ -44,6 +45,10 @@ def test_a_program_that_conforms_exits_with_zero(capsys):
 def test_what_cannot_work_is_said_in_a_sentence(arguments, sentence, capsys):
     assert main(["conformance", *arguments]) == 2
     assert sentence in capsys.readouterr().err
+
+
+def test_the_help_has_the_number_of_checks():
+    assert f"{len(CHECKS)} checks, each of one clause" in conformance_command.description
 
 
 def test_every_check_names_a_clause_of_the_protocol():

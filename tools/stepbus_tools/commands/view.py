@@ -49,7 +49,7 @@ def view_command(
     planned paths, detections, camera images, curves and events, with a time slider. It reads what
     is looked at, so a long recording opens at once. Its address opens it once, in one browser.
 
-    recording: the run.mcap of a run, or its folder; also of a run that is going. ghost: a second
+    recording: the run.mcap of a run, or its folder; also of a live run. ghost: a second
     recording, drawn as a ghost beside it. follow: wait for a run to start in this folder.
     until_end: end with the run, instead of showing its recording.
 

@@ -10,14 +10,35 @@ from msgspec import structs
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import replaced_program, start_command
-from stepbus_schemas import BridgeFormat, raw_fields
+from stepbus_participant import suggest
+from stepbus_schemas import BridgeFormat, WiringError, raw_fields
 from stepbus_tools.conformance.check import Check, run_checks
-from stepbus_tools.conformance.checks import CHECKS, select
+from stepbus_tools.conformance.checks import admission, encodings, endings, inputs, noise, steps
 from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.material import find, record
 from stepbus_tools.conformance.outcome import CheckResult, Report, write_junit
 
 __all__ = ["CHECKS", "CheckResult", "Report", "conformance", "select", "write_junit"]
+
+CHECKS = tuple(
+    item
+    for module in (admission, steps, inputs, encodings, noise, endings)
+    for item in vars(module).values()
+    if isinstance(item, Check)
+)
+"""All checks, in the order they run."""
+
+
+def select(names: Sequence[str]) -> tuple[Check, ...]:
+    """Return the checks of these names, in the order they run; without names, all.
+
+    Raises WiringError for an unknown name.
+    """
+    known = [check.name for check in CHECKS]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no check {name!r}{suggest(name, known)}")
+    return tuple(check for check in CHECKS if not names or check.name in names)
 
 
 def conformance(
@@ -72,7 +93,7 @@ def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scen
     """Return the scenario without injected faults, and with the ports that the bridge carries."""
     outputs = own.outputs
     if is_raw:
-        # Those that nobody reads are left out, as an author of a raw program does.
+        # Those that no participant reads are left out, as an author of a raw program does.
         read = {(i.source, i.port) for p in scenario.participants for i in p.inputs.values()}
         outputs = {
             port: output

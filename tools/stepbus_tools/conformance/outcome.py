@@ -72,32 +72,25 @@ def write_junit(report: Report, path: Path) -> None:
         errors="0",
         time=f"{report.wall_s:.3f}",
     )
-    suite.extend(_case(report, check) for check in report.checks)
+    for check in report.checks:
+        case = ET.SubElement(
+            suite,
+            "testcase",
+            classname=f"stepbus.conformance.{report.participant}",
+            name=f"{check.clause} {check.name}",
+            time=f"{check.wall_s:.3f}",
+        )
+        # XML does not allow control characters.
+        seen = "".join(c if c.isprintable() or c in "\n\t" else "�" for c in check.observed)
+        if check.outcome == "fail":
+            ET.SubElement(case, "failure", message=seen).text = check.summary
+        elif check.outcome == "skipped":
+            ET.SubElement(case, "skipped", message=seen)
+        else:
+            ET.SubElement(case, "system-out").text = seen
     tree = ET.ElementTree(suite)
     ET.indent(tree)
     try:
         tree.write(path, encoding="utf-8", xml_declaration=True)
     except OSError as exc:
         raise WiringError(f"{path} cannot be written: {exc.strerror}") from exc
-
-
-def _case(report: Report, check: CheckResult) -> ET.Element:
-    case = ET.Element(
-        "testcase",
-        classname=f"stepbus.conformance.{report.participant}",
-        name=f"{check.clause} {check.name}",
-        time=f"{check.wall_s:.3f}",
-    )
-    seen = _printable(check.observed)
-    if check.outcome == "fail":
-        ET.SubElement(case, "failure", message=seen).text = check.summary
-    elif check.outcome == "skipped":
-        ET.SubElement(case, "skipped", message=seen)
-    else:
-        ET.SubElement(case, "system-out").text = seen
-    return case
-
-
-def _printable(text: str) -> str:
-    """Return a text without the control characters that XML does not allow."""
-    return "".join(char if char.isprintable() or char in "\n\t" else "�" for char in text)

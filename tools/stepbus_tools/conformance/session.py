@@ -24,7 +24,7 @@ from stepbus_tools.conformance.transcript import Transcript
 
 _DRAIN_S = 5.0
 _TICK_S = 0.02
-# A poll counts for at most this long, as in a run: a machine that slept is nobody's fault.
+# A poll counts for at most this long, as in a run: a machine that slept is not its fault.
 _LONGEST_TICK_S = 0.25
 # The last messages of a process may arrive a little after its end.
 _LAST_LINES_S = 0.1

@@ -128,7 +128,7 @@ _WELCOME_NAME = _not_let_in(
     "welcome-name",
     "so does a `Welcome` for another name",
     "a Welcome for another name",
-    Setup(welcome={"name": "somebody"}),
+    Setup(welcome={"name": "another"}),
 )
 _WELCOME_TOKEN = _not_let_in(
     "welcome-token",

@@ -40,8 +40,8 @@ def _fatal(
     """Return the check of an input that is fatal: each source publishes it in turn."""
 
     def run(kit: Kit) -> str:
-        found = (_blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
-        return "; ".join(found)
+        reports = (_blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
+        return "; ".join(reports)
 
     return Check(name=name, clause=clause, summary=summary, run=run, inputs=True, plain=True)
 

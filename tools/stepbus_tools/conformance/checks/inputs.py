@@ -129,7 +129,7 @@ def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Transcript | 
 @check("P6.1", "an input with more `delay` gets the older message", inputs=True, plain=True)
 def _delayed(kit: Kit) -> str:
     """Delay one input after the other by a step: the same as its source a step later."""
-    found: dict[str, str] = {}
+    verdicts: dict[str, str] = {}
     ports = [(item.source, item.port) for item in kit.spec.inputs.values()]
     for name, item in kit.spec.inputs.items():
         port = (item.source, item.port)
@@ -139,23 +139,23 @@ def _delayed(kit: Kit) -> str:
         expected = _or_fault(kit, shifted(kit.feed, {port}, kit.every(item.source)))
         given = _or_fault(kit, kit.feed, Setup(delays={name: more}))
         if isinstance(expected, str) and isinstance(given, str):
-            found[name] = "cannot be absent"
+            verdicts[name] = "cannot be absent"
         elif isinstance(expected, str) or isinstance(given, str):
             where = "delayed" if isinstance(given, str) else "left out at first"
             text = given if isinstance(given, str) else expected
             raise Failed(f"only with {name} {where} it reports a fault: {text}")
         else:
             kit.same(given, f"with {name} delayed by {more} steps", expected)
-            found[name] = f"by {more}: right"
-    shown = "; ".join(f"{name} {text}" for name, text in found.items())
-    if set(found.values()) <= {"cannot be absent"}:
+            verdicts[name] = f"by {more}: right"
+    shown = "; ".join(f"{name} {text}" for name, text in verdicts.items())
+    if set(verdicts.values()) <= {"cannot be absent"}:
         raise Skipped(f"a delayed input is absent at first, and {shown}")
     return shown
 
 
 @check("P6.1", "from a source that fires less often, it uses the due message", inputs=True)
 def _rarer_source(kit: Kit) -> str:
-    """Let its sources fire at every third step: the same as messages left out in between."""
+    """Make its sources fire at every third step: the same as messages left out in between."""
     every = {name: 3 * kit.every(name) for name in kit.feed}
     expected = kit.play(thinned(kit.feed, every))
     given = kit.play(setup=Setup(every=every))
@@ -165,7 +165,7 @@ def _rarer_source(kit: Kit) -> str:
 
 @check("P6.3", "firing at every other step, it still gets the messages in between", inputs=True)
 def _own_every(kit: Kit) -> str:
-    """Let it fire at every other step, with messages at the steps in between only."""
+    """Make it fire at every other step, with messages at the steps in between only."""
     often, seldom = kit.spec.every, 2 * kit.spec.every
     setup = Setup(every={kit.spec.name: seldom})
     as_often = {name for name in kit.feed if kit.every(name) == often}

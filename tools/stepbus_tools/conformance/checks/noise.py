@@ -39,7 +39,7 @@ def _undisturbed(kit: Kit, noise: Hook, what: str) -> str:
 
     def play(harness: Harness) -> None:
         harness.walk(kit.feed, 0, kit.steps, before=noise, after=noise)
-        # What it says to have dropped comes with its last log; nobody demands it.
+        # What it says to have dropped comes with its last log, which no clause demands.
         harness.idle(_LAST_LOG_S)
 
     transcript = kit.play(play=play)
