@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.recording.layout import recorded_decoder, upgraded
 from stepbus_orchestrator.recording.mcap_file import McapFile
-from stepbus_orchestrator.recording.recorder import Descriptions, Recorder, Sink
+from stepbus_orchestrator.recording.recorder import Recorder
+from stepbus_orchestrator.recording.sink import Descriptions, Sink
 
 from .checkpoints import Checkpoints, CheckpointWriter, SavedState
 from .recover import Recovery, recover

@@ -1,17 +1,17 @@
-"""What becomes of the outputs of a run: they are put in order, and recorded."""
+"""Writes the recording of a run: channels, outputs, calls and hash chains (P13)."""
 
 import contextlib
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import msgspec
 
-from stepbus_orchestrator.errors import ParticipantFault, RunFailure
+from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
-from stepbus_orchestrator.recording.step_order import Published, StepOrder
+from stepbus_orchestrator.recording.sink import Descriptions, Published, Sink
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_schemas import (
     SHIPPED,
@@ -27,94 +27,6 @@ from stepbus_schemas import (
     json_schema,
 )
 
-Descriptions = Mapping[str, Mapping[str, Description]]
-"""Participant → output → its description."""
-
-
-class Reviser(Protocol):
-    """Sees all that is about to be recorded, and may put something else in its place."""
-
-    def revise(
-        self, step: int, published: Sequence[Published], closing: Collection[str] | None
-    ) -> Sequence[Published]:
-        """Return what is recorded of a step, in schedule order.
-
-        closing: at the closing step, who publishes at it. A RunFailure that it raises ends the
-        recording before the step.
-        """
-
-    def revise_call(self, call: CallRecord) -> CallRecord:
-        """Return what is recorded of a call."""
-
-
-class Sink(StepOrder):
-    """Takes what a run has to keep, in whatever order it arrives, and writes it in order (P13.1).
-
-    order: the participants in schedule order. reviser: sees each step before it is written.
-
-    This one checks bulk content, and writes nothing; a `Recorder` does. Methods raise
-    ParticipantFault for bulk content of another length than announced.
-    """
-
-    def __init__(self, order: Sequence[ParticipantSpec]) -> None:
-        super().__init__({spec.name: list(spec.outputs) for spec in order})
-        self.reviser: Reviser | None = None
-
-    def open_channels(
-        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
-    ) -> None:
-        """Take how the participants describe their outputs, and what they run on."""
-
-    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
-        """Write a fact about the run that is no message."""
-
-    def add_call(self, call: CallRecord) -> None:
-        """Write a call that changed something; all steps before its own are written (P15.5)."""
-        self.write_call(call if self.reviser is None else self.reviser.revise_call(call))
-
-    def write_call(self, call: CallRecord) -> None:
-        """Write a call as it is."""
-
-    def flush(self) -> None:
-        """Keep what is written safe from a kill; called by the wall clock, changes no result."""
-
-    def write_below(self, step: int) -> None:
-        """Write all steps below `step`, up to the first that lacks bulk content."""
-        for complete in self.complete_below(step):
-            self.write_step(complete)
-
-    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
-        """Write what is left: up to `closing_step`, and at that the outputs of those named.
-
-        What a participant published behind the closing step is no part of the run and is dropped.
-        """
-        self.write_below(closing_step)
-        self.drop_behind(closing_step, closing)
-        self.write_step(closing_step, closing)
-
-    def abort(self) -> None:
-        """Write whatever has arrived, in order; harmless when repeated."""
-        for step in self.steps():
-            self.write_step(step)
-
-    def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
-        """Write the outputs of a step; closing: at the last one, who publishes at it."""
-        for published in self.revised(step, closing):
-            if published.fault is not None:
-                raise published.fault
-
-    def revised(self, step: int, closing: Collection[str] | None = None) -> Iterable[Published]:
-        """Return the outputs of a step that are to be written, and forget them."""
-        if self.reviser is None:
-            return self.take(step)
-        try:
-            return self.reviser.revise(step, list(self.take(step)), closing)
-        except RunFailure:
-            # Nothing follows a step that is not there.
-            self.drop_behind(-1, ())
-            raise
-
-
 OnEvent = Callable[[str, str, int, Event], None]
 """Takes (participant, port, step, event)."""
 
@@ -126,9 +38,10 @@ class _Port(NamedTuple):
 
 
 class Recorder(Sink):
-    """Writes outputs by (step, schedule order, port), and the hash chains (P13).
+    """Writes the outputs of a run, and the hash chains.
 
-    on_event: gets every Event that is written. types: those of the scenario.
+    order: the participants in schedule order. on_event: gets every Event that is written. types:
+    those of the scenario.
     Its methods raise RecordingFailed when the disk is full or the recording is closed, and
     ParticipantFault when a message is not of its port's type.
     """
@@ -141,7 +54,7 @@ class Recorder(Sink):
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
     ) -> None:
-        super().__init__(order)
+        super().__init__({spec.name: spec.outputs for spec in order})
         self._types = types
         self._file = file
         self._add = file.add_all
@@ -204,7 +117,7 @@ class Recorder(Sink):
         """Let the file have all that is written, even if this process is killed."""
         self._file.flush()
 
-    def finish(self, closing_step: int, closing: Sequence[str]) -> None:
+    def finish(self, closing_step: int, closing: Collection[str]) -> None:
         """Write what is left, with the last chain, and close the file."""
         try:
             super().finish(closing_step, closing)

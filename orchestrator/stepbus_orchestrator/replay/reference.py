@@ -24,7 +24,7 @@ def new_reference(target: Path | None, old: Recording, prepared: Prepared) -> It
     scenario = prepared.scenario
     order = [scenario.participant(name) for name in Schedule.of(scenario).order]
     if target is None:
-        yield Sink(order)
+        yield Sink({spec.name: spec.outputs for spec in order})
         return
     if irregular(target) or target.exists():
         raise OutputExists(

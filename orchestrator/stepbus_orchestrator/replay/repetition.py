@@ -13,7 +13,7 @@ from stepbus_orchestrator.analysis.divergence import PortComparison
 from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.recording import Recording, Sink
 from stepbus_orchestrator.recording.layout import topic_of
-from stepbus_orchestrator.recording.step_order import Published
+from stepbus_orchestrator.recording.sink import Published
 from stepbus_orchestrator.replay.player import Player
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs
 from stepbus_orchestrator.run.extension import RunExtension

@@ -2,7 +2,7 @@
 
 import msgspec
 
-from stepbus_orchestrator.recording.step_order import StepOrder
+from stepbus_orchestrator.recording.sink import Sink
 from stepbus_schemas import Outputs
 
 PORTS = {"plant": ["state", "image"], "mission": ["goal"]}
@@ -14,8 +14,8 @@ def outputs(step, *ports, bulk=None):
 
 
 def order(*offered):
-    """Return an order to which (name, outputs) were offered."""
-    found = StepOrder(PORTS)
+    """Return a sink to which (name, outputs) were offered."""
+    found = Sink(PORTS)
     for name, item in offered:
         found.offer(name, item)
     return found
@@ -53,7 +53,7 @@ def test_a_step_waits_for_its_bulk_content():
 
 
 def test_bulk_content_may_come_before_the_outputs_that_announce_it():
-    found = StepOrder(PORTS)
+    found = Sink(PORTS)
     found.offer_bulk("plant", "image", 0, b"abc")
     found.offer("plant", outputs(0, "state", bulk={"image": 3}))
     ((row),) = found.take(0)

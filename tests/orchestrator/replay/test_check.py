@@ -36,7 +36,7 @@ def sink(tmp_path):
         name="test", step_ns=STEP_NS, steps=STEPS, seed=0, window=64, participants=(spec,),
         folder=tmp_path, file=tmp_path / "scenario.yaml",
     )  # fmt: skip
-    sink = Sink([spec])
+    sink = Sink({"plant": spec.outputs})
     Replayed(Recording(path), scenario, "plant", Tolerance()).compare(sink, scenario)
     return sink
 

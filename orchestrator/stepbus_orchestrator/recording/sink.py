@@ -1,0 +1,190 @@
+"""Takes what a run records in whatever order it arrives, and writes it in order (P13.1).
+
+That is by step, then participant, then port.
+"""
+
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from typing import Protocol
+
+import msgspec
+
+from stepbus_orchestrator.errors import ParticipantFault, RunFailure
+from stepbus_schemas import CallRecord, Description, Outputs
+
+Descriptions = Mapping[str, Mapping[str, Description]]
+"""Participant → output → its description."""
+
+
+class Published(msgspec.Struct, frozen=True, kw_only=True, gc=False):
+    """What one participant published at one step: (port, bytes) in the order of the scenario.
+
+    fault: of the port behind the last one, whose bulk content has another length than announced.
+    """
+
+    participant: str
+    step: int
+    content: list[tuple[str, bytes]]
+    fault: ParticipantFault | None = None
+
+
+class Reviser(Protocol):
+    """Sees all that is about to be recorded, and may put something else in its place."""
+
+    def revise(
+        self, step: int, published: Sequence[Published], closing: Collection[str] | None
+    ) -> Sequence[Published]:
+        """Return what is recorded of a step, in schedule order.
+
+        closing: at the closing step, who publishes at it. A RunFailure that it raises ends the
+        recording before the step.
+        """
+
+    def revise_call(self, call: CallRecord) -> CallRecord:
+        """Return what is recorded of a call."""
+
+
+class Sink:
+    """Puts the outputs of a run in order, and checks bulk content; a `Recorder` writes them too.
+
+    ports: participant, in schedule order → its ports, in scenario order. reviser: sees each step
+    before it is written.
+
+    Methods that write raise ParticipantFault for bulk content of another length than announced.
+    """
+
+    def __init__(self, ports: Mapping[str, Iterable[str]]) -> None:
+        self.reviser: Reviser | None = None
+        self._ports_of = {name: list(own) for name, own in ports.items()}
+        self._waiting: dict[str, deque[Outputs]] = {name: deque() for name in ports}
+        self._bulk: dict[tuple[str, int, str], bytes] = {}
+        self._next = 0
+
+    # --- what arrives ---------------------------------------------------------------------
+
+    def offer(self, name: str, outputs: Outputs) -> None:
+        """Keep the outputs of one participant, which come in the order of their steps."""
+        self._waiting[name].append(outputs)
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Keep the content of a bulk port, before or after the outputs that announce it."""
+        self._bulk[name, step, port] = content
+
+    def bulk_complete(self) -> bool:
+        """Return whether all announced bulk content has arrived."""
+        waiting = self._waiting.items()
+        return all(self._has_bulk(name, outputs) for name, own in waiting for outputs in own)
+
+    def _has_bulk(self, name: str, outputs: Outputs) -> bool:
+        return all((name, outputs.step, port) in self._bulk for port in outputs.bulk)
+
+    # --- in order -------------------------------------------------------------------------
+
+    def complete_below(self, end: int) -> Iterator[int]:
+        """Yield the next steps below `end`, up to the first that lacks bulk content."""
+        waiting = list(self._waiting.items())
+        while self._next < end:
+            for name, own in waiting:
+                head = own[0] if own else None
+                if (
+                    head
+                    and head.bulk
+                    and head.step == self._next
+                    and not self._has_bulk(name, head)
+                ):
+                    return
+            yield self._next
+            self._next += 1
+
+    def take(self, step: int) -> Iterator[Published]:
+        """Yield the outputs of one step, participant by participant, and forget them."""
+        for name, own in self._waiting.items():
+            while own and own[0].step == step:
+                yield self._published(name, own.popleft())
+
+    def _published(self, name: str, outputs: Outputs) -> Published:
+        step, plain, bulk, content = outputs.step, outputs.ports, self._bulk, []
+        for port in self._ports_of[name]:
+            if port in plain:
+                content.append((port, bytes(plain[port])))
+            elif bulk and (name, step, port) in bulk:
+                data, announced = bulk.pop((name, step, port)), outputs.bulk.get(port)
+                if len(data) != announced:
+                    fault = ParticipantFault(
+                        f"step {step}: {name} announced {announced} bytes on bulk port "
+                        f"{port!r} and sent {len(data)}",
+                        participant=name,
+                        step=step,
+                    )
+                    return Published(participant=name, step=step, content=content, fault=fault)
+                content.append((port, data))
+        return Published(participant=name, step=step, content=content)
+
+    def drop_behind(self, closing_step: int, closing: Collection[str]) -> None:
+        """Drop what does not belong to the run: all behind its closing step.
+
+        closing: those who publish at the closing step; of all others nothing is left to write.
+        """
+        for name, own in self._waiting.items():
+            rest = [o for o in own if name in closing and o.step <= closing_step]
+            self._waiting[name] = deque(rest)
+
+    def steps(self) -> list[int]:
+        """Return the steps that wait, in order."""
+        return sorted({outputs.step for own in self._waiting.values() for outputs in own})
+
+    # --- what is written ------------------------------------------------------------------
+
+    def write_below(self, step: int) -> None:
+        """Write all steps below `step`, up to the first that lacks bulk content."""
+        for complete in self.complete_below(step):
+            self.write_step(complete)
+
+    def finish(self, closing_step: int, closing: Collection[str]) -> None:
+        """Write what is left: up to `closing_step`, and at that the outputs of those named.
+
+        What a participant published behind the closing step is no part of the run and is dropped.
+        """
+        self.write_below(closing_step)
+        self.drop_behind(closing_step, closing)
+        self.write_step(closing_step, closing)
+
+    def abort(self) -> None:
+        """Write whatever has arrived, in order; harmless when repeated."""
+        for step in self.steps():
+            self.write_step(step)
+
+    def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
+        """Write the outputs of a step; closing: at the last one, who publishes at it."""
+        for published in self.revised(step, closing):
+            if published.fault is not None:
+                raise published.fault
+
+    def revised(self, step: int, closing: Collection[str] | None = None) -> Iterable[Published]:
+        """Return the outputs of a step that are to be written, and forget them."""
+        if self.reviser is None:
+            return self.take(step)
+        try:
+            return self.reviser.revise(step, list(self.take(step)), closing)
+        except RunFailure:
+            # Nothing follows a step that is not there.
+            self.drop_behind(-1, ())
+            raise
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Take how the participants describe their outputs, and what they run on."""
+
+    def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
+        """Write a fact about the run that is no message."""
+
+    def add_call(self, call: CallRecord) -> None:
+        """Write a call that changed something; all steps before its own are written (P15.5)."""
+        self.write_call(call if self.reviser is None else self.reviser.revise_call(call))
+
+    def write_call(self, call: CallRecord) -> None:
+        """Write a call as it is, before the outputs of its step."""
+
+    def flush(self) -> None:
+        """Keep what is written safe from a kill; called by the wall clock, changes no result."""
