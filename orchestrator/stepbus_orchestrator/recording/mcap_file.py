@@ -80,7 +80,7 @@ class McapFile:
     def add_all(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
         """Write messages of one time, (channel, content) each, in their order."""
         if not messages:
-            # Nobody has published at this step: its time is no part of the chunk.
+            # No participant has published at this step: its time is no part of the chunk.
             return
         # Called for every step: the context manager would take longer than the rest.
         if self._refusal is not None:
@@ -91,7 +91,7 @@ class McapFile:
             raise self._refuse(exc) from exc
 
     def flush(self) -> None:
-        """Let the file have all messages even if this process is killed; it raises nothing.
+        """Write all messages, so that the file has them even after a kill; it raises nothing.
 
         To be called between steps, whose end it marks. The bytes of the closed file stay the same.
         """
@@ -127,7 +127,7 @@ class McapFile:
             raise self._failure(exc) from exc
         if changed:
             raise RecordingFailed(
-                f"the recording {self.path} {changed}: somebody changed it while the run wrote it; "
+                f"the recording {self.path} {changed}: another process changed it while the run wrote it; "
                 "run again, and leave the run's folder alone until it ends"
             )
 

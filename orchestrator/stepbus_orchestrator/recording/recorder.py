@@ -114,7 +114,7 @@ class Recorder(Sink):
         return frozenset(self._silent)
 
     def flush(self) -> None:
-        """Let the file have all that is written, even if this process is killed."""
+        """Write all that is in order, so that the file has it even after a kill."""
         self._file.flush()
 
     def finish(self, closing_step: int, closing: Collection[str]) -> None:

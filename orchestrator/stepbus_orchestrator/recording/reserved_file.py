@@ -136,7 +136,7 @@ a process, it does not end when that process opens and closes the same file once
 
 
 def _set_lock(file: int, kind: int) -> None:
-    # Where the file system has no locks, nobody sees that the file is being written.
+    # Where the file system has no locks, no other process sees that the file is being written.
     with contextlib.suppress(OSError):
         fcntl.fcntl(file, fcntl.F_OFD_SETLK, _LOCK.pack(kind, os.SEEK_SET, 0, 0, 0))
 

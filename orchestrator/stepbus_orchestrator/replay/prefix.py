@@ -62,7 +62,7 @@ class RecordedPrefix(Repetition):
         return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
 
     def attach(self, run: Run) -> None:
-        """Let participants be further apart, and end the run only from where they count."""
+        """Widen the window; a changed participant may end the run from where it counts."""
         super().attach(run)
         run.state.barrier.window = max(WINDOW, run.state.scenario.window)
         run.state.ends_from = self.counts_from
@@ -114,14 +114,13 @@ class RecordedPrefix(Repetition):
     def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
         """Raise Diverged, with what may be the cause."""
         divergence = self.comparisons[name][port].divergence
-        text = "" if divergence is None else divergence.text("recording", "now")
+        what = "" if divergence is None else divergence.detail("recording", "now")
         why = _WHY
         if name in self.starts_at:
             without = argument("--no-checkpoints", "checkpoints=False")
             why = _WHY_RESTORED.format(without=without, step=self.starts_at[name])
         raise Diverged(
-            f"{at_step(step, self._step_ns)}: {name} does not repeat the recording: "
-            f"{text.removeprefix(f'step {step}: ')}; {why}",
+            f"{at_step(step, self._step_ns)}: {name} does not repeat the recording: {what}; {why}",
             participant=name,
             step=step,
         )

@@ -129,7 +129,7 @@ def recorded_end(recording: Recording) -> int:
 
 
 def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
-    """Return the first step at which outputs of a participant may be missing; None: nobody knows.
+    """Return the first step at which outputs of a participant may be missing; None: unknown.
 
     One that has published at every step it fires at, up to some step, was cut off there; one that
     publishes now and then may have had nothing more to say.

@@ -60,7 +60,7 @@ class Repetition(RunExtension):
     # --- playing --------------------------------------------------------------------------
 
     def attach(self, run: Run) -> None:
-        """Let each participant start where it does."""
+        """Set where each participant starts, and prepare what is played and compared."""
         super().attach(run)
         state = run.state
         state.is_repeating = True
@@ -112,7 +112,7 @@ class Repetition(RunExtension):
             for spec in self._order
             if self.starts_at.get(spec.name, 0) < FAR
         }
-        # Nobody makes them again: a checkpoint has what they changed, or nobody is there.
+        # They are not made again: a checkpoint has what they changed, or the participant is played.
         self._made: deque[CallRecord] = deque()
         self._calls: deque[CallRecord] = deque()
         for call in recorded_calls(self.recording):

@@ -57,7 +57,7 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
         return self.steps / self.wall_s if self.wall_s else 0.0
 
     def text(self) -> str:
-        """Return it in lines, the first divergence and its inputs first."""
+        """Return the result in lines, the first divergence and its inputs first."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:

@@ -56,10 +56,10 @@ class Replayed(Repetition):
         self._newest = b""
 
     def attach(self, run: Run) -> None:
-        """Let the run know how all outputs were described, and watch the participant."""
+        """Give the run the recorded descriptions, and watch the participant."""
         super().attach(run)
         run.descriptions = recorded_descriptions(self.recording)
-        # Nobody waits for it, so that only its outputs themselves show how far it has come.
+        # No participant waits for it: only its outputs themselves show how far it has come.
         run.session.bus.subscribe_content(f"out/{self.spec.name}", self._see)
 
     def _see(self, outputs: bytes) -> None:
@@ -70,7 +70,7 @@ class Replayed(Repetition):
         return {} if self._folder is None else {"folder": self._folder}
 
     def started(self, participant: ParticipantState) -> None:
-        """Let the failures of the participant name the step it was seen to publish."""
+        """Watch which step the participant publishes: its failures name it."""
         participant.newest = self._newest_step
 
     def _newest_step(self) -> int:

@@ -125,7 +125,7 @@ def test_a_recording_changed_during_the_run_does_not_pass_as_finished(tmp_path, 
     recording = tmp_path / "run" / "run.mcap"
     result = run_scenario(load("two_link", ["duration=500ms"]), options, changer)
     assert changer.is_done
-    assert f"the recording {recording} {sentence}: somebody changed it" in result.reason
+    assert f"the recording {recording} {sentence}: another process changed it" in result.reason
     assert result.exit_code == ExitCode.RECORDING == 8
     if recording.parent.is_dir():
         assert json.loads((recording.parent / "result.json").read_text())["exit_code"] == 8

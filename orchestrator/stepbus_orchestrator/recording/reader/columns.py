@@ -115,26 +115,19 @@ def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[
 
     most_bytes: of messages; a batch ends with the step that reaches it.
     """
+    topics = {number: port.topic for port in ports for number in port.channels}
     rows: dict[str, list[Row]] = {port.topic: [] for port in ports}
-    places = {number: rows[port.topic] for port in ports for number in port.channels}
     size, newest = 0, -1
-    for row in source.rows(frozenset(places)):
+    for row in source.rows(frozenset(topics)):
         if size >= most_bytes and row[1] > newest:
-            yield _taken(ports, rows)
+            yield {port.topic: Batch(port, rows[port.topic]) for port in ports}
+            rows = {port.topic: [] for port in ports}
             size = 0
-        places[row[0]].append(row)
+        rows[topics[row[0]]].append(row)
         size += len(row[3])
         newest = max(newest, row[1])
     if any(rows.values()):
-        yield _taken(ports, rows)
-
-
-def _taken(ports: Sequence[Port], rows_of: dict[str, list[Row]]) -> dict[str, Batch]:
-    """Return what has been collected, and empty it."""
-    taken = {port.topic: Batch(port, rows_of[port.topic]) for port in ports}
-    for rows in rows_of.values():
-        rows.clear()
-    return taken
+        yield {port.topic: Batch(port, rows[port.topic]) for port in ports}
 
 
 _FLOAT = 0xCB

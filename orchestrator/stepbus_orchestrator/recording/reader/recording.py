@@ -158,7 +158,7 @@ class Recording:
         self._source.close()
 
     def __enter__(self) -> Self:
-        """Return it."""
+        """Return the recording."""
         return self
 
     def __exit__(

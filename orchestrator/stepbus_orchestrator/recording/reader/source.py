@@ -137,8 +137,8 @@ class Source:
                 continue
             if self.index.channels[channel].topic != layout.CHAIN_TOPIC:
                 self._end_step = step
-                told = layout.incomplete(step)
-                self.damage = f"{self.damage}; {told}" if self.damage else told
+                cut = layout.incomplete(step)
+                self.damage = f"{self.damage}; {cut}" if self.damage else cut
             return
 
     def _end_before(self, block: Block, exc: DamagedRecord) -> None:
