@@ -35,7 +35,7 @@ def python(tmp_path_factory):
 
 def trajectory(result):
     """Return the positions of both joints, shape (steps + 1, 2), [rad]."""
-    return read_tracking(Recording(result.recording)).state.fields["position"]
+    return read_tracking(Recording(result.recording)).state_of("joint1").fields["position"]
 
 
 def test_it_moves_the_arm_as_the_python_controller_does(result, python):

@@ -47,7 +47,7 @@ def run_example(out, *overrides):
 
 def trajectory(result):
     """Return the positions of both joints, shape (steps + 1, 2), [rad]."""
-    return read_tracking(Recording(result.recording)).state.fields["position"]
+    return read_tracking(Recording(result.recording)).state_of("joint1").fields["position"]
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Signal, signal_of
+from stepbus_orchestrator.analysis.signals import Array, Signal, read_signal
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, split_topic
 from stepbus_participant import SettingsError
@@ -43,37 +43,32 @@ class Joint:
 
 
 @dataclass
-class _Count:
-    """How often the values of one joint were beyond a limit; worst: the farthest."""
+class Count:
+    """How often the values of one joint were at a limit (full) or beyond it (cut).
+
+    worst: the farthest beyond.
+    """
 
     messages: int = 0
     cut: int = 0
     full: int = 0
     worst: float = 0.0
 
-    def take(self, values: Any, limit: float) -> None:
-        size = np.abs(values)
-        cut = size > limit * (1 + _TOLERANCE)
-        self.messages += len(values)
-        self.cut += int(np.count_nonzero(cut))
-        self.full += int(np.count_nonzero(size >= limit * (1 - _TOLERANCE)))
-        self._keep(values)
-
-    def take_targets(self, values: Any, joint: Joint) -> None:
-        beyond = (values < joint.lower - _TOLERANCE) | (values > joint.upper + _TOLERANCE)
+    def take(self, values: Array, lower: float, upper: float, slack: float = _TOLERANCE) -> None:
+        """Count values, shape (n,), of which some may be no numbers."""
+        beyond = (values < lower - slack) | (values > upper + slack)
         self.messages += len(values)
         self.cut += int(np.count_nonzero(beyond))
-        self._keep(values[beyond])
-
-    def _keep(self, values: Any) -> None:
-        # Where a controller has diverged, what is no number hides nothing.
-        numbers = values[~np.isnan(values)]
-        if len(numbers):
-            farthest = float(numbers[np.argmax(np.abs(numbers))])
+        if lower < upper:
+            full = (values <= lower + slack) | (values >= upper - slack)
+            self.full += int(np.count_nonzero(full))
+        if beyond.any():
+            farthest = float(max(values[beyond], key=abs))
             self.worst = max(self.worst, farthest, key=abs)
 
     @property
     def share(self) -> str:
+        """Return in how many of the steps values were cut."""
         return f"{math.ceil(100 * self.cut / self.messages)} % of the steps"
 
 
@@ -90,8 +85,8 @@ class _Watched:
     joints: Mapping[str, Joint]
     own: Mapping[str, float]
     has_targets: bool = True
-    torques: dict[str, _Count] = field(default_factory=dict)
-    targets: dict[str, _Count] = field(default_factory=dict)
+    torques: dict[str, Count] = field(default_factory=dict)
+    targets: dict[str, Count] = field(default_factory=dict)
 
     def take(self, signal: Signal) -> None:
         modes = signal.modes - {"brake"}
@@ -102,10 +97,11 @@ class _Watched:
             if self.port.type == REFERENCE or (modes == {"position"} and self.has_targets):
                 quantity = "position" if self.port.type == REFERENCE else "values"
                 if (values := signal.of(quantity, name)) is not None:
-                    self.targets.setdefault(name, _Count()).take_targets(values, joint)
+                    self.targets.setdefault(name, Count()).take(values, joint.lower, joint.upper)
             elif modes == {"torque"} and (values := signal.of("values", name)) is not None:
                 limit = min(joint.effort, self.own.get(name, math.inf))
-                self.torques.setdefault(name, _Count()).take(values, limit)
+                slack = limit * _TOLERANCE if math.isfinite(limit) else 0.0
+                self.torques.setdefault(name, Count()).take(values, -limit, limit, slack)
 
     def lines(self) -> Iterator[str]:
         who = self.port.topic.replace("/", ".", 1)
@@ -117,7 +113,7 @@ class _Watched:
                     f"{self.receiver} cuts {name} of {who} to {joint.effort:g} {unit} in "
                     f"{count.share}: up to {abs(count.worst):.4g} {unit} were commanded"
                 )
-            elif count.full > _PERMANENT * count.messages and count.worst:
+            elif count.full > _PERMANENT * count.messages:
                 share = math.floor(100 * count.full / count.messages)
                 yield f"{who}: {name} is saturated in {share} % of the steps"
         for name, count in self.targets.items():
@@ -125,7 +121,7 @@ class _Watched:
                 yield f"{who}: {_beyond(name, self.joints[name], count)}"
 
 
-def _beyond(name: str, joint: Joint, count: _Count) -> str:
+def _beyond(name: str, joint: Joint, count: Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
     text = f"{name} is sent to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
@@ -148,7 +144,7 @@ def findings(recording: Recording) -> list[str]:
     watched = list(_watched(recording, rows, plants))
     for batch in recording.batches([row.port for row in watched]):
         for row in watched:
-            signal = signal_of(row.port, batch[row.port.topic], _quantities(row.port))
+            signal = read_signal(row.port, batch[row.port.topic], _quantities(row.port))
             if signal is not None:
                 row.take(signal)
     return [
@@ -163,11 +159,11 @@ def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> 
     joints = {name: joint for plant in plants for name, joint in plant.items()}
     # Goals name joints as the model does, without the prefix of one of two robots.
     joints = {name.rpartition("/")[2]: joint for name, joint in joints.items()} | joints
-    counts: dict[tuple[str, str], _Count] = {}
+    counts: dict[tuple[str, str], Count] = {}
     for topic, name, value in _goal_targets(recording):
         if name in joints:
-            count = counts.setdefault((topic, name), _Count())
-            count.take_targets(np.array([value]), joints[name])
+            count = counts.setdefault((topic, name), Count())
+            count.take(np.array([value]), joints[name].lower, joints[name].upper)
     for (topic, name), count in counts.items():
         if count.cut:
             yield f"{topic}: {_beyond(name, joints[name], count)}"

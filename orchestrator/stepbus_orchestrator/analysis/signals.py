@@ -1,4 +1,4 @@
-"""How well joints follow their reference, summed up piece by piece."""
+"""Joints over time: what is measured, wanted and commanded, and how well they follow."""
 
 from __future__ import annotations
 
@@ -10,49 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import BATCH_BYTES, Batch, Port, Recording
-
-
-class TrackingError:
-    """The root mean square of each joint's tracking error.
-
-    after_s: what comes before is left out [s]. The closing sample has no reference and is left
-    out too. Of a recording in several pieces the sum may differ from that in one in the last
-    digits of a double.
-    """
-
-    def __init__(self, after_s: float) -> None:
-        self._after_s = after_s
-        self._sums: dict[str, tuple[float, int]] = {}
-
-    def take(self, piece: Tracking) -> None:
-        """Take the next piece of a recording."""
-        for joint in piece.joints:
-            state = piece.state_of(joint)
-            error = piece.error(joint)
-            if state is not None:
-                error = error[state.t >= self._after_s]
-            total, count = self._sums.get(joint, (0.0, 0))
-            known = int(np.count_nonzero(~np.isnan(error)))
-            # A simulation that diverges leaves numbers whose squares are too large for any.
-            with np.errstate(over="ignore"):
-                squares = float(np.nansum(error**2))
-            self._sums[joint] = (total + squares, count + known)
-
-    def rmse(self) -> dict[str, float]:
-        """Return joint → root mean square [rad or m]; none for a joint without a reference."""
-        return {
-            joint: float(np.sqrt(total / count))
-            for joint, (total, count) in self._sums.items()
-            if count
-        }
-
-
-def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
-    """Return the root mean square of each joint's tracking error in one piece [rad or m]."""
-    error = TrackingError(after_s)
-    error.take(tracking)
-    return error.rmse()
-
 
 Array = NDArray[np.float64]
 
@@ -113,13 +70,11 @@ def _interval(steps: NDArray[np.int64]) -> int:
     return int(steps[1] - steps[0]) if len(steps) > 1 else 1
 
 
-def read_signal(port: Port, quantities: Sequence[str]) -> Signal | None:
-    """Return a port as arrays; None when it has no messages, or none of a constant width."""
-    return signal_of(port, port, quantities)
+def read_signal(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Signal | None:
+    """Return a port as arrays; None when it has no messages, or none of a constant width.
 
-
-def signal_of(port: Port, source: Port | Batch, quantities: Sequence[str]) -> Signal | None:
-    """Return what `source` has of a port, as `read_signal`."""
+    source: what is read: the port itself, or a piece of it.
+    """
     arrays = source.arrays(*quantities)
     if not len(source.steps):
         return None
@@ -157,16 +112,6 @@ class Tracking:
     states: Mapping[str, Signal] = field(default_factory=dict)
     references: Mapping[str, Signal] = field(default_factory=dict)
     commands: Mapping[str, Signal] = field(default_factory=dict)
-
-    @property
-    def state(self) -> Signal | None:
-        """Return the first state."""
-        return next(iter(self.states.values()), None)
-
-    @property
-    def reference(self) -> Signal | None:
-        """Return the first reference."""
-        return next(iter(self.references.values()), None)
 
     @property
     def measured(self) -> list[str]:
@@ -221,10 +166,10 @@ def tracking_pieces(
     held = [_Held(port) for port in references]
     for batch in recording.batches([*states, *references, *commands], most_bytes):
         yield Tracking(
-            states=_present((p.topic, signal_of(p, batch[p.topic], _STATE[1])) for p in states),
+            states=_present((p.topic, read_signal(p, batch[p.topic], _STATE[1])) for p in states),
             references=_present((one.topic, one.take(batch[one.topic])) for one in held),
             commands=_present(
-                (p.topic, signal_of(p, batch[p.topic], _COMMAND[1])) for p in commands
+                (p.topic, read_signal(p, batch[p.topic], _COMMAND[1])) for p in commands
             ),
         )
 
@@ -258,7 +203,7 @@ class _Held:
     def take(self, batch: Batch) -> Signal | None:
         """Return a piece; one without messages where the last one still holds."""
         before = self._before
-        signal = signal_of(self._port, batch, _REFERENCE[1])
+        signal = read_signal(self._port, batch, _REFERENCE[1])
         if signal is None and before is not None and not len(batch.steps):
             signal = before.slice(slice(0, 0))
         if signal is None:
@@ -271,3 +216,45 @@ class _Held:
         if len(signal.steps):
             self._before = signal.slice(slice(-1, None))
         return replace(signal, before=before, end=end)
+
+
+class TrackingError:
+    """The root mean square of each joint's tracking error.
+
+    after_s: what comes before is left out [s]. The closing sample has no reference and is left
+    out too. Of a recording in several pieces the sum may differ from that in one in the last
+    digits of a double.
+    """
+
+    def __init__(self, after_s: float) -> None:
+        self._after_s = after_s
+        self._sums: dict[str, tuple[float, int]] = {}
+
+    def take(self, piece: Tracking) -> None:
+        """Take the next piece of a recording."""
+        for joint in piece.joints:
+            state = piece.state_of(joint)
+            error = piece.error(joint)
+            if state is not None:
+                error = error[state.t >= self._after_s]
+            total, count = self._sums.get(joint, (0.0, 0))
+            known = int(np.count_nonzero(~np.isnan(error)))
+            # A simulation that diverges leaves numbers whose squares are too large for any.
+            with np.errstate(over="ignore"):
+                squares = float(np.nansum(error**2))
+            self._sums[joint] = (total + squares, count + known)
+
+    def rmse(self) -> dict[str, float]:
+        """Return joint → root mean square [rad or m]; none for a joint without a reference."""
+        return {
+            joint: float(np.sqrt(total / count))
+            for joint, (total, count) in self._sums.items()
+            if count
+        }
+
+
+def tracking_rmse(tracking: Tracking, after_s: float = 2.0) -> dict[str, float]:
+    """Return the root mean square of each joint's tracking error in one piece [rad or m]."""
+    error = TrackingError(after_s)
+    error.take(tracking)
+    return error.rmse()

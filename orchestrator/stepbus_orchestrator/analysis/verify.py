@@ -106,16 +106,12 @@ def plan(scenario: Scenario, count: int, seed: int, *, in_process: bool = False)
         )
         for index in range(count - 1)
     ]
-    shared = msgspec.structs.replace(plain, number=count + 1, in_process=True)
-    return [plain, *others, *([shared] if in_process and _can_share(scenario) else ())]
-
-
-def _can_share(scenario: Scenario) -> bool:
-    try:
-        check_scenario(scenario)
-    except WiringError:
-        return False
-    return True
+    trials = [plain, *others]
+    with contextlib.suppress(WiringError):
+        if in_process:
+            check_scenario(scenario)
+            trials.append(msgspec.structs.replace(plain, number=count + 1, in_process=True))
+    return trials
 
 
 def verify(
@@ -188,7 +184,7 @@ def run_trials(
 
     folder: gets a folder for each run, named by its number. The others: as of `verify`.
     """
-    results: list[TrialResult] = []
+    verification = Verification(results=(), folder=folder)
     for trial in trials:
         delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
         options = Options(
@@ -198,12 +194,12 @@ def run_trials(
             else Processes(start_order=trial.start_order, around=delays.around),
         )
         result = run(_changed(scenario, trial), options, interrupt=interrupt)
-        results.append(TrialResult(trial=trial, result=result, delays=sum(delays.counts.values())))
-        on_result(results[-1])
-        verification = Verification(results=tuple(results), folder=folder)
+        done = TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))
+        on_result(done)
+        verification = Verification(results=(*verification.results, done), folder=folder)
         if verification.failed or verification.different:
             break
-    return Verification(results=tuple(results), folder=folder)
+    return verification
 
 
 def _changed(scenario: Scenario, trial: Trial) -> Scenario:

@@ -9,7 +9,7 @@ from support.messages.recordings import write
 from support.paths import GOLDEN_LOGS, TESTS
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.analysis.findings import _Count, findings
+from stepbus_orchestrator.analysis.findings import Count, findings
 from stepbus_orchestrator.cli.new import write_starter
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -46,8 +46,8 @@ def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
 
 
 def test_a_command_that_is_no_number_does_not_hide_the_largest():
-    count = _Count()
-    count.take(np.array([math.nan, 5.0, -9.0]), 1.0)
+    count = Count()
+    count.take(np.array([math.nan, 5.0, -9.0]), -1.0, 1.0)
     assert (count.worst, count.share) == (-9.0, "67 % of the steps")
 
 

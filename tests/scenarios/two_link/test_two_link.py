@@ -62,8 +62,8 @@ def test_the_metric_of_the_scenario_gives_amplitude_and_lag(results):
 
 
 def test_direct_torque_and_velocity_with_maximum_force_agree(tracking):
-    direct = tracking["two_link"].state.fields["position"]
-    emulated = tracking["two_link/velocity_force"].state.fields["position"]
+    direct = tracking["two_link"].state_of("joint1").fields["position"]
+    emulated = tracking["two_link/velocity_force"].state_of("joint1").fields["position"]
     assert np.abs(direct - emulated).max() <= 1e-9
 
 

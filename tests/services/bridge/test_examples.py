@@ -31,7 +31,7 @@ def native(tmp_path_factory):
 
 
 def positions(result):
-    return read_tracking(Recording(result.recording)).state.fields["position"]
+    return read_tracking(Recording(result.recording)).state_of("joint1").fields["position"]
 
 
 @pytest.fixture(scope="module", params=TOOLS)

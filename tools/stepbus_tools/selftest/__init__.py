@@ -149,7 +149,7 @@ def _judged(
 ) -> SelfTest:
     recording = Recording(result.recording)
     topic: Port = recording[f"{plant.name}.{port}"]
-    state = read_signal(topic, _QUANTITIES)
+    state = read_signal(topic, topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
         raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
     joints = read_joints(topic.description, state.fields["position"][0].tolist())

@@ -48,7 +48,7 @@ def test_both_joints_follow_within_two_percent_and_five_milliseconds(result):
 
 def test_no_other_joint_moves_more_than_half_a_degree(tracking):
     others = [joint for joint in ARMS if joint not in {"left_s0", "right_s0"}]
-    moved = max(np.ptp(tracking.state.of("position", joint)) for joint in others)
+    moved = max(np.ptp(tracking.state_of(ARMS[0]).of("position", joint)) for joint in others)
     assert 0 < np.degrees(moved) < 0.5
 
 
@@ -58,9 +58,12 @@ def test_it_starts_without_a_jump(tracking):
 
 
 def test_targets_and_measurements_of_all_fourteen_are_recorded(tracking):
-    assert list(tracking.state.names) == ARMS
-    assert tracking.state.fields["target"].shape == tracking.state.fields["position"].shape
-    assert tracking.state.fields["target"].shape == (201, 14)
+    assert list(tracking.state_of(ARMS[0]).names) == ARMS
+    assert (
+        tracking.state_of(ARMS[0]).fields["target"].shape
+        == tracking.state_of(ARMS[0]).fields["position"].shape
+    )
+    assert tracking.state_of(ARMS[0]).fields["target"].shape == (201, 14)
     # Positions that are commanded are no torques to plot.
     curves = JointCurves()
     curves.take(tracking)
@@ -71,9 +74,9 @@ def test_the_order_of_joints_of_one_participant_changes_nothing(tracking, tmp_pa
     backwards = f"[{', '.join(reversed(ARMS))}]"
     for name in ("plant", "controller"):
         result = run_baxter(tmp_path / name, f"{name}.params.joints={backwards}", "duration=2s")
-        state = read_tracking(Recording(result.recording)).state
+        state = read_tracking(Recording(result.recording)).state_of(ARMS[0])
         for joint in ARMS:
-            first = tracking.state.of("position", joint)[: len(state.t)]
+            first = tracking.state_of(ARMS[0]).of("position", joint)[: len(state.t)]
             assert (state.of("position", joint) == first).all()
 
 

@@ -186,7 +186,7 @@ def test_a_report_of_a_recording_with_images_takes_little_memory(tmp_path):
     tracking = read_tracking(Recording(path))
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
-    assert len(tracking.state.t) == 150
+    assert len(tracking.state_of("a").t) == 150
     assert peak < 60_000_000
 
 

@@ -127,7 +127,7 @@ def test_the_order_of_the_joints_in_the_model_changes_nothing(tmp_path):
         changes = [f"plant.params.joints=[{', '.join(names)}]"]
         out = tmp_path / f"run_{names[0]}"
         result = run(load(source, changes), Options(out=out, host=InProcess()))
-        states.append(read_tracking(Recording(result.recording)).state)
+        states.append(read_tracking(Recording(result.recording)).state_of("joint1"))
     assert [state.names for state in states] == [["joint1", "joint2"], ["joint2", "joint1"]]
     for name in ("joint1", "joint2"):
         first, second = (state.of("position", name) for state in states)
