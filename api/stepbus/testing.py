@@ -1,8 +1,23 @@
-"""A participant on a test bench: feed it, step it, read its outputs, or replay a recording."""
+"""What tests of your own participants need: no processes, no bus, no orchestrator.
+
+```python
+from stepbus import JointCommand, JointState
+from stepbus.testing import Bench, make_config
+
+def test_it_pushes_back():
+    config = make_config(inputs={"joint_state": JointState}, outputs={"command": JointCommand})
+    bench = Bench(MyController, config)
+    command = bench.step(joint_state=JointState(position=[0.1]))["command"]
+    assert command.values[0] < 0
+```
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
+from os import PathLike
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 import msgspec
@@ -10,8 +25,10 @@ import msgspec
 from stepbus_participant import (
     Config,
     Input,
+    LoopbackBus,
     OutputError,
     Participant,
+    PortType,
     Step,
     parse_duration,
     suggest,
@@ -21,6 +38,7 @@ from stepbus_schemas import (
     Description,
     InputConfig,
     Message,
+    OutputConfig,
     StepbusError,
     Types,
     WiringError,
@@ -29,11 +47,82 @@ from stepbus_schemas import (
     type_name,
 )
 
-from .configs import make_config
-
 if TYPE_CHECKING:
+    from stepbus.runs import AnyScenario
     from stepbus_orchestrator.recording.layout import Source
     from stepbus_orchestrator.replay import ReplayResult
+    from stepbus_orchestrator.scenario.override import Overrides
+
+__all__ = [
+    "Bench",
+    "LoopbackBus",
+    "assert_replays",
+    "feed",
+    "make_config",
+    "scenario_config",
+]
+
+
+def make_config(
+    *,
+    name: str = "participant",
+    inputs: Mapping[str, PortType] | None = None,
+    outputs: Mapping[str, PortType] | None = None,
+    params: Mapping[str, Any] | None = None,
+    step: str = "5ms",
+    every: int = 1,
+    seed: int = 0,
+    folder: str | PathLike[str] = ".",
+    publishes: str = "last",
+) -> Config:
+    """Return the configuration that a participant would get from a scenario.
+
+    inputs, outputs: port → message type, as a class or a name. folder: what relative file names
+    in `params` are relative to.
+    """
+    return Config(
+        name=name,
+        step_ns=parse_duration(step),
+        every=every,
+        seed=seed,
+        folder=Path(folder),
+        inputs={
+            port: InputConfig(source="test", port=port, type=_name(type_))
+            for port, type_ in (inputs or {}).items()
+        },
+        outputs={port: OutputConfig(type=_name(type_)) for port, type_ in (outputs or {}).items()},
+        params=params or {},
+        publishes=publishes,
+        types=Types.of(_classes(inputs, outputs)),
+    )
+
+
+def _classes(*sides: Mapping[str, PortType] | None) -> list[type[Message]]:
+    return [item for side in sides for item in (side or {}).values() if isinstance(item, type)]
+
+
+def _name(port_type: PortType) -> str:
+    return port_type if isinstance(port_type, str) else type_name(port_type)
+
+
+def scenario_config(
+    scenario: AnyScenario,
+    participant: str,
+    *,
+    set: Overrides = (),  # noqa: A002  as --set on the command line
+) -> Config:
+    """Return the configuration that a participant gets in a scenario; its seed is the scenario's.
+
+    scenario, set: as of `stepbus.load`. Raises ScenarioError when the scenario cannot run,
+    KeyError when it has no such participant.
+    """
+    from stepbus.runs import load  # noqa: PLC0415  it loads the orchestrator
+    from stepbus_orchestrator.run.kernel.admission import welcome_of  # noqa: PLC0415
+
+    loaded = load(scenario, set=set)
+    welcome = welcome_of(loaded, loaded.participant(participant), "")
+    return replace(Config.from_welcome(welcome, loaded.types), seed=loaded.seed)
+
 
 _AT_ONCE = -1
 """What a source has published before any step is due at every step."""
