@@ -22,7 +22,6 @@ from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
-from stepbus_orchestrator.scenario.load import check_data
 from stepbus_orchestrator.scenario.load import load as load_scenario
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts, plain_value
@@ -56,9 +55,8 @@ def load(
     Raises ScenarioError with every problem, each with file, line and path.
     """
     if isinstance(scenario, Mapping):
-        return check_data(
-            plain_value(scenario), Path(folder or Path.cwd()), override_texts(set), faults
-        )
+        given = None if folder is None else Path(folder)
+        return load_scenario(plain_value(scenario), override_texts(set), faults, folder=given)
     if folder is not None:
         raise WiringError("folder: only a scenario that is a map has none of its own")
     if isinstance(scenario, Scenario):

@@ -26,26 +26,6 @@ from enum import IntEnum
 from stepbus_participant import SettingsError
 from stepbus_schemas import RunError, WiringError
 
-__all__ = [
-    "BusFailed",
-    "Diverged",
-    "ExitCode",
-    "Interrupted",
-    "OutputExists",
-    "ParticipantDied",
-    "ParticipantFault",
-    "RecordingFailed",
-    "RunFailure",
-    "ScenarioError",
-    "StartFailed",
-    "StepTimeout",
-    "StopTimeout",
-    "Untrusted",
-    "argument",
-    "command_line",
-    "indented",
-]
-
 
 class ExitCode(IntEnum):
     """One exit code per cause (docs/exit-codes.md)."""

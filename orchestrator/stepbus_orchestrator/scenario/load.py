@@ -1,4 +1,4 @@
-"""From a path or a name to a checked scenario."""
+"""From a path, a name or plain data to a checked scenario."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -21,63 +21,43 @@ from .model import Scenario
 
 
 def load(
-    path_or_name: str | Path,
+    scenario: str | Path | Mapping[str, Any],
     overrides: Sequence[str] = (),
     faults: Sequence[str] = (),
+    *,
+    folder: Path | None = None,
     last_check: Callable[[Scenario, Problems], None] | None = None,
 ) -> Scenario:
     """Load and check a scenario; nothing is started.
 
-    path_or_name: a YAML file, a folder with a scenario.yaml, or the name of a built-in scenario.
-    overrides: settings such as `controller.params.kp=80` or `duration=2s`. faults: more of them,
-    such as `kill plant at 120`. last_check: comes after all others, where these find nothing.
+    scenario: a YAML file, a folder with a scenario.yaml, the name of a built-in scenario, or plain
+    data, as YAML would have it. overrides: settings such as `controller.params.kp=80` or
+    `duration=2s`. faults: more of them, such as `kill plant at 120`. folder: what relative file
+    names in plain data are relative to; default: the current one. last_check: comes after all
+    others, where these find nothing.
 
     Raises ScenarioError that lists every problem with file, line and path.
     """
     try:
-        path = locate(path_or_name)
-        return _checked(read_extended(path), path, overrides, faults, last_check)
-    except SettingsError as exc:
-        raise ScenarioError(exc.problems) from exc
-
-
-def check_data(
-    data: Mapping[str, Any],
-    folder: Path,
-    overrides: Sequence[str] = (),
-    faults: Sequence[str] = (),
-) -> Scenario:
-    """Check a scenario that is plain data, as YAML would have it; nothing is started.
-
-    folder: what relative file names are relative to. overrides, faults: as of `load`.
-
-    Raises ScenarioError that lists every problem with its path.
-    """
-    try:
-        file = instantiate(YamlFile(file="scenario", data=dict(data), places={}))
-        return _checked(file, folder.absolute() / "scenario", overrides, faults)
-    except SettingsError as exc:
-        raise ScenarioError(exc.problems) from exc
-
-
-def _checked(
-    file: YamlFile,
-    path: Path,
-    overrides: Sequence[str],
-    faults: Sequence[str],
-    last_check: Callable[[Scenario, Problems], None] | None = None,
-) -> Scenario:
-    file = add_faults(override(file, overrides), faults)
-    problems = file.problems()
-    scenario = build(upgraded(file.data), path, problems)
-    check(scenario, problems)
-    found = find_files(scenario)
-    for keys, message in found.problems:
-        problems.add(keys, message)
-    problems.refuse()
-    if last_check is not None:
-        last_check(scenario, problems)
+        if isinstance(scenario, Mapping):
+            path = (folder or Path.cwd()).absolute() / "scenario"
+            document = instantiate(YamlFile(file="scenario", data=dict(scenario), places={}))
+        else:
+            path = locate(scenario)
+            document = read_extended(path)
+        document = add_faults(override(document, overrides), faults)
+        problems = document.problems()
+        checked = build(upgraded(document.data), path, problems)
+        check(checked, problems)
+        files = find_files(checked)
+        for keys, message in files.problems:
+            problems.add(keys, message)
         problems.refuse()
+        if last_check is not None:
+            last_check(checked, problems)
+            problems.refuse()
+    except SettingsError as exc:
+        raise ScenarioError(exc.problems) from exc
     return dataclasses.replace(
-        scenario, overrides=tuple(overrides), files=found.paths, left_out=found.left_out
+        checked, overrides=tuple(overrides), files=files.paths, left_out=files.left_out
     )
