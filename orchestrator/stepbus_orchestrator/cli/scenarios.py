@@ -55,7 +55,7 @@ def validate_command(
     $ stepbus validate my/scenario.yaml --steps 20
     """
     loaded = load(scenario, set, last_check=rehearse)
-    schedule = Schedule.of(loaded)
+    schedule = Schedule(loaded)
     shown = schedule.text(steps)
     is_cut = loaded.steps is None or steps < loaded.steps
     length = "no fixed end" if loaded.steps is None else f"{loaded.steps} steps"

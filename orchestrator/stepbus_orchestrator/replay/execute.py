@@ -105,7 +105,7 @@ def replay(
     state = run.state
     # From here on, nothing is expected of the participant.
     end = scenario.steps or 0
-    replayed.miss_below(end + Schedule.of(scenario).closing(participant, end))
+    replayed.miss_below(end + Schedule(scenario).closing(participant, end))
     if state.end is not None:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence

@@ -22,7 +22,7 @@ def new_reference(target: Path | None, old: Recording, prepared: Prepared) -> It
     exists or cannot be written.
     """
     scenario = prepared.scenario
-    order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+    order = [scenario.participant(name) for name in Schedule(scenario).order]
     if target is None:
         yield Sink({spec.name: spec.outputs for spec in order})
         return

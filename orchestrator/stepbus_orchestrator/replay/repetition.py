@@ -100,7 +100,7 @@ class Repetition(RunExtension):
         """Compare all that a sink writes from now on."""
         self._sink = sink
         self._step_ns = scenario.step_ns
-        self._order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        self._order = [scenario.participant(name) for name in Schedule(scenario).order]
         self.outputs = RecordedOutputs(self.recording, scenario.participants)
         self.comparisons = {
             spec.name: {

@@ -84,7 +84,7 @@ def inputs_of(
     recording: Recording, scenario: Scenario, participant: str, step: int
 ) -> dict[str, InputValue]:
     """Return what a participant computed its outputs of a step from."""
-    spec, schedule = scenario.participant(participant), Schedule.of(scenario)
+    spec, schedule = scenario.participant(participant), Schedule(scenario)
     # What it publishes first is the result of its step before.
     step -= spec.every if spec.publishes == "first" else 0
     return {

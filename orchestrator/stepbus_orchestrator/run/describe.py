@@ -170,7 +170,7 @@ def _described(scenario: Scenario, outputs: Descriptions) -> list[ParticipantDes
                 for port, output in scenario.participant(name).outputs.items()
             ],
         )
-        for name in Schedule.of(scenario).order
+        for name in Schedule(scenario).order
     ]
 
 

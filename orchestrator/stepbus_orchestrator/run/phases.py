@@ -180,7 +180,7 @@ def _close(run: Run) -> None:
     """Ask for the closing outputs (P11.3), and finish the recording behind them."""
     state = run.state
     end = state.last_step
-    schedule = Schedule.of(state.scenario)
+    schedule = Schedule(state.scenario)
     closing = [name for name in schedule.order if schedule.closing(name, end)]
     run.stop(state.reason, at_step=end)
     _await_outputs(run, closing)

@@ -105,7 +105,7 @@ class _Execution:
         # A run in one process works in the scenario's folder.
         self._out = options.out.resolve()
         self._file: McapFile | None = None
-        order = [scenario.participant(name) for name in Schedule.of(scenario).order]
+        order = [scenario.participant(name) for name in Schedule(scenario).order]
         self._recorder: Recorder | _NoRecorder = _NoRecorder(order, self._events)
         timing = None
         if options.is_recorded:

@@ -11,7 +11,7 @@ from functools import partial
 
 from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import PYTHON, check_program
-from stepbus_orchestrator.scenario.schedule import find_loops
+from stepbus_orchestrator.scenario.schedule import sort
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
 from stepbus_participant.parameters import Keys, find_problems
 from stepbus_schemas import raw_problem
@@ -93,7 +93,7 @@ def _holding_mistake(spec: ParticipantSpec) -> str:
 def _check_loops(
     scenario: Scenario, specs: Mapping[str, ParticipantSpec], problems: Problems
 ) -> None:
-    for loop in find_loops(scenario.participants):
+    for loop in sort(scenario.participants)[1]:
         source, reader = loop[0], loop[1]
         inputs = specs[reader].inputs
         port = next(p for p, i in inputs.items() if i.source == source and i.delay == 0)

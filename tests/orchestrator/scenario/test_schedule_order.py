@@ -10,7 +10,7 @@ from stepbus_schemas import InputConfig
 
 
 def schedule(folder, text=TWO_LINK, *overrides):
-    return Schedule.of(load_text(folder, text, *overrides))
+    return Schedule(load_text(folder, text, *overrides))
 
 
 def test_whoever_is_read_in_a_step_comes_first(tmp_path):

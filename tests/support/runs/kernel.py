@@ -120,7 +120,7 @@ class Transcript(Sink):
     """A sink that keeps what would be recorded, as text: `plant@0 mission@0 controller@0`."""
 
     def __init__(self, scenario):
-        super().__init__({name: ["state"] for name in Schedule.of(scenario).order})
+        super().__init__({name: ["state"] for name in Schedule(scenario).order})
         self._written = []
         self.ends = []
 
