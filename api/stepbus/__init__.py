@@ -11,39 +11,20 @@ from .lookup import imported_on_use
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.analysis.tolerance import Tolerance
-    from stepbus_orchestrator.errors import ExitCode, RunFailure, ScenarioError
+    from stepbus_orchestrator.errors import *
     from stepbus_orchestrator.recording import Recording
     from stepbus_orchestrator.run.extension import RunExtension
     from stepbus_orchestrator.run.extensions.pace import Pace
     from stepbus_orchestrator.run.reports import Observer, Progress
     from stepbus_orchestrator.run.result import Result
     from stepbus_orchestrator.scenario.model import Scenario
-    from stepbus_participant import (
-        Config,
-        Method,
-        Participant,
-        Settings,
-        Steering,
-        Step,
-        main,
-        take_part,
-    )
-    from stepbus_schemas import (
-        Description,
-        Event,
-        JointCommand,
-        JointReference,
-        JointState,
-        Message,
-        SensedJoints,
-        StepbusError,
-        WiringError,
-    )
+    from stepbus_participant import *
+    from stepbus_schemas import *
 
     from . import errors, messages, params, results, testing, wiring
-    from .recordings import branch, compare, diff, export, recover, replay, report, rerun
-    from .runs import call, describe, load, run, verify
-    from .sweeps import sweep
+    from .recordings import *
+    from .runs import *
+    from .sweeps import *
 
 _HOMES = (
     "stepbus_participant",

@@ -5,38 +5,10 @@ from typing import TYPE_CHECKING
 from .lookup import imported_on_use
 
 if TYPE_CHECKING:
-    from stepbus_orchestrator.errors import (
-        BusFailed,
-        Diverged,
-        ExitCode,
-        Interrupted,
-        OutputExists,
-        ParticipantDied,
-        ParticipantFault,
-        RecordingFailed,
-        RunFailure,
-        ScenarioError,
-        StartFailed,
-        StepTimeout,
-        StopTimeout,
-    )
-    from stepbus_participant import (
-        BusError,
-        CallError,
-        ExtraMissing,
-        InputAbsent,
-        InvalidInput,
-        OutputError,
-        Problems,
-        SettingsError,
-    )
+    from stepbus_orchestrator.errors import *
+    from stepbus_participant import *
     from stepbus_participant.parameters import Problem
-    from stepbus_schemas import (
-        MessageError,
-        RunError,
-        StepbusError,
-        WiringError,
-    )
+    from stepbus_schemas import *
 
 __all__ = [
     "BusError",
