@@ -127,8 +127,8 @@ class McapFile:
             raise self._failure(exc) from exc
         if changed:
             raise RecordingFailed(
-                f"the recording {self.path} {changed}: another process changed it while the run wrote it; "
-                "run again, and leave the run's folder alone until it ends"
+                f"the recording {self.path} {changed}: another process changed it while the run "
+                "wrote it; run again, and leave the run's folder alone until it ends"
             )
 
     @contextlib.contextmanager

@@ -241,7 +241,7 @@ class _NoRecorder(Sink):
     silent: Collection[tuple[str, str]] = frozenset()
 
     def __init__(self, order: Sequence[ParticipantSpec], events: Events) -> None:
-        super().__init__(order)
+        super().__init__({spec.name: spec.outputs for spec in order})
         self._events = events
         self._decode = Decoder(Event)
         self._ports = {

@@ -141,7 +141,10 @@ def _united(
 
 def field_chart(field: FieldCurve, most: int) -> Chart:
     """Return the chart of a field of a port. most: lines."""
-    rows = ((name, field.curve.line(i), "measured") for i, name in enumerate(field.labels[:most]))
+    rows: list[_Row] = [
+        (label, field.curve.line(number), "measured")
+        for number, label in enumerate(field.labels[:most])
+    ]
     return Chart(field.title, field.unit, _lines(rows))
 
 

@@ -71,7 +71,7 @@ class PortInfo:
     def names(self) -> Sequence[str]:
         """Return the names that the vectors of the port belong to, in their order.
 
-        Those of a port that is `like` an input are those of its source; none where no participant gave any.
+        Those of a port that is `like` an input are those of its source.
         """
         topic, seen = self.topic, set[str]()
         while topic in self._descriptions and topic not in seen:

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -117,7 +117,8 @@ def _layout(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapp
     if images:
         panels["Image!camera"] = {"imageMode": {"imageTopic": topic_of(images[0])}}
     panels["RosOut!log"] = {"topicToRender": "/log"}
-    *above, column = cast("list[Any]", list(panels))
+    *above, last = panels
+    column: Any = last
     for name in reversed(above):
         column = {"direction": "column", "first": name, "second": column}
     return {
