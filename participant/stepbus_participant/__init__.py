@@ -43,7 +43,7 @@ _LATER = {
     "mimics": "urdf_check",
     "parse_urdf": "urdf_check",
     "read_urdf_text": "urdf",
-    "urdf_warnings": "urdf",
+    "urdf_warnings": "urdf_check",
 }
 """Name → module that is imported when it is first used."""
 

@@ -13,7 +13,7 @@ from xml.etree import ElementTree as ET
 
 from stepbus_schemas import WiringError
 
-from .urdf_check import Element
+from .urdf_check import Element, twins
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed")
 _REFUSED = ("include", "model", "frame")
@@ -73,6 +73,8 @@ def sdf_to_urdf(root: Element, path: Path) -> str:
 class _Sdf:
     def __init__(self, root: Element, path: Path) -> None:
         self._path = path
+        if root.tag != "sdf":
+            self._refuse(root, f"is no SDF: its root is <{root.tag}>, not <sdf>")
         models: list[Any] = [*root.findall("model"), *root.findall("world/model")]
         if len(models) != 1:
             self._refuse(root, f"has {len(models)} models; give a body a file with one")
@@ -84,20 +86,11 @@ class _Sdf:
         if not _VERSION.fullmatch(version):
             self._refuse(root, f"its version is {version!r}, not one such as 1.9")
         self._axis_in_model = [int(part) for part in version.split(".")[:2]] < [1, 5]
-        self._refuse_twins()
+        for line, text in twins(self._model):
+            raise WiringError(f"{path}:{line}: {text}")
         self._links = {link.get("name", ""): link for link in self._model.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in self._model.findall("joint")}
         self._children = {_word(joint, "child"): joint for joint in self._joints.values()}
-
-    def _refuse_twins(self) -> None:
-        for tag in ("link", "joint"):
-            first: dict[str, int] = {}
-            for element in self._model.findall(tag):
-                name = element.get("name", "")
-                if name in first:
-                    text = f"{tag} {name!r} is there twice, first in line {first[name]}"
-                    self._refuse(element, text)
-                first[name] = element.line
 
     def urdf(self) -> ET.Element:
         """Return the robot."""

@@ -9,7 +9,7 @@ from stepbus_schemas import WiringError
 from .files import package_path, read_file, read_text
 from .packages import need
 from .sdf import sdf_to_urdf
-from .urdf_check import Element, parse_urdf, urdf_notes, urdf_problems
+from .urdf_check import Element, parse_urdf, urdf_problems
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 
@@ -25,25 +25,13 @@ def read_urdf_text(path: Path) -> str:
     all that is wrong with the robot, one a line.
     """
     text = _text(path)
-    _check(path, text)
-    return text
-
-
-def urdf_warnings(root: Element) -> list[str]:
-    """Return what engines compute otherwise than a checked URDF says, a sentence each."""
-    return urdf_notes(root)
-
-
-def _check(path: Path, text: str) -> None:
-    try:
-        problems = urdf_problems(parse_urdf(text))
-    except ExpatError as exc:
-        raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
+    problems = urdf_problems(_parsed(path, text))
     if problems:
         # The lines of what was made from a file are not those of the file.
-        places = (str(path) if _is_made(path) else f"{path}:{line}" for line, _ in problems)
-        lines = (f"{place}: {text}" for place, (_, text) in zip(places, problems, strict=True))
-        raise WiringError("\n".join(lines))
+        is_made = path.suffix.lower() in {".xacro", ".sdf"}
+        rows = [(path if is_made else f"{path}:{line}", problem) for line, problem in problems]
+        raise WiringError("\n".join(f"{place}: {problem}" for place, problem in rows))
+    return text
 
 
 def _text(path: Path) -> str:
@@ -55,22 +43,14 @@ def _text(path: Path) -> str:
         raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
         raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
-    return _converted(path, text) if path.suffix.lower() == ".sdf" else text
+    return sdf_to_urdf(_parsed(path, text), path) if path.suffix.lower() == ".sdf" else text
 
 
-def _is_made(path: Path) -> bool:
-    """Return whether the URDF of a model is made from its file, which is a xacro or an SDF."""
-    return path.suffix.lower() in {".xacro", ".sdf"}
-
-
-def _converted(path: Path, text: str) -> str:
+def _parsed(path: Path, text: str) -> Element:
     try:
-        root = parse_urdf(text)
+        return parse_urdf(text)
     except ExpatError as exc:
         raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
-    if root.tag != "sdf":
-        raise WiringError(f"{path}:{root.line}: is no SDF: its root is <{root.tag}>, not <sdf>")
-    return sdf_to_urdf(root, path)
 
 
 def _expand(path: Path) -> str:

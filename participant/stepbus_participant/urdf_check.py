@@ -87,7 +87,7 @@ def urdf_problems(root: Element) -> list[tuple[int, str]]:
     return sorted([*shape, *tree, *robot.inertials(), *robot.poses()])
 
 
-def urdf_notes(root: Element) -> list[str]:
+def urdf_warnings(root: Element) -> list[str]:
     """Return what engines compute otherwise than a robot without problems says, a sentence each.
 
     There are well-known robots with such links; mostly these are small, or stand still.

@@ -182,10 +182,16 @@ def test_the_orchestrators_own_life_is_not_counted(stand):
     assert stand.loop.state.unauthenticated == 0
 
 
+WELCOME = Welcome(
+    protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
+    batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
+)  # fmt: skip
+
+
 @pytest.mark.parametrize("key", TO_PARTICIPANTS)
 def test_a_participant_counts_every_mutant_of_the_orchestrators_word(key):
     bus, mutator = HandBus(), Mutator(5)
-    control = Control(bus, TOKEN, [], "controller", drops := {})
+    control = Control(bus, WELCOME, [], drops := {})
     for _ in range(PER_KEY):
         bus.hand(Sample(key, mutator.broken(envelopes()[key])))
     control.enter(0)
@@ -250,13 +256,9 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
 
 
 def test_whoever_else_answers_a_hello_keeps_nobody_out():
-    welcome = Welcome(
-        protocol=2, name="controller", token=TOKEN, step_ns=STEP_NS, every=1, publishes="last", window=1,
-        batch=1, seed=0, inputs={}, outputs={}, params={}, folder="/",
-    )  # fmt: skip
-    unauthenticated = msgspec.structs.replace(welcome, token=OLD_TOKEN)
-    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(unauthenticated), encode(welcome)]
+    unauthenticated = msgspec.structs.replace(WELCOME, token=OLD_TOKEN)
+    answers = [encode(Refusal(reason="go away")), b"\xc1", encode(unauthenticated), encode(WELCOME)]
     ticket = Ticket(run="r", name="controller", token=TOKEN, endpoint=Endpoint(listen=[], connect=[]))  # fmt: skip
-    assert join(SimpleNamespace(clock=time, query=lambda *_: answers), ticket) == welcome
+    assert join(SimpleNamespace(clock=time, query=lambda *_: answers), ticket) == WELCOME
     with pytest.raises(RunError, match="go away"):
         join(SimpleNamespace(clock=time, query=lambda *_: answers[:3]), ticket)

@@ -41,7 +41,7 @@ class Checkpoints:
     """The checkpoints of one participant: its own state, and what its inputs hold.
 
     A participant takes from a source only what is due (P6.2); so all of it is a function of the
-    step. are_due: whether any state is to be saved.
+    step.
     """
 
     def __init__(
@@ -59,8 +59,7 @@ class Checkpoints:
         self._welcome = welcome
         self._inputs = inputs
         self._sources = {source.name: source for source in sources}
-        self.are_due = order.every > 0
-        if self.are_due:
+        if order.every:
             self._put = bus.publisher(f"checkpoint/{welcome.name}", ENCODING)
         self._is_too_large = False
 

@@ -54,32 +54,37 @@ class OrchestratorLost(RunError, ConnectionError):
 
 
 class Control:
-    """The orchestrator's newest orders.
+    """The orchestrator's newest orders, and the answers to its calls.
 
+    wake: queues of a participant that waits for an input. drops: cause → number of dropped
+    messages, here of those that are malformed or without the run's token (P8.4).
     step_limit: the first step not yet released. started: participant → input → description, once
-    the run has started. batches: participant → how many steps it may publish at once. calls: calls
-    to answer while waiting for the trigger. drops: cause → number of dropped messages, here of
-    those that are malformed or without the run's token (P8.4).
+    the run has started. batches: participant → how many steps it may publish at once. calls: those
+    to answer while waiting for the trigger. methods: that can be called, by name.
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
     `enter` reaches its step: what is published before that step belongs to the run (P11.2).
     """
 
     def __init__(
-        self, bus: Bus, token: str, wake: Iterable[Queue], name: str, drops: dict[str, int]
+        self, bus: Bus, welcome: Welcome, wake: Iterable[Queue], drops: dict[str, int]
     ) -> None:
         self.step_limit = 0
-        self.calls: deque[Call] = deque()
         self.started: Mapping[str, Mapping[str, Description]] | None = None
         self.batches: Mapping[str, int] = {}
-        self._token = token
+        self.methods: Mapping[str, Method] = {}
+        self._welcome = welcome
+        self._token = welcome.token
         self._drops = drops
         self._step = -1
         self._stop: Stop | None = None
+        self.calls: deque[Call] = deque()
+        self._newest_id, self._newest_answer = -1, b""
+        self._put_answer = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
         self._wake = list(wake)
         self._queue = bus.queue()
         for key in _DECODERS:
-            where = f"call/{name}" if key == "call" else key
+            where = f"call/{welcome.name}" if key == "call" else key
             bus.subscribe_content(where, partial(self._put, key))
         bus.watch_alive("alive/orchestrator", self._on_alive)
 
@@ -144,36 +149,25 @@ class Control:
             case Start():
                 self.started, self.batches = message.inputs, message.batches
 
+    def answer_calls(self) -> None:
+        """Answer each call once; a repeated call gets the same answer (P15.3).
 
-class Answers:
-    """Answers each call once; a repeated call gets the same answer (P15.3).
+        The orchestrator releases no step before the call is answered, so a call always happens
+        between the same two steps (P15.2).
+        """
+        while self.calls:
+            call = self.calls.popleft()
+            if call.id > self._newest_id:
+                self._newest_id, self._newest_answer = call.id, self._answer(call)
+            if call.id == self._newest_id:
+                self._put_answer(self._newest_answer)
 
-    The orchestrator releases no step before the call is answered, so a call always happens between
-    the same two steps (P15.2).
-    """
-
-    def __init__(self, methods: Mapping[str, Method], welcome: Welcome, bus: Bus) -> None:
-        self._methods = dict(methods)
-        self._name = welcome.name
-        self._token = welcome.token
-        self._max_bytes = welcome.max_outputs_bytes
-        self._put = bus.publisher(f"called/{welcome.name}", encoding_of("Called/1"))
-        self._newest_id = -1
-        self._newest_answer = b""
-
-    def answer(self, call: Call) -> None:
-        """Run the method and publish its answer; ignore a call older than the newest one."""
-        if call.id > self._newest_id:
-            self._newest_id = call.id
-            self._newest_answer = self._run(call)
-        if call.id == self._newest_id:
-            self._put(self._newest_answer)
-
-    def _run(self, call: Call) -> bytes:
-        method = self._methods.get(call.method)
+    def _answer(self, call: Call) -> bytes:
+        method = self.methods.get(call.method)
         if method is None:
-            known = ", ".join(self._methods) or "nothing"
-            return self._pack(call, error=f"{self._name} offers {known}, not {call.method!r}")
+            known = ", ".join(self.methods) or "nothing"
+            text = f"{self._welcome.name} offers {known}, not {call.method!r}"
+            return self._pack(call, error=text)
         try:
             # Some built-in functions do not reveal their parameters.
             with contextlib.suppress(ValueError):
@@ -187,13 +181,14 @@ class Answers:
             return self._pack(call, error=f"{call.method}: its answer {explained(exc)}")
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
-        answer = Called(name=self._name, token=self._token, id=call.id, value=value, error=error)
+        name, limit = self._welcome.name, self._welcome.max_outputs_bytes
+        answer = Called(name=name, token=self._token, id=call.id, value=value, error=error)
         data = encode(answer)
-        if len(data) <= self._max_bytes:
+        if len(data) <= limit:
             return data
         # The bus would lose it silently, and the run would wait in vain (P3.7).
         why = (
-            f"{call.method[:100]}: the answer takes {len(data)} bytes, over the {self._max_bytes} "
-            "that the low-latency transport carries; set bus.low_latency: false"
+            f"{call.method[:100]}: the answer takes {len(data)} bytes, over the {limit} that the "
+            "low-latency transport carries; set bus.low_latency: false"
         )
         return encode(msgspec.structs.replace(answer, value=None, error=why))

@@ -26,8 +26,7 @@ from stepbus_schemas import (
 )
 
 from .admission import await_delivery, await_start, join
-from .checkpoints import Checkpoints
-from .control import Answers, Control, OrchestratorLost, Stopped
+from .control import Control, OrchestratorLost, Stopped
 from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError
 from .profile import Profiler
@@ -88,7 +87,7 @@ class Session:
             for port, queue in source.bulk_queues.items():
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
-        self._control = Control(bus, welcome.token, wake, welcome.name, drops)
+        self._control = Control(bus, welcome, wake, drops)
         order = ticket.profile
         self._profiler = None if order is None else Profiler(order, welcome.name)
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox
@@ -124,7 +123,17 @@ class Session:
         )
         self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
         participant.start(descriptions)
-        loop = self._loop(participant)
+        self._control.methods = participant.calls()
+        loop = StepLoop(
+            participant,
+            self._welcome,
+            self._bus,
+            inputs=self._inputs,
+            sources=self._sources,
+            outbox=self._outbox,
+            control=self._control,
+            order=self._ticket.checkpoint,
+        )
         profiled: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
         if self._profiler is not None:
             profiled = self._profiler.writing(loop, sys._getframe())
@@ -135,26 +144,6 @@ class Session:
                 await_delivery(self._bus, self._welcome)
         finally:
             self._step = loop.step.index
-
-    def _loop(self, participant: Participant) -> StepLoop:
-        return StepLoop(
-            participant,
-            self._welcome,
-            self._bus,
-            inputs=self._inputs,
-            sources=self._sources,
-            outbox=self._outbox,
-            control=self._control,
-            answers=Answers(participant.calls(), self._welcome, self._bus),
-            checkpoints=Checkpoints(
-                participant,
-                self._welcome,
-                self._bus,
-                order=self._ticket.checkpoint,
-                inputs=self._inputs,
-                sources=self._sources,
-            ),
-        )
 
     def _ready(self, participant: Participant) -> Ready:
         """Return what the participant reports before the start.

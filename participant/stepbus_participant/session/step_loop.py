@@ -8,11 +8,12 @@ from typing import Any
 import msgspec
 
 from stepbus_participant.bus import Bus
+from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant, Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
 
 from .checkpoints import Checkpoints
-from .control import Answers, Control, Stopped
+from .control import Control, Stopped
 from .inputs import Input, PeerFault, Source
 from .outbox import Outbox, OutputError, read_stamp
 
@@ -36,8 +37,7 @@ class StepLoop:
         sources: list[Source],
         outbox: Outbox,
         control: Control,
-        answers: Answers,
-        checkpoints: Checkpoints,
+        order: CheckpointOrder,
     ) -> None:
         self.output, self.update = participant.output, participant.update
         self._bus = bus
@@ -51,8 +51,10 @@ class StepLoop:
         self._reads_ahead = bool(sources) and not self._first and not has_bulk
         self._outbox = outbox
         self._control = control
-        self._answers = answers
-        self._checkpoints = checkpoints if checkpoints.are_due else None
+        checkpoints = Checkpoints(
+            participant, welcome, bus, order=order, inputs=inputs, sources=sources
+        )
+        self._checkpoints = checkpoints if order.every else None
         self._waited_ns = 0
         self.step = Step(inputs, welcome.step_ns)
         self.step.index = checkpoints.restore()
@@ -127,8 +129,7 @@ class StepLoop:
             timeout = self._read_ahead(step)
             self._control.poll()
         while step >= self._control.step_limit:
-            while self._control.calls:
-                self._answers.answer(self._control.calls.popleft())
+            self._control.answer_calls()
             if not self._control.wait(timeout) and not has_reported:
                 self._outbox.flush(Waiting(step=step, sources=[]))
                 timeout, has_reported = 1.0, True
