@@ -7,9 +7,12 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
+
+import msgspec
 
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
@@ -17,9 +20,9 @@ from stepbus_orchestrator.processes.launcher import Reaper
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
+from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
-from stepbus_orchestrator.run.inprocess.turns import MOST, STAGE, Stage
+from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Stage, Turns
 from stepbus_orchestrator.run.inprocess.watch import Watch
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
@@ -37,9 +40,12 @@ from stepbus_participant import (
     import_participant,
     main,
 )
-from stepbus_schemas import WiringError
+from stepbus_schemas import Batch, WiringError
 
 _BRIDGE = ("stepbus", "bridge")
+_BATCH = 0x82
+"""A map of two entries; `Outputs` have three and more."""
+_decode_batch = msgspec.msgpack.Decoder(Batch).decode
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
@@ -112,45 +118,46 @@ class LocalRun(Strategy):
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
         self.state: RunState | None = None
+        self.logs = opening.logs
+        self.is_star = opening.is_star
+        folder, specs = opening.scenario.folder, opening.scenario.participants
+        files = [spec.participant.rpartition(":")[0] for spec in specs]
+        files = [file for file in files if file.endswith(".py")]
+        self.surroundings = Surroundings(folder, files, self._owner)
+        self.memory: Turns
         self._opening = opening
         self._start_order = start_order
         callers = (item for item in opening.extensions if isinstance(item, HostedCaller))
         self._caller = next(callers, None)
-        folder, specs = opening.scenario.folder, opening.scenario.participants
-        files = [spec.participant.rpartition(":")[0] for spec in specs]
-        files = [file for file in files if file.endswith(".py")]
-        self._surroundings = Surroundings(folder, files, self._owner)
         self._hosted: list[HostedParticipant] = []
-        self._watch: Watch
         self._reaper: Reaper | None = None
         self._pid, self._thread_id = os.getpid(), threading.get_ident()
-        self._is_main = threading.current_thread() is threading.main_thread()
         self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
     def opened(self, *, owns_descriptors: bool) -> Iterator["LocalRun"]:
         """Put the process in order for participants; at the end, end them, and put it back."""
-        native_log = self._opening.logs / NATIVE_LOG
+        native_log = self.logs / NATIVE_LOG
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(
-                    self._surroundings.around(native_log if owns_descriptors else None)
+                    self.surroundings.around(native_log if owns_descriptors else None)
                 )
             except OSError as exc:
                 raise StartFailed(
                     f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
                     "works in the scenario's folder, and logs to the run's"
                 ) from exc
-            self._watch = Watch(
-                self._current, self._opening.interrupt.is_set, [BoundedLog(native_log)]
-            )
-            stack.callback(self._watch.close)
+            logs = [BoundedLog(native_log)]
+            watch = Watch(self._current, self._opening.interrupt.is_set, logs)
+            stack.callback(watch.close)
             stack.callback(self._end_all)
-            if self._is_main:
+            self.memory = watch.memory
+            if threading.current_thread() is threading.main_thread():
                 handlers = {number: signal.getsignal(number) for number in _SIGNALS}
                 # Those that are None are not Python's.
                 self._handlers = {
-                    number: item for number, item in handlers.items() if item is not None
+                    n: handler for n, handler in handlers.items() if handler is not None
                 }
             if self._caller is not None:
                 self._caller.local, self.hub.away = self, self._caller.away
@@ -164,11 +171,11 @@ class LocalRun(Strategy):
 
     def leave(self) -> None:
         """Let our caller find the process as it was."""
-        self._surroundings.leave()
+        self.surroundings.leave()
 
     def enter(self, away_s: float) -> None:
         """Put in place again what participants find; away_s: how long our caller worked [s]."""
-        self._surroundings.enter()
+        self.surroundings.enter()
         if self.state is not None:
             self.state.away_s += away_s
 
@@ -204,23 +211,22 @@ class LocalRun(Strategy):
             # What libraries do that are loaded; who ends the run hears it all the same.
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
-        memory = self._watch.memory
-        if memory.words[STAGE] != stage:
-            memory.enter(stage)
+        if self.memory.words[STAGE] != stage:
+            self.memory.enter(stage)
 
     # --- its participants -------------------------------------------------------------------
 
     def launch(self, run: Run) -> None:
         """Let the participants begin, in the order of the options."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
-        self._watch.memory.begin(
+        self.memory.begin(
             {
                 "result": self._opening.result().decode(),
                 "names": [spec.name for spec in specs],
                 "every": [spec.every for spec in specs],
                 "limits": [_limits(spec.deadlines) for spec in specs],
                 "files": [str(scenario.folder / s.participant.rpartition(":")[0]) for s in specs],
-                "logs": str(self._opening.logs),
+                "logs": str(self.logs),
                 "path": sys.path,
             }
         )
@@ -236,9 +242,7 @@ class LocalRun(Strategy):
     def _host(
         self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
     ) -> HostedParticipant:
-        has_terminal = options.pop("has_terminal", False)
-        names = [item.name for item in scenario.participants]
-        number, turns = min(1 + names.index(spec.name), MOST - 1), self._watch.memory
+        shown = options.pop("has_terminal", False)
         ticket = Ticket(
             run=self._opening.run,
             name=spec.name,
@@ -247,38 +251,29 @@ class LocalRun(Strategy):
             join_timeout_s=spec.deadlines.join_s,
             **options,
         )
-        is_leaf = self._opening.is_star
-        bus = HostedBus(self.bus, spec.name, words=turns.words, number=number, is_leaf=is_leaf)
+        number = min(1 + scenario.participants.index(spec), MOST - 1)
+        program = partial(_take_part, spec, scenario.folder)
+        if self._caller is not None and self._caller.name == spec.name:
+            program = partial(main, self._caller.make)
+        count = partial(count_steps, self.memory.words, PUBLISHED + number)
+        self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
-            return HostedParticipant(
-                ticket,
-                bus,
-                self._program_of(spec, scenario.folder),
-                surroundings=self._surroundings,
-                hub=self.hub,
-                log=self._opening.logs / f"{spec.name}.log",
-                started=self._reap,
-                shown=has_terminal,
-                number=number,
-                turns=turns,
-            )
+            return HostedParticipant(self, ticket, program, number, shown=shown)
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
             ) from exc
 
-    def _program_of(self, spec: ParticipantSpec, folder: Path) -> Callable[[], int]:
-        """Return what takes part and returns the exit code; it imports the class when called."""
-        if self._caller is not None and self._caller.name == spec.name:
-            make = self._caller.make
-            return lambda: main(make)
-        return lambda: _take_part(spec, folder)
-
-    def _reap(self, group: int) -> None:
+    def reap(self, group: int) -> None:
         """Let a program that a participant has started not outlive us."""
         if self._reaper is None:
             self._reaper = Reaper()
         self._reaper.watch(group)
+
+
+def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
+    """Count the steps that a participant publishes, for who watches from outside."""
+    words[place] += len(_decode_batch(data).outputs) if data[0] == _BATCH else 1
 
 
 def _limits(deadlines: Deadlines) -> list[float]:

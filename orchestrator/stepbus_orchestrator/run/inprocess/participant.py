@@ -7,98 +7,54 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable
-from pathlib import Path
-from typing import Any, TextIO
-
-import msgspec
+from typing import TYPE_CHECKING, TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity, children, descendants
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.inprocess.guard import Ended
-from stepbus_orchestrator.run.inprocess.hub import Hub, Turn
-from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
-from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, THREADS, TURN, TURNS, Turns
+from stepbus_orchestrator.run.inprocess.hub import Turn
+from stepbus_orchestrator.run.inprocess.turns import THREADS, TURN, TURNS
 from stepbus_orchestrator.run.inprocess.watch import Late
 from stepbus_participant import HOST, Host, LoopbackBus, Ticket, append_to
-from stepbus_schemas import Batch, encoding_of
 
-_decode_batch = msgspec.msgpack.Decoder(Batch).decode
-
-
-class HostedBus(LoopbackBus):
-    """A participant's bus in memory, which counts the steps that it publishes.
-
-    peer: the orchestrator's. name: of the participant. is_leaf: it has no link to others. words,
-    number: where to count, and which participant it is.
-    """
-
-    def __init__(
-        self,
-        peer: LoopbackBus,
-        name: str,
-        *,
-        words: "memoryview[float]",
-        number: int,
-        is_leaf: bool = False,
-    ) -> None:
-        super().__init__(peer, peer.queue, is_leaf=is_leaf)
-        self._words, self._counter = words, PUBLISHED + number
-        self._key = f"out/{name}"
-
-    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
-        """Return a function that publishes bytes; it counts outputs."""
-        put = super().publisher(key, encoding, remote=remote)
-        if key != self._key:
-            return put
-        words, counter, is_batch = self._words, self._counter, encoding == encoding_of("Batch/1")
-
-        def counted_put(data: bytes, **options: Any) -> None:
-            words[counter] += len(_decode_batch(data).outputs) if is_batch else 1
-            put(data, **options)
-
-        return counted_put
+if TYPE_CHECKING:
+    from .local_run import LocalRun
 
 
 class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
-    name: the participant. log: where it prints. pid: of this process. late: how it missed a
-    deadline, once it has. threads: that it has started. program: what it does, and returns an exit
-    code. started: takes a program that it has started, and the group of that. shown: it prints
-    where we do. number: which it is, to who watches from outside.
+    local: the run. program: what it does, and returns an exit code. number: which it is, to who
+    watches from outside. shown: it prints where we do. pid: of this process. late: how it missed a
+    deadline, once it has. threads: that it has started.
     """
 
     def __init__(
         self,
+        local: "LocalRun",
         ticket: Ticket,
-        bus: HostedBus,
         program: Callable[[], int],
-        *,
-        surroundings: Surroundings,
-        hub: Hub,
-        log: Path,
-        started: Callable[[int], None],
-        shown: bool,
         number: int,
-        turns: Turns,
+        *,
+        shown: bool,
     ) -> None:
-        Turn.__init__(self, hub)
-        Process.__init__(self, log)
+        Turn.__init__(self, local.hub)
+        Process.__init__(self, local.logs / f"{ticket.name}.log")
         self.name = ticket.name
         self.pid = os.getpid()
         self.threads: set[threading.Thread] = set()
+        self._local = local
+        self._words = local.memory.words
         self._number = number
-        self._words = turns.words
-        self._surroundings = surroundings
         self._program = program
-        self._host = Host(ticket, bus, log, self._keep)
-        self._started = started
+        bus = LoopbackBus(local.bus, local.hub.queue, is_leaf=local.is_star)
+        self._host = Host(ticket, bus, self.log, self._keep)
         self._groups: list[int] = []
         self._children: set[int] = set()
         self._others: set[int] | None = None
         self._code: int | None = None
         self._output: TextIO = (
-            sys.stdout if shown else os.fdopen(append_to(log), "a", 1, "utf-8", "replace")
+            sys.stdout if shown else os.fdopen(append_to(self.log), "a", 1, "utf-8", "replace")
         )
         self._streams = sys.stdout, sys.stderr
 
@@ -116,7 +72,7 @@ class HostedParticipant(Turn, Process):
         """End a turn."""
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
-        self._surroundings.keep()
+        self._local.surroundings.keep()
         if threading.active_count() != len(self.hub.threads):
             self._find_threads()
         if self._others is not None:
@@ -171,7 +127,7 @@ class HostedParticipant(Turn, Process):
 
     def _keep(self, group: int) -> None:
         self._groups.append(group)
-        self._started(group)
+        self._local.reap(group)
 
     @property
     def has_programs(self) -> bool:

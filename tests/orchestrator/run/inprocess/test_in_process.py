@@ -8,7 +8,9 @@ import subprocess
 import sys
 import threading
 import time
+from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -18,7 +20,8 @@ import stepbus
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
-from stepbus_orchestrator.run.inprocess.participant import HostedBus, HostedParticipant
+from stepbus_orchestrator.run.inprocess.local_run import count_steps
+from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
 from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, Turns, make_file
 from stepbus_orchestrator.run.reports import Observer
@@ -251,6 +254,13 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
     assert "pybullet" in (tmp_path / "out/logs/native.log").read_text()
 
 
+class FullLogs:
+    """A folder whose disk is full."""
+
+    def __truediv__(self, _name):
+        return Path("/dev/full")
+
+
 def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
     def leave() -> int:
         raise SystemExit("no room for this")
@@ -261,11 +271,11 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
-    hosted = HostedParticipant(
-        ticket, HostedBus(bus, "worker", words=turns.words, number=1), leave,
-        surroundings=Surroundings(tmp_path, [], lambda: None), hub=hub, log=Path("/dev/full"), started=lambda _group: None, shown=False,
-        number=1, turns=turns,
+    local = SimpleNamespace(
+        hub=hub, bus=bus, memory=turns, is_star=False, logs=FullLogs(),
+        surroundings=Surroundings(tmp_path, [], lambda: None),
     )  # fmt: skip
+    hosted = HostedParticipant(local, ticket, leave, 1, shown=False)
     assert hosted.wait(5)
     hosted.end()
     turns.close()
@@ -274,7 +284,8 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
 
 def test_each_step_of_a_batch_counts_to_who_watches_from_outside():
     turns = Turns(make_file())
-    bus = HostedBus(LoopbackBus(), "mission", words=turns.words, number=1)
+    bus = LoopbackBus()
+    bus.subscribe_content("out/mission", partial(count_steps, turns.words, PUBLISHED + 1))
     outputs = [msgspec.Raw(encode(Outputs(token="t", step=k, t_ns=k))) for k in range(3)]
     bus.publisher("out/mission", encoding_of("Outputs/1"))(outputs[0])
     bus.publisher("out/mission", encoding_of("Batch/1"))(encode(Batch(token="t", outputs=outputs)))
