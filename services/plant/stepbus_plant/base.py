@@ -10,11 +10,11 @@ from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import OdometryErrors
 from stepbus_plant.world import BaseSettings
-from stepbus_schemas import BaseState, Description, JointCommand
+from stepbus_schemas import BaseState, JointCommand
 
 
 class Base:
-    """A differential drive and its odometry.
+    """A differential drive and its odometry; wheels: left, right.
 
     Odometry integrates the wheel angles; it does not notice slip, which `errors` adds: the physics
     has none of that size. It treats the path between two readings as a circular arc, which is exact
@@ -25,10 +25,8 @@ class Base:
     def __init__(
         self,
         row: BaseSettings,
-        left: Joint,
-        right: Joint,
+        wheels: tuple[Joint, Joint],
         engine: Engine,
-        *,
         errors: OdometryErrors,
         noise: Noise,
     ) -> None:
@@ -36,7 +34,8 @@ class Base:
         one, other = noise.at(0).normal(0.0, 1.0, 2).tolist()
         self._scale = (1.0 + errors.wheel * one, 1.0 + errors.wheel * other)
         self._readings = 0
-        self.joints = (left, right)
+        self.joints = wheels
+        self.description = describe_joints(wheels)
         self._row = row
         self._engine = engine
         self._angles = self._read()[0]
@@ -47,10 +46,6 @@ class Base:
         left, right = self.joints
         one, other = self._engine.read(left.body, [left.index, right.index])
         return (one[0], other[0]), (one[1], other[1])
-
-    def describe(self) -> Description:
-        """Return names and limits of the wheels: left, right."""
-        return describe_joints(self.joints)
 
     def sense(self, _t_ns: int) -> BaseState:
         """Return the current odometry; call it at every step."""

@@ -4,8 +4,7 @@ import math
 from collections.abc import Callable, Mapping
 
 from stepbus_participant import CallError, Method, suggest
-from stepbus_plant.command_warnings import degrees_hint
-from stepbus_plant.drives import Motors
+from stepbus_plant.drives import Motors, PositionMotor
 from stepbus_plant.joint import Joint
 from stepbus_plant.script import Script
 
@@ -54,7 +53,7 @@ class Calls:
         """Return the latest position target of a joint [rad]; CallError if its mode has none."""
         joint = self._joint(name)
         drive, index = self._motors.drive_of[joint.name]
-        if not drive.has_targets:
+        if not isinstance(drive, PositionMotor):
             raise CallError(f"joint {name} has mode {joint.effective_mode}, which has no target")
         return drive.target(index)
 
@@ -77,12 +76,8 @@ class Calls:
         joint = self._joint(name)
         if not _is_number(position):
             raise CallError(f"joint {name}: {position!r} is not a number")
-        # NaN fails the comparison too.
-        if not joint.lower <= position <= joint.upper or math.isinf(position):
-            raise CallError(
-                f"joint {name} cannot be teleported to {position:g}; its limits are "
-                f"[{joint.lower:g}, {joint.upper:g}]{degrees_hint(joint, position)}"
-            )
+        if text := joint.cannot_teleport(position):
+            raise CallError(text)
         if joint.mimic is not None:
             raise CallError(f"joint {name} follows joint {joint.mimic.joint!r}; teleport that one")
         self._physics.teleport(joint, float(position), 0.0)

@@ -205,19 +205,16 @@ class View:
     def __init__(self, camera: Camera, quantity: str) -> None:
         self.camera, self.port_type = camera, TYPES[quantity]
         self._quantity = quantity
-
-    def describe(self) -> Description:
-        """Return the camera, its link and period, and the shape of the image or largest cloud."""
-        row = self.camera.row
+        row = camera.row
         size = [row.height, row.width]
         shapes = {
             "rgb": [*size, 3],
             "depth": [*size, 1],
             "points": [math.prod(-(-n // row.stride) for n in size), 3],
         }
-        return Description(
-            names=[self.camera.name],
-            shape=shapes[self._quantity],
+        self.description = Description(
+            names=[camera.name],
+            shape=shapes[quantity],
             details={"link": [row.link], "period": [format_duration(row.period_ns)]},
         )
 

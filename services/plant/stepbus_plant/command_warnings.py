@@ -1,14 +1,11 @@
 """Warnings about commands that cannot take effect: each cause once per joint, with its numbers."""
 
-import math
 from collections.abc import Iterator, Sequence
 from itertools import combinations
 
 from stepbus_plant.joint import Joint
 from stepbus_schemas import JointCommand
 
-# Joint limits are often a full turn, rounded up [rad].
-_FULL_TURN = 2 * math.pi + 1e-3
 # Two joints count as swapped if each target misses the other joint's position by less than this
 # share of the distance between the two.
 _SWAPPED = 0.1
@@ -91,7 +88,7 @@ def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator
 
 
 def _unreached(joint: Joint, target: float) -> Iterator[tuple[str, str]]:
-    hint = degrees_hint(joint, target)
+    hint = joint.degrees_hint(target)
     if not joint.lower <= target <= joint.upper:
         stop = joint.within_stops(target)
         text = f"target {target:g} {joint.unit} is beyond its stop at {stop:g}; limited to it"
@@ -99,10 +96,3 @@ def _unreached(joint: Joint, target: float) -> Iterator[tuple[str, str]]:
         yield "turn" if hint else "stop", text + hint
     elif hint:
         yield "turn", f"target {target:g} rad is more than a full turn{hint}"
-
-
-def degrees_hint(joint: Joint, position: float) -> str:
-    """Return the end of a sentence if a position looks like degrees instead of radians."""
-    if not joint.is_rotary or not _FULL_TURN < abs(position) < math.inf:
-        return ""
-    return f"; is it in degrees? {position:g}° is {math.radians(position):.4f} rad"

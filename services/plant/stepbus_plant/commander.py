@@ -4,9 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, NoReturn
 
-from stepbus_plant.command_warnings import degrees_hint
+from stepbus_participant import InvalidInput
 from stepbus_plant.drives import Motors
-from stepbus_plant.errors import CommandError
 from stepbus_schemas import JointCommand, JointMode, WiringError
 
 _EXTRAS = {
@@ -17,6 +16,10 @@ _EXTRAS = {
     "brake": (),
 }
 """Mode → the vectors it accepts beside `values`."""
+
+
+class CommandError(InvalidInput, ValueError):
+    """An invalid command; its sender is to blame."""
 
 
 class Commander:
@@ -138,11 +141,8 @@ class Commander:
     def _teleport(self, command: JointCommand) -> None:
         velocities = command.velocity or [0.0] * len(self._joints)
         for joint, position in zip(self._joints, command.values, strict=True):
-            if not joint.lower <= position <= joint.upper:
-                self._reject(
-                    f"joint {joint.name} cannot be teleported to {position}; its limits are "
-                    f"[{joint.lower}, {joint.upper}]{degrees_hint(joint, position)}"
-                )
+            if text := joint.cannot_teleport(position):
+                self._reject(text)
         states = zip(self._joints, self._drives, command.values, velocities, strict=True)
         for joint, (drive, index), position, velocity in states:
             self._physics.teleport(joint, position, velocity)

@@ -3,9 +3,11 @@
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from stepbus_plant.engine import Contact, Engine, Link
+from stepbus_plant.engine import Contact, Link
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import ProximityErrors
+from stepbus_plant.physics import Physics
+from stepbus_plant.world import ContactSensorSettings
 from stepbus_schemas import Contacts, Description, Point
 
 _CALIBRATION = 0
@@ -52,23 +54,20 @@ class _Point(NamedTuple):
 class ContactSensor:
     """Reads the engine's contacts, summed for each pair of links.
 
-    links: those whose contacts it reports. within: it also reports links closer to them than this
-    [m]. indices: every link of the world → its index in the engine. errors: of distances; random:
-    numbers for that.
+    row: which links, and how far it measures. errors: of distances; seed: of the plant.
     """
 
     def __init__(
         self,
-        links: Sequence[str],
-        within: float,
-        indices: Mapping[str, Link],
-        engine: Engine,
-        *,
+        name: str,
+        row: ContactSensorSettings,
+        physics: Physics,
         errors: ProximityErrors,
-        random: Noise,
+        seed: int,
     ) -> None:
-        self._engine = engine
-        self._links = list(links)
+        self._engine = engine = physics.engine
+        links, indices, within = _expanded(row.links, physics), physics.links, row.within
+        self.description = Description(names=links)
         self._names = {index: name for name, index in indices.items()}
         self._watched = {indices[link] for link in links}
         self._within = within
@@ -78,7 +77,7 @@ class ContactSensor:
         self._skin: Skin | None = None
         self._stands: set[tuple[Link, Link]] = set()
         if (errors.gain or errors.noise) and self._near:
-            self._skin = Skin(links, errors, random)
+            self._skin = Skin(links, errors, Noise(seed, "proximity", name))
             engine.update_shapes()
             self._stands = self._ground()
 
@@ -87,10 +86,6 @@ class ContactSensor:
         near = [(link, other) for link in self._near for other in self._neighbours(link)]
         ground = {other for link, other in near if self._closest(link, other, _STANDS_ON)}
         return {(link, other) for link, other in near if other in ground}
-
-    def describe(self) -> Description:
-        """Return the names of the links whose contacts it reports."""
-        return Description(names=self._links)
 
     def sense(self, _t_ns: int) -> Contacts:
         """Return the contacts of the watched links.
@@ -174,3 +169,17 @@ class ContactSensor:
         if self._pressed is not None:
             return self._pressed.get(pair, 0.0)
         return sum(point.force for point in points)
+
+
+def _expanded(links: Sequence[str] | None, physics: Physics) -> list[str]:
+    """Return links without duplicates, with `<body>/*` expanded to all links of a body.
+
+    links: None: all.
+    """
+    if links is None:
+        return list(physics.links)
+    every = {
+        f"{body}/*": [name for name, link in physics.links.items() if link[0] == number]
+        for number, body in enumerate(physics.bodies)
+    }
+    return list(dict.fromkeys(name for link in links for name in every.get(link, [link])))

@@ -1,6 +1,6 @@
 """What a world has beside its bodies: bases, grippers, cameras and sensors, and their ports."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, Protocol
 
 from stepbus_participant import format_duration, suggest
@@ -45,8 +45,9 @@ SECTIONS = ("bases", "grippers", *_SENSORS)
 class Sensor(Protocol):
     """What one or several outputs show."""
 
-    def describe(self) -> Description:
-        """Return what it is on, or the joints or links it is of."""
+    @property
+    def description(self) -> Description:
+        """What it is on, or the joints or links it is of."""
         ...
 
     def sense(self, t_ns: int, /) -> Message | None:
@@ -68,27 +69,19 @@ class Devices:
         self.bases = {
             name: Base(
                 row,
-                joints[row.left],
-                joints[row.right],
+                (joints[row.left], joints[row.right]),
                 engine,
-                errors=params.odometry,
-                noise=Noise(seed, "odometry", name),
+                params.odometry,
+                Noise(seed, "odometry", name),
             )
             for name, row in world.bases.items()
         }
         self.grippers = {
-            name: Gripper(row, joints[row.left], joints[row.right], engine)
+            name: Gripper(row, (joints[row.left], joints[row.right]), engine)
             for name, row in world.grippers.items()
         }
         self.contacts = {
-            name: ContactSensor(
-                _expanded(row.links, physics),
-                row.within,
-                physics.links,
-                engine,
-                errors=params.proximity,
-                random=Noise(seed, "proximity", name),
-            )
+            name: ContactSensor(name, row, physics, params.proximity, seed)
             for name, row in world.contacts.items()
         }
         lens = Lens(params.camera, seed)
@@ -157,20 +150,6 @@ class Devices:
             )
         name = port if port in rows else next(iter(rows))
         return name, rows[name]
-
-
-def _expanded(links: Sequence[str] | None, physics: Physics) -> list[str]:
-    """Return links without duplicates, with `<body>/*` expanded to all links of a body.
-
-    links: None: all.
-    """
-    if links is None:
-        return list(physics.links)
-    every = {
-        f"{body}/*": [name for name, link in physics.links.items() if link[0] == number]
-        for number, body in enumerate(physics.bodies)
-    }
-    return list(dict.fromkeys(name for link in links for name in every.get(link, [link])))
 
 
 def mistakes(physics: Physics, period_ns: int) -> Iterator[tuple[Keys, str]]:

@@ -28,10 +28,6 @@ class Drive:
 
     remembers: ClassVar[tuple[str, ...]] = ()
     """The attributes that commands and steps change."""
-    knows_torques: ClassVar[bool] = False
-    """Whether `torque` returns one, which the engine then does not report."""
-    has_targets: ClassVar[bool] = False
-    """Whether `target` returns one."""
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         self.joints = list(joints)
@@ -72,20 +68,11 @@ class Drive:
         """
         return position, 0.0
 
-    def torque(self, index: int) -> float:
-        """Return the torque applied last to a joint [N·m]."""
-        return 0.0
-
-    def target(self, index: int) -> float:
-        """Return the latest position target of a joint [rad]."""
-        return 0.0
-
 
 class DirectTorque(Drive):
     """Mode torque: the engine applies the torque directly, and does not report it."""
 
     remembers: ClassVar[tuple[str, ...]] = ("_wanted", "_applied", "_braked")
-    knows_torques: ClassVar[bool] = True
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)
@@ -125,7 +112,7 @@ class DirectTorque(Drive):
         self._engine.push(self._body, self._indices, self._applied)
 
     def torque(self, index: int) -> float:
-        """See `Drive`."""
+        """Return the torque applied last to a joint [N·m]."""
         return self._applied[index]
 
 
@@ -212,7 +199,6 @@ class PositionMotor(_Motors):
     """
 
     remembers: ClassVar[tuple[str, ...]] = (*_Motors.remembers, "_commanded", "_age", "_moving")
-    has_targets: ClassVar[bool] = True
 
     def __init__(self, engine: Engine, joints: Sequence[Joint], substep_s: float) -> None:
         super().__init__(engine, joints, substep_s)

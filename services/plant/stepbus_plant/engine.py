@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_plant.bullet import Array, Pose, bullet, compose, inverse
-from stepbus_plant.errors import PhysicsError
-from stepbus_schemas import Point, WiringError
+from stepbus_schemas import Point, RunError, WiringError
 
 Link = tuple[int, int]
 """The engine's numbers of a body and one of its links."""
@@ -27,6 +26,10 @@ _TYPES = {
     bullet.JOINT_PRISMATIC: "prismatic",
     bullet.JOINT_FIXED: "fixed",
 }
+
+
+class PhysicsError(RunError, ArithmeticError):
+    """The physics engine failed, or its state is not finite."""
 
 
 @dataclass(frozen=True, kw_only=True)

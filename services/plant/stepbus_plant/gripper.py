@@ -11,7 +11,7 @@ from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.world import GripperSettings
-from stepbus_schemas import Description, GripperCommand, GripperState, JointCommand, Point
+from stepbus_schemas import GripperCommand, GripperState, JointCommand, Point
 
 # Proportional gain from the width error to the finger velocity [1/s].
 _GAIN = 10.0
@@ -93,8 +93,9 @@ class Gripper:
     width: sum of both positions [m]. held_without_forces: what it holds while dynamics are off.
     """
 
-    def __init__(self, row: GripperSettings, left: Joint, right: Joint, engine: Engine) -> None:
-        self.joints = (left, right)
+    def __init__(self, row: GripperSettings, fingers: tuple[Joint, Joint], engine: Engine) -> None:
+        left, right = self.joints = fingers
+        self.description = describe_joints(fingers)
         self.speed = row.speed
         self.max_force = min(left.effort, right.effort)
         self.widths = (left.lower + right.lower, left.upper + right.upper)
@@ -116,10 +117,6 @@ class Gripper:
         left, right = self._engine.read(body, indices)
         width: float = left[0] + right[0]
         return width
-
-    def describe(self) -> Description:
-        """Return names and limits of the fingers."""
-        return describe_joints(self.joints)
 
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from stepbus_participant import Mimic
 from stepbus_plant.engine import JointInfo
 from stepbus_plant.world import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description
+
+# Joint limits are often a full turn, rounded up [rad].
+_FULL_TURN = 2 * math.pi + 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -65,6 +68,22 @@ class Joint:
     def within_stops(self, position: float) -> float:
         """Return the nearest position that it can have [rad]."""
         return min(max(position, self.lower), self.upper)
+
+    def degrees_hint(self, position: float) -> str:
+        """Return the end of a sentence if a position looks like degrees instead of radians."""
+        if not self.is_rotary or not _FULL_TURN < abs(position) < math.inf:
+            return ""
+        return f"; is it in degrees? {position:g}° is {math.radians(position):.4f} rad"
+
+    def cannot_teleport(self, position: float) -> str:
+        """Return why it cannot be put at a position [rad], as a sentence; empty: it can."""
+        # NaN fails the comparison too.
+        if self.lower <= position <= self.upper and not math.isinf(position):
+            return ""
+        return (
+            f"joint {self.name} cannot be teleported to {position:g}; its limits are "
+            f"[{self.lower:g}, {self.upper:g}]{self.degrees_hint(position)}"
+        )
 
     def follow(self, leader: Joint, mimic: Mimic) -> Joint:
         """Return the joint as a follower of another one: without a motor, where that takes it."""
@@ -125,8 +144,11 @@ def make_joint(body: int, info: JointInfo, settings: JointSettings, actuation: A
     )
 
 
-def describe_joints(joints: Sequence[Joint]) -> Description:
-    """Return their names, limits, types and modes, and the joints that some follow."""
+def describe_joints(joints: Sequence[Joint], details: Mapping[str, list[str]] = {}) -> Description:
+    """Return their names, limits, types and modes, and the joints that some follow.
+
+    details: further ones.
+    """
     followed = [joint.mimic.joint if joint.mimic is not None else "" for joint in joints]
     return Description(
         names=[joint.name for joint in joints],
@@ -140,5 +162,6 @@ def describe_joints(joints: Sequence[Joint]) -> Description:
             "type": [joint.type for joint in joints],
             "mode": [joint.effective_mode for joint in joints],
             **({"mimic": followed} if any(followed) else {}),
+            **details,
         },
     )

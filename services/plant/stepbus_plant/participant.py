@@ -106,7 +106,7 @@ class Plant(Participant):
                 sensors[port] = poses, params.poses_period_ns or period_ns
                 if port == PLANOGRAM:
                     sensors[port] = Planogram(poses, plant.world.items), period_ns
-        self._descriptions = {port: sensor.describe() for port, (sensor, _) in sensors.items()}
+        self._descriptions = {port: sensor.description for port, (sensor, _) in sensors.items()}
         # Ports may share a sensor, whose noise counts readings.
         self._readings = [
             (*row, [port for port, other in sensors.items() if other[0] is row[0]])
@@ -132,7 +132,7 @@ class Plant(Participant):
     def _driver(self, port: str, description: Description) -> Commander:
         config = self.config.inputs[port]
         if config.type in COMMANDS:
-            return self.plant.driver(port, config.type)
+            return self.plant.devices.driver(port, config.type, self.plant.motors)
         # A sender that names no joints commands all of them, in the plant's order.
         names = description.names or self.plant.names
         if not description.names and len(names) > 1:

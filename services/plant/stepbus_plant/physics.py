@@ -9,8 +9,7 @@ from typing import TypeVar
 from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
 from stepbus_plant.bullet import quaternion
-from stepbus_plant.engine import BASE, Engine, JointInfo, Link
-from stepbus_plant.errors import PhysicsError
+from stepbus_plant.engine import BASE, Engine, JointInfo, Link, PhysicsError
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params

@@ -47,7 +47,8 @@ class SimulatedPlant:
 
     period_ns: length of a communication step [ns]. seed: of the sensor noise. problems: what is
     wrong so far with whoever has these params; default: nothing. physics: the engine with the
-    world. joints: the sensor of the joints; names: theirs. warnings: about commands without effect.
+    world. joints: the sensor of the joints; names: theirs. motors: what drives the
+    joints. warnings: about commands without effect.
     devices: those that the world declares. script: scripted changes of it. calls: what may be asked
     between two steps. t_ns: simulation time [ns].
     Raises SettingsError when the world or a parameter is invalid, with all that is wrong.
@@ -82,18 +83,18 @@ class SimulatedPlant:
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
         self.script = Script(params.script, physics, self.devices)
-        self._motors = Motors(physics, step_ns, period_ns)
-        self.warnings = self._motors.warnings
-        self.calls = Calls(self._motors, self.script, lambda: self.t_ns)
+        self.motors = Motors(physics, step_ns, period_ns)
+        self.warnings = self.motors.warnings
+        self.calls = Calls(self.motors, self.script, lambda: self.t_ns)
         owners, details = self.devices.owners(), {}
         if owners:
             details["device"] = [owners.get(name, "") for name in self.names]
         self._kinematics: Kinematics | None = None
         if params.dynamics == "off":
-            self._kinematics = Kinematics(self._motors, self.devices, self.script)
+            self._kinematics = Kinematics(self.motors, self.devices, self.script)
             self.warnings.add("the plant", "dynamics", NOTICE)
             details["dynamics"] = ["off"] * len(joints)
-        self.joints = JointSensor(joints, self._motors, params, seed, details)
+        self.joints = JointSensor(joints, self.motors, params, seed, details)
         for subject, text in physics.notes:
             self.warnings.add(subject, text, text)
 
@@ -103,11 +104,7 @@ class SimulatedPlant:
         period_ns: between two commands [ns]; None: one command per communication step.
         Raises WiringError for names that do not match this world's joints.
         """
-        return Commander(port, names, self._motors, period_ns)
-
-    def driver(self, port: str, port_type: str) -> Commander:
-        """Return the driver of the base or gripper of an input; raises as `Devices.sensor`."""
-        return self.devices.driver(port, port_type, self._motors)
+        return Commander(port, names, self.motors, period_ns)
 
     def sense(self) -> JointState:
         """Return the readings of the joints; raises PhysicsError when these have diverged."""
@@ -122,7 +119,7 @@ class SimulatedPlant:
         self.script.run(self.t_ns)
         grippers = self.devices.grippers.values()
         for _ in self._substeps:
-            for drive in self._motors.drives:
+            for drive in self.motors.drives:
                 drive.before_substep()
             if self._kinematics is not None:
                 continue
@@ -177,9 +174,9 @@ class SimulatedPlant:
             t_ns=self.t_ns,
             joints=[(position, velocity) for position, velocity, *_ in states],
             efforts=self.joints.applied(),
-            drives=[drive.save() for drive in self._motors.drives],
+            drives=[drive.save() for drive in self.motors.drives],
             random=self.joints.save(),
-            owners=self._motors.owners,
+            owners=self.motors.owners,
             reported=sorted(self.warnings.reported),
             pending=self.warnings.pending,
         )
@@ -191,10 +188,10 @@ class SimulatedPlant:
         self.t_ns, self.joints.efforts = saved.t_ns, saved.efforts
         for joint, motion in zip(self.physics.joints.values(), saved.joints, strict=True):
             self.physics.engine.put_joint(joint.body, joint.index, *motion)
-        for drive, targets in zip(self._motors.drives, saved.drives, strict=True):
+        for drive, targets in zip(self.motors.drives, saved.drives, strict=True):
             drive.restore(targets)
         self.joints.restore(saved.random)
-        self._motors.owners = saved.owners
+        self.motors.owners = saved.owners
         self.warnings.reported, self.warnings.pending = set(saved.reported), saved.pending
 
     def close(self) -> None:

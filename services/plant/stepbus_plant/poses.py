@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from functools import cached_property
 
 from stepbus_participant import Problems, suggest
 from stepbus_plant.appearance import Appearance, read_appearances
@@ -71,8 +72,9 @@ class PoseSensor:
             orientation.append(frame[1])
         return Poses(position=position, orientation=orientation)
 
-    def describe(self) -> Description:
-        """Return the names of the links with body, shapes and colour of each.
+    @cached_property
+    def description(self) -> Description:
+        """Names of the links, with body, shapes and colour of each.
 
         Raises WiringError for a URDF with shapes that cannot be parsed.
         """
@@ -117,17 +119,13 @@ class Planogram:
     """
 
     def __init__(self, sensor: PoseSensor, items: Mapping[str, Item]) -> None:
-        self._sensor = sensor
+        self.description = sensor.description
         true = sensor.sense()
         rows = zip(sensor.names, true.position, true.orientation, strict=True)
         slots = [_slot(items[name]) if name in items else (at, turn) for name, at, turn in rows]
         self.poses = Poses(
             position=[at for at, _ in slots], orientation=[turn for _, turn in slots]
         )
-
-    def describe(self) -> Description:
-        """Return what the sensor says of the links."""
-        return self._sensor.describe()
 
     def sense(self, t_ns: int) -> Poses | None:
         """Return the poses at the start; None later on."""

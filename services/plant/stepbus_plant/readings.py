@@ -37,7 +37,6 @@ class WrenchSensor:
     """
 
     def __init__(self, stream: str, row: WrenchSettings, physics: Physics, seed: int) -> None:
-        self._row = row
         self._joint = physics.all_joints()[row.joint]
         self._engine = physics.engine
         centre, orientation = self._engine.inertial(self._joint)
@@ -45,10 +44,7 @@ class WrenchSensor:
         self._engine.watch_reaction(self._joint)
         self._force = _errors(seed, stream, row, "force")
         self._torque = _errors(seed, stream, row, "torque")
-
-    def describe(self) -> Description:
-        """Return the joint."""
-        return Description(names=[self._row.joint])
+        self.description = Description(names=[row.joint])
 
     def sense(self, _t_ns: int) -> Wrench:
         """Return the current reading; 0 before the first step."""
@@ -77,10 +73,7 @@ class Lidar:
         self._offset = Errors(seed, f"{stream}/bias", 0.0, row.bias, 1)
         self._noise = Errors(seed, f"{stream}/ranges", row.noise, 0.0, row.rays)
         self._engine.update_shapes()
-
-    def describe(self) -> Description:
-        """Return the link, and the number of rays."""
-        return Description(names=[self._row.link], shape=[self._row.rays])
+        self.description = Description(names=[row.link], shape=[row.rays])
 
     def sense(self, _t_ns: int) -> LaserScan:
         """Return a scan of the world as it is now."""
@@ -123,10 +116,7 @@ class ImuSensor:
         self._gyro = _errors(seed, stream, row, "angular_velocity")
         self._accelerometer = _errors(seed, stream, row, "linear_acceleration")
         self._compass = _errors(seed, stream, row, "orientation")
-
-    def describe(self) -> Description:
-        """Return the link."""
-        return Description(names=[self._row.link])
+        self.description = Description(names=[row.link])
 
     def sense(self, t_ns: int) -> Imu:
         """Return the reading at a time [ns]."""
@@ -161,10 +151,7 @@ class TransformSensor:
         count = 3 * len(self._names)
         self._position = _errors(seed, stream, row, "position", count)
         self._orientation = _errors(seed, stream, row, "orientation", count)
-
-    def describe(self) -> Description:
-        """Return the links."""
-        return Description(names=self._names)
+        self.description = Description(names=self._names)
 
     def sense(self, _t_ns: int) -> Transforms:
         """Return the current transforms."""

@@ -4,14 +4,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-import msgspec
 import numpy as np
 
-from stepbus_plant.drives import Motors
-from stepbus_plant.errors import PhysicsError
+from stepbus_plant.drives import DirectTorque, Motors, PositionMotor
+from stepbus_plant.engine import PhysicsError
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.params import Params
-from stepbus_schemas import Description, JointState
+from stepbus_schemas import JointState
 
 Values = list[float]
 """One number per sensed joint."""
@@ -20,7 +19,8 @@ Values = list[float]
 class JointSensor:
     """Reads the states of joints.
 
-    joints: those to sense, in their order. details: further ones of its description. seed: of the
+    joints: those to sense, in their order. details: further ones of its
+    description. seed: of the
     noise; each quantity has its own random stream, so that the noise on one does not change the
     noise on another. efforts: torques of the latest step [N·m], where the engine does not know them
     after a restart from a checkpoint; else empty.
@@ -36,7 +36,6 @@ class JointSensor:
     ) -> None:
         self.joints = list(joints)
         self.efforts: Values = []
-        self._details = details
         self._engine = motors.physics.engine
         self._random = [np.random.PCG64([seed, number]) for number in range(3)]
         self._measure = {
@@ -53,14 +52,15 @@ class JointSensor:
         read = [joint for group in groups.values() for joint in group]
         self._order = None if read == self.joints else [read.index(joint) for joint in joints]
         drives = [motors.drive_of[joint.name] for joint in joints]
-        self._unreported = [(n, d, i) for n, (d, i) in enumerate(drives) if d.knows_torques]
-        self._targeted = drives if all(drive.has_targets for drive, _ in drives) else []
-
-    def describe(self) -> Description:
-        """Return the joints of a JointState, in order, and their limits."""
-        description = describe_joints(self.joints)
-        details = {**description.details, **self._details}
-        return msgspec.structs.replace(description, details=details)
+        # The engine does not report what it applies directly.
+        self._unreported = [
+            (number, drive, index)
+            for number, (drive, index) in enumerate(drives)
+            if isinstance(drive, DirectTorque)
+        ]
+        targeted = [(drive, i) for drive, i in drives if isinstance(drive, PositionMotor)]
+        self._targeted = targeted if len(targeted) == len(drives) else []
+        self.description = describe_joints(self.joints, details)
 
     def sense(self, _t_ns: int = 0) -> JointState:
         """Return the readings; `target`, without noise, only if every joint has one.

@@ -41,10 +41,6 @@ class ImuSettings(Settings):
     bias: ImuErrors = ImuErrors()
     """Standard deviation of the constant offset that each run draws."""
 
-    def named_links(self) -> Iterator[tuple[Keys, str]]:
-        """Yield the links it names, each with its key."""
-        yield ("link",), self.link
-
 
 class WrenchErrors(Settings):
     """Errors of a force-torque sensor, of each axis."""
@@ -66,10 +62,6 @@ class WrenchSettings(Settings):
     """Standard deviation of Gaussian noise."""
     bias: WrenchErrors = WrenchErrors()
     """Standard deviation of the constant offset that each run draws."""
-
-    def named_links(self) -> Iterator[tuple[Keys, str]]:
-        """Yield no link: it is at a joint."""
-        yield from ()
 
 
 class LidarSettings(Settings):
@@ -93,10 +85,6 @@ class LidarSettings(Settings):
     """Standard deviation of Gaussian noise of each range [m]."""
     bias: NonNegative = 0.0
     """Standard deviation of the constant offset of all ranges that each run draws [m]."""
-
-    def named_links(self) -> Iterator[tuple[Keys, str]]:
-        """Yield the links it names, each with its key."""
-        yield ("link",), self.link
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no lidar can have."""
@@ -128,9 +116,3 @@ class TransformSettings(Settings):
     """Standard deviation of Gaussian noise."""
     bias: TransformErrors = TransformErrors()
     """Standard deviation of the constant offset that each run draws."""
-
-    def named_links(self) -> Iterator[tuple[Keys, str]]:
-        """Yield the links it names, each with its key."""
-        yield from ((("links", index), link) for index, link in enumerate(self.links))
-        if self.parent != WORLD:
-            yield ("parent",), self.parent

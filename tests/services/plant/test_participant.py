@@ -6,7 +6,7 @@ from support.services.control import TWO_LINK, Stand
 
 from stepbus_participant import CallError, Config
 from stepbus_plant import Plant
-from stepbus_plant.errors import CommandError
+from stepbus_plant.commander import CommandError
 from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
 
 

@@ -5,7 +5,7 @@ import pytest
 from support.paths import DOCS
 from support.services.devices import make_stand, write_base
 
-from stepbus_plant.errors import CommandError
+from stepbus_plant.commander import CommandError
 from stepbus_plant.world import BaseSettings, ContactSensorSettings, GripperSettings
 from stepbus_schemas import BaseCommand, JointCommand, WiringError
 

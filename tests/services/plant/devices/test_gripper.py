@@ -3,7 +3,7 @@ import math
 import pytest
 from support.services.devices import box, link, make_stand, write_gripper, write_urdf
 
-from stepbus_plant.errors import CommandError
+from stepbus_plant.commander import CommandError
 from stepbus_schemas import GripperCommand, JointCommand, WiringError
 
 CAN = """

@@ -45,7 +45,7 @@ def test_the_world_overrides_the_limit_of_the_urdf(tmp_path):
     plant = wheel(tmp_path, "{effort: 3}")
     states = drive(plant, JointCommand(mode="torque", values=[500.0]), 1)
     assert states[0, 2, 0] == 3.0
-    assert plant.joints.describe().limits["effort"] == [3.0]
+    assert plant.joints.description.limits["effort"] == [3.0]
 
 
 def test_mode_velocity_holds_a_velocity(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from support.services.plant import body, digest, make_plant, swing, torques
 
-from stepbus_plant.errors import CommandError
+from stepbus_plant.commander import CommandError
 from stepbus_schemas import JointCommand, WiringError
 
 

@@ -16,7 +16,7 @@ from support.services.plant import (
 )
 
 from stepbus_plant import SimulatedPlant
-from stepbus_plant.errors import PhysicsError
+from stepbus_plant.engine import PhysicsError
 from stepbus_schemas import JointCommand, WiringError
 
 
@@ -110,7 +110,7 @@ def test_stops_of_the_world_hold(tmp_path, urdf):
     stops = body("w", urdf, "{velocity: 1, lower: -0.2, upper: 0.3}")
     plant = idle(make_plant(tmp_path, stops, step_ns=MS), 2000)
     assert plant.sense().position[0] <= 0.3 + 1e-3
-    assert plant.joints.describe().limits["upper"] == [0.3]
+    assert plant.joints.description.limits["upper"] == [0.3]
 
 
 def test_stops_of_the_world_can_be_wider_than_the_urdfs(tmp_path):
@@ -158,8 +158,8 @@ def test_closing_a_plant_twice_leaves_the_next_one_alone(tmp_path):
 
 def test_a_joint_that_pinocchio_calls_continuous_is_described_as_such(tmp_path):
     plant = free_wheel(tmp_path)
-    assert plant.joints.describe().details["type"] == ["continuous"]
-    assert plant.joints.describe().limits["lower"] == [-math.inf]
+    assert plant.joints.description.details["type"] == ["continuous"]
+    assert plant.joints.description.limits["lower"] == [-math.inf]
 
 
 @pytest.mark.parametrize(

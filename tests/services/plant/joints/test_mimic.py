@@ -38,8 +38,8 @@ def followed(position):
 def test_a_follower_starts_where_its_joint_takes_it_and_has_no_motor(tmp_path):
     plant = make(tmp_path)
     assert plant.sense().position == pytest.approx([0.4, 0.1])
-    assert plant.joints.describe().details["mode"] == ["torque", "passive"]
-    assert plant.joints.describe().details["mimic"] == ["", "lead"]
+    assert plant.joints.description.details["mode"] == ["torque", "passive"]
+    assert plant.joints.description.details["mimic"] == ["", "lead"]
 
 
 @pytest.mark.parametrize("joint_type", ["revolute", "continuous", "prismatic"])

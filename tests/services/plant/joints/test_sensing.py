@@ -73,7 +73,7 @@ def test_chosen_joints_are_sensed_in_their_order(tmp_path):
     plant = make_plant(tmp_path, joints=["joint2", "joint1"])
     both = swing(make_plant(tmp_path), 50)
     turned = swing(plant, 50)
-    assert plant.joints.describe().names == ["joint2", "joint1"]
+    assert plant.joints.description.names == ["joint2", "joint1"]
     assert digest(both) == digest(np.ascontiguousarray(turned[:, :, ::-1]))
 
 

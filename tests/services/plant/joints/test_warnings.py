@@ -91,7 +91,7 @@ def test_a_joint_without_a_motor_swings_and_is_called_passive(tmp_path):
     for _ in range(20):
         plant.advance()
     assert abs(plant.sense().position[0]) > 0.01
-    assert plant.joints.describe().details["mode"] == ["passive", "passive"]
+    assert plant.joints.description.details["mode"] == ["passive", "passive"]
 
 
 def test_a_fixed_joint_cannot_be_commanded(tmp_path):
@@ -103,7 +103,7 @@ def test_a_fixed_joint_cannot_be_commanded(tmp_path):
 
 def test_params_override_the_effort_of_a_joint(tmp_path):
     plant = make_plant(tmp_path, effort={"joint2": 0.5})
-    assert plant.joints.describe().limits["effort"] == [50.0, 0.5]
+    assert plant.joints.description.limits["effort"] == [50.0, 0.5]
 
 
 def test_an_effort_of_an_unknown_joint_is_refused(tmp_path):

@@ -36,7 +36,7 @@ def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=Non
     world.items.update(items)
     plant = SimulatedPlant(world, Params(world="world.yaml"), 1_000_000, 0)
     try:
-        return plant.pose_sensor(links).describe()
+        return plant.pose_sensor(links).description
     finally:
         plant.close()
 

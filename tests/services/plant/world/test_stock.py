@@ -99,7 +99,7 @@ def test_params_change_mass_and_friction_of_a_type(tmp_path):
 
 def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     plant = SimulatedPlant(load(tmp_path), Params(world="world.yaml"), 4_000_000, 0)
-    said = plant.pose_sensor().describe()
+    said = plant.pose_sensor().description
     assert said.names == ["board", *plant.world.items]
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 

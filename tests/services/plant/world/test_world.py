@@ -128,11 +128,11 @@ def test_keys_that_are_null_count_as_absent(tmp_path):
 
 def test_a_joints_own_settings_go_over_the_defaults_of_its_body(tmp_path):
     arm = body("arm", "two_link", "{effort: 7, damping: 1}", "{joint2: {effort: 3}}")
-    assert make_plant(tmp_path, arm).joints.describe().limits["effort"] == [7.0, 3.0]
+    assert make_plant(tmp_path, arm).joints.description.limits["effort"] == [7.0, 3.0]
 
 
 def test_the_urdf_holds_where_the_world_is_silent(tmp_path):
-    limits = make_plant(tmp_path).joints.describe().limits
+    limits = make_plant(tmp_path).joints.description.limits
     assert limits["effort"] == [50.0, 50.0]
     assert limits["velocity"] == [20.0, 20.0]
 
