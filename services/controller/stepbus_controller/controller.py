@@ -44,7 +44,7 @@ from stepbus_schemas import (
 )
 
 
-class _State(msgspec.Struct):
+class _State(msgspec.Struct, forbid_unknown_fields=True):
     """What a controller remembers of its inputs and of its status; vectors of shape (n,).
 
     motion: positions as measured at measured_ns, positions and velocities for the law. saturated:
@@ -58,7 +58,7 @@ class _State(msgspec.Struct):
     has_reported_delay: bool = False
 
 
-class _Saved(msgspec.Struct):
+class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """A controller at a checkpoint.
 
     params: with the gains that calls have set. integral: of the law. filters: what each remembers.

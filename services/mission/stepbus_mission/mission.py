@@ -51,7 +51,7 @@ class _Path(NamedTuple):
         return evaluate(quintic(self.start, end, self.duration_s), t - self.since)
 
 
-class _State(msgspec.Struct):
+class _State(msgspec.Struct, forbid_unknown_fields=True):
     """paths: index of a joint → its way. last: the newest reference, and its time [s]."""
 
     paths: dict[int, _Path] = {}
@@ -119,7 +119,7 @@ class Targets:
         return _Path(since, duration_s, start, position)
 
 
-class _Saved(msgspec.Struct):
+class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """The state of a mission at a checkpoint.
 
     params: with those that calls have set. shift: of `Sine`. targets: of `Targets`.

@@ -10,7 +10,7 @@ from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import OdometryErrors
 from stepbus_plant.world import BaseSettings
-from stepbus_schemas import BaseState, JointCommand
+from stepbus_schemas import BaseState, Description, JointCommand
 
 
 class Base:
@@ -35,11 +35,15 @@ class Base:
         self._scale = (1.0 + errors.wheel * one, 1.0 + errors.wheel * other)
         self._readings = 0
         self.joints = wheels
-        self.description = describe_joints(wheels)
         self._row = row
         self._engine = engine
         self._angles = self._read()[0]
         self._x = self._y = self._yaw = 0.0
+
+    @property
+    def description(self) -> Description:
+        """Return the wheels, and their limits."""
+        return describe_joints(self.joints)
 
     def _read(self) -> tuple[tuple[float, float], tuple[float, float]]:
         """Return the angles [rad] and velocities [rad/s] of the left and right wheel."""

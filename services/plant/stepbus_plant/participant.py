@@ -32,7 +32,7 @@ _TYPES = {
 _log = logging.getLogger("stepbus_plant")
 
 
-class _Saved(msgspec.Struct):
+class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
 
     is_stopped: by an emergency stop.

@@ -22,7 +22,7 @@ from stepbus_plant.world_file import World
 from stepbus_schemas import JointState, WiringError
 
 
-class _Saved(msgspec.Struct):
+class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """The state of a plant. joints: positions and velocities, in the engine's order [rad, rad/s].
 
     efforts: torques of the last step, of the sensed joints [N·m]. owners: joint → the input that

@@ -178,7 +178,7 @@ class Playback:
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
         while not self._pending.empty():
-            self._pending.get()()
+            self._pending.get_nowait()()
         if self.is_playing:
             speed = _SPEEDS[self._speed.value]
             self._seek(self._t_ns + round(elapsed_s * speed * 1e9))

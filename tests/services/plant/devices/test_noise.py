@@ -46,7 +46,7 @@ def odometry(seed=0, *, distance=1.0, steps=50, **errors):
     wheels = Wheels()
     row = BaseSettings(left="l", right="r", wheel_radius=0.1, track=0.5)
     noise = Noise(seed, "odometry", "base")
-    base = Base(row, wheels, wheels, wheels, errors=OdometryErrors(**errors), noise=noise)
+    base = Base(row, (wheels, wheels), wheels, OdometryErrors(**errors), noise)
     for n in range(1, steps + 1):
         wheels.angles = [distance / 0.1 * n / steps] * 2
         state = base.sense(n)
