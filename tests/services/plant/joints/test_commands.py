@@ -31,7 +31,10 @@ def refuse(plant, order, match):
         (command(-math.inf, math.inf), "values of joint joint1 is -inf"),
         (command(1.0, 2.0, velocity=[0.0, 0.0]), "mode torque does not use velocity"),
         (command(1.0, 2.0, effort_limit=[1.0, 1.0]), "mode torque does not use effort_limit"),
-        (command(0.0, 7.0, mode="teleport"), r"joint joint2 cannot be teleported to 7; its limits are"),
+        (
+            command(0.0, 7.0, mode="teleport"),
+            r"joint joint2 cannot be teleported to 7; its limits are",
+        ),
         (command(0.0, math.nan, mode="teleport"), "values of joint joint2 is nan"),
     ],
 )
