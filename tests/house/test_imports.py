@@ -3,7 +3,7 @@
 import ast
 from functools import cache
 
-from support.exports import exported
+from support.exports import exported, source_of
 from support.paths import CHECKOUT
 
 SOURCE = (
@@ -11,31 +11,6 @@ SOURCE = (
     "services", "store/stepbus_store", "tools",
 )  # fmt: skip
 """Where that holds. The campaign calls every reader of a recording, also those inside a package."""
-EXPORTING = {
-    "stepbus_participant.parameters",
-    "stepbus_participant.parameters.settings",
-    "stepbus_schemas.messages",
-    *(f"stepbus_tools.{name}" for name in ("figures", "sweep.pool", "sweep.run_sweep", "sweep.spec", "viewing", "viewing.exports", "viewing.page")),
-    *(f"stepbus.{name}" for name in ("errors", "messages", "params", "results", "wiring")),
-    *(
-        f"stepbus_orchestrator.{name}"
-        for name in (
-            "analysis.diff", "analysis.divergence", "analysis.findings", "analysis.signals",
-            "analysis.tolerance", "analysis.verify", "cli", "cli.live", "cli.output",
-            "cli.parameters", "cli.signals", "errors", "plugins", "processes", "processes.child",
-            "processes.endpoints", "processes.launcher",
-            "processes.limits", "processes.watchdog", "recording", "recording.layout",
-            "recording.timing", "replay", "replay.branch", "replay.recorded", "replay.rerun",
-            "replay.sources",
-            "run.bus", "run.describe", "run.episode", "run.extension", "run.extensions.external",
-            "run.extensions.pace", "run.extensions.real_time", "run.folder", "run.hosts",
-            "run.inprocess.local_run", "run.kernel.admission", "run.kernel.descriptions", "run.live_file",
-            "run.reports", "run.result", "run.run_scenario", "scenario.faults", "scenario.load", "scenario.model",
-            "scenario.override", "scenario.program", "scenario.resolve",
-        )
-    ),
-}  # fmt: skip
-"""Modules that other packages may import from, beside the packages themselves."""
 ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}
 """Packages that are part of another one."""
 
@@ -68,13 +43,13 @@ def found_imports():
                     yield name, module, names
 
 
-def test_packages_import_only_from_the_top_of_others():
-    deep = {
+def test_packages_import_from_no_private_module_of_others():
+    private = {
         f"{file}: {module}"
         for file, module, _ in imports()
-        if "." in module and module not in EXPORTING
+        if any(part.startswith("_") for part in module.split("."))
     }
-    assert deep == set()
+    assert private == set()
 
 
 def test_what_packages_import_is_exported():
@@ -83,7 +58,13 @@ def test_what_packages_import_is_exported():
         for file, module, names in imports()
         for name in names
         if name != "*"  # exactly what is exported
-        and f"{module}.{name}" not in EXPORTING
         and name not in exported(module)
+        and (name.startswith("_") or source_of(f"{module}.{name}") is None)
     }
     assert hidden == set()
+
+
+def test_what_a_module_has_imported_or_keeps_to_itself_is_not_exported():
+    names = exported("stepbus_orchestrator.run.kernel.admission")
+    assert {"LOW_LATENCY_BYTES", "welcome_of"} <= names
+    assert not names & {"Welcome", "hashlib", "_NO_LIMIT"}
