@@ -13,6 +13,7 @@ def imported_on_use(
 
     names: that it offers. homes: modules, of which the first that has a name is where it comes
     from; those behind it are not loaded. modules: those of the names that are modules below it.
+    A name whose extra is not installed raises ExtraMissing.
     """
 
     def find(name: str) -> Any:
@@ -21,7 +22,15 @@ def imported_on_use(
         if name in modules:
             return import_module(f"{module}.{name}")
         loaded = (import_module(home, "stepbus") for home in homes)
-        value = next(getattr(home, name) for home in loaded if hasattr(home, name))
+        try:
+            value = next(getattr(home, name) for home in loaded if hasattr(home, name))
+        except ModuleNotFoundError as exc:
+            from stepbus_participant import ExtraMissing, extra_hint  # noqa: PLC0415
+
+            if hint := extra_hint(exc.name or ""):
+                text = f"{module}.{name} needs {exc.name}, which is not installed{hint}"
+                raise ExtraMissing(text) from None
+            raise
         setattr(sys.modules[module], name, value)
         return value
 

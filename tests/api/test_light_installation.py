@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+import stepbus
 from stepbus_participant import extra_hint
 
 BLOCKER = """
@@ -32,7 +33,7 @@ def without(tmp_path, monkeypatch):
     return hide
 
 
-def stepbus(*words):
+def stepbus_command(*words):
     """Return what a command prints, both streams, and its exit code."""
     done = subprocess.run(
         [sys.executable, "-m", "stepbus_orchestrator.cli", *words],
@@ -62,7 +63,7 @@ def test_a_participant_without_its_extra_is_one_sentence_before_the_start(
     monkeypatch.chdir(folder)
     monkeypatch.setenv("TMPDIR", str(folder))
     command, *options = words
-    code, text = stepbus(command, "two_link", *options)
+    code, text = stepbus_command(command, "two_link", *options)
     assert code == 2
     (line,) = (line for line in text.splitlines() if f"stepbus_{who}" in line)
     sentence = f"stepbus_{who} needs {module}, which is not installed{extra_hint(module)}"
@@ -73,7 +74,7 @@ def test_a_participant_without_its_extra_is_one_sentence_before_the_start(
 
 def test_every_participant_that_lacks_its_extra_is_named(without):
     without("pinocchio", "pybullet")
-    text = stepbus("validate", "two_link")[1]
+    text = stepbus_command("validate", "two_link")[1]
     assert [who for who in ("controller", "mission", "plant") if f"stepbus_{who} needs" in text] == [
         "controller", "plant",
     ]  # fmt: skip
@@ -90,7 +91,7 @@ def test_a_run_without_matplotlib_says_how_to_get_the_plots(without, tmp_path):
         "--out",
         str(tmp_path / "run"),
     )
-    code, text = stepbus(*words)
+    code, text = stepbus_command(*words)
     assert code == 0
     assert (
         f"no plots  a plot needs matplotlib, which is not installed{extra_hint('matplotlib')}"
@@ -100,5 +101,60 @@ def test_a_run_without_matplotlib_says_how_to_get_the_plots(without, tmp_path):
 
 def test_what_needs_no_extra_works_without_any(without):
     without("coal", "cv2", "matplotlib", "ompl", "pinocchio", "pybullet", "ruckig", "toppra")
-    assert stepbus("--help")[0] == 0
-    assert stepbus("conformance", "--list")[0] == 0
+    assert stepbus_command("--help")[0] == 0
+    assert stepbus_command("conformance", "--list")[0] == 0
+
+
+RUN = ("greenlet", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme", "zstandard")
+"""What only the orchestrator needs."""
+LIGHT = """
+import sys
+
+import stepbus
+
+class Light(stepbus.Participant):
+    def update(self, step):
+        return {"state": stepbus.JointState(position=[0.1 * step.index])}
+
+code = stepbus.main(Light)
+assert not set(sys.modules) & RUN, set(sys.modules) & RUN
+sys.exit(code)
+"""
+LIGHT_SCENARIO = """
+name: light
+step: 10ms
+duration: 100ms
+participants:
+  light:
+    exec: [env, PYTHONPATH=site, {python}, light.py]
+    outputs: {{state: JointState/1}}
+"""
+
+
+def test_a_participant_needs_nothing_that_only_the_orchestrator_needs(
+    without, tmp_path, monkeypatch
+):
+    without(*RUN)
+    monkeypatch.delenv("PYTHONPATH")
+    (tmp_path / "light.py").write_text(f"RUN = {set(RUN)!r}\n{LIGHT}")
+    (tmp_path / "light.yaml").write_text(LIGHT_SCENARIO.format(python=sys.executable))
+    result = stepbus.run(tmp_path / "light.yaml", out=tmp_path / "run")
+    assert result.exit_code == 0, result.reason
+    assert len(list(stepbus.Recording(result.recording)["light.state"].messages())) == 10
+
+
+def test_a_command_line_without_its_extra_is_one_sentence(without):
+    without(*RUN)
+    code, text = stepbus_command("run", "two_link")
+    assert code == 2
+    (line,) = text.splitlines()
+    assert line.startswith("stepbus: the command line needs ")
+    assert line.endswith(f", which is not installed{extra_hint('mcap')}")
+
+
+def test_a_name_of_an_extra_says_how_to_get_it(without):
+    without(*RUN)
+    code = "import stepbus\ntry: stepbus.run\nexcept stepbus.WiringError as exc: print(exc)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("stepbus.run needs ")
+    assert done.stdout.endswith(f"which is not installed{extra_hint('numpy')}\n")

@@ -24,6 +24,7 @@ from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
 Verdict = Literal["ok", "warn", "fail"]
 
 EXTRAS = {
+    "run": "runs, recordings, and this command line",
     "sim": "physics and dynamics: the plant and the controller that ship",
     "report": "the plots of a run, report.png",
     "export": "tables, video, and files for ROS 2 and Foxglove",
@@ -103,7 +104,7 @@ def versions() -> Iterator[Finding]:
         yield Finding("python", "ok", python)
     try:
         yield Finding("stepbus", "ok", version("stepbus"))
-        yield from (_package(*row) for row in needed())
+        yield from (_package(*row) for row in (*needed(), *needed("run")))
     except PackageNotFoundError:
         text = "is not installed, only found; run `pip install -e .` in its clone"
         yield Finding("stepbus", "fail", text)

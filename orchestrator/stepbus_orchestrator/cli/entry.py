@@ -17,6 +17,7 @@ from .supervisor import adopt, settle, supervise
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
+_USAGE = 2
 _INTERRUPTED = 130
 _SENTENCE = "stepbus: interrupted\n"
 
@@ -38,10 +39,21 @@ def _main() -> int:
         return _guarded()
     except (ImportError, MemoryError) as exc:
         if isinstance(exc, ImportError) and ".so" not in str(exc):
-            raise
+            return _lacking(exc)
         reason = str(exc) or "out of memory"
         sys.stderr.write(f"stepbus: {reason}; does the limit of memory (ulimit -v) allow enough?\n")
         return _INTERNAL
+
+
+def _lacking(exc: ImportError) -> int:
+    """Say which extra lacks; any other error of an import is ours, and raised."""
+    from stepbus_participant import extra_hint  # noqa: PLC0415
+
+    hint = extra_hint(exc.name or "")
+    if not hint:
+        raise exc
+    sys.stderr.write(f"stepbus: the command line needs {exc.name}, which is not installed{hint}\n")
+    return _USAGE
 
 
 def _guarded() -> int:
