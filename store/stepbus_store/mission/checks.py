@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 
+from stepbus_store.cause import Cause
 from stepbus_store.mission.report import Unsold
 from stepbus_store.mission.state import APPROACHES, STATES, Outcome, Sale, StoreState
 from stepbus_store.mission.stock import Item
@@ -11,13 +12,14 @@ Check = Callable[[StoreState], Outcome | None]
 """Returns the outcome of a state, or None while the state continues."""
 
 HOPELESS = (
-    "invalid", "limits", "no_answer", "no_force", "no_plan", "not_done", "not_holdable",
-    "singular", "unreachable",
+    Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN, Cause.NOT_DONE,
+    Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.UNREACHABLE,
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
 
 REFUSED = (
-    "blocked", "limits", "no_path", "not_holdable", "singular", "unreachable",
+    Cause.BLOCKED, Cause.LIMITS, Cause.NO_PATH, Cause.NOT_HOLDABLE, Cause.SINGULAR,
+    Cause.UNREACHABLE,
 )  # fmt: skip
 """Causes that another approach to the item may remove."""
 
@@ -33,7 +35,7 @@ _BESIDE = (
 )  # fmt: skip
 """States while the base drives."""
 
-_LOST = ("no_answer", "no_perception", "no_plan", "no_pose")
+_LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
 """Causes after which somebody is missing: the run ends soon, and nothing may move then."""
 
 _SAME_WIDTH = 1e-3
@@ -58,16 +60,16 @@ def choose(store: StoreState) -> Outcome | None:
     sale = store.sale
     sale.item = _next_item(store, sale)
     if sale.item is None:
-        return _leave_out(store, sale, "shelf_empty", _sold_out(store, sale))
+        return _leave_out(store, sale, Cause.SHELF_EMPTY, _sold_out(store, sale))
     sale.detected, sale.attempts, sale.tries = None, 0, 0
     problem = _misfit(store, sale.item)
     if problem:
-        return _leave_out(store, sale, "too_wide", problem)
+        return _leave_out(store, sale, Cause.TOO_WIDE, problem)
     store.report(f"fetching {sale.item.name}")
     return Outcome(name="together" if settings.together else "chosen")
 
 
-def _leave_out(store: StoreState, sale: Sale, cause: str, text: str) -> Outcome:
+def _leave_out(store: StoreState, sale: Sale, cause: Cause, text: str) -> Outcome:
     """Go on to the next order, if there is one or something was sold."""
     store.unsold.append(Unsold(number=sale.number, order=str(sale.order), reason=text))
     if not store.results and store.started == len(store.settings.orders):
@@ -140,7 +142,7 @@ def landed(store: StoreState) -> Outcome | None:
     text = (
         f"not done, goal {store.trip} (go_together) goes on after {store.settings.waits.motion:g} s"
     )
-    return Outcome(name="failed", cause="not_done", text=text)
+    return Outcome(name="failed", cause=Cause.NOT_DONE, text=text)
 
 
 def _trip_failed(store: StoreState) -> Outcome | None:
@@ -179,10 +181,10 @@ def _timeout(store: StoreState) -> Outcome | None:
     goal = f"goal {store.visit.goal} ({store.visit.goal_type})"
     if status is None and store.elapsed >= waits.answer:
         text = f"{_NO_ANSWER}: {goal} has no status after {waits.answer:g} s; is it running?"
-        return Outcome(name="failed", cause="no_answer", text=text)
+        return Outcome(name="failed", cause=Cause.NO_ANSWER, text=text)
     if status is not None and store.elapsed >= waits.motion:
         text = f"not done, {goal} is still {status.state} after {waits.motion:g} s"
-        return Outcome(name="failed", cause="not_done", text=text)
+        return Outcome(name="failed", cause=Cause.NOT_DONE, text=text)
     return None
 
 
@@ -199,7 +201,7 @@ def _dropped(store: StoreState) -> Outcome | None:
     if store.since(sale.lost_ns) < store.settings.waits.lost:
         return None
     text = f"dropped, width {store.inputs.gripper.width:.3f} m"
-    return Outcome(name="dropped", cause="dropped", text=text)
+    return Outcome(name="dropped", cause=Cause.DROPPED, text=text)
 
 
 def _aim(store: StoreState) -> Outcome | None:
@@ -209,12 +211,12 @@ def _aim(store: StoreState) -> Outcome | None:
 
 def check_grip(store: StoreState) -> Outcome | None:
     """Check that the closed gripper holds something as wide as the item."""
-    return _held(store, "not_held", "not held")
+    return _held(store, Cause.NOT_HELD, "not held")
 
 
 def check_lift(store: StoreState) -> Outcome | None:
     """Check that the gripper has lifted the item."""
-    outcome = _held(store, "slipped", "slipped")
+    outcome = _held(store, Cause.SLIPPED, "slipped")
     if outcome is not None and outcome.name == "held":
         gripper = store.inputs.gripper
         width = f"{gripper.width * 1e3:.1f} mm"
@@ -224,7 +226,7 @@ def check_lift(store: StoreState) -> Outcome | None:
     return outcome
 
 
-def _held(store: StoreState, cause: str, text: str) -> Outcome | None:
+def _held(store: StoreState, cause: Cause, text: str) -> Outcome | None:
     if store.elapsed < store.settings.waits.still:
         return None
     _, item = store.now

@@ -34,6 +34,7 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import PLANNABLE, check_of
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.params import Params, unknown_type
@@ -238,7 +239,7 @@ class StoreMission(Participant):
     def _planned_instead(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Return the goal of a state whose straight line is blocked, along a planned path."""
         visit = store.visit
-        is_line = outcome.cause == "blocked" and visit.goal_type == "move_linear"
+        is_line = outcome.cause == Cause.BLOCKED and visit.goal_type == "move_linear"
         if not is_line or visit.state not in PLANNABLE:
             return None
         store.report(f"{outcome.text}; along a planned path instead", "warning")
@@ -307,9 +308,9 @@ def _lost(inputs: Inputs) -> Outcome | None:
     """Return that a participant has failed whose safe messages show it."""
     detections, pose = inputs.detections, inputs.pose
     if detections is not None and not detections.frame:
-        return Outcome(name="failed", cause="no_perception", text="perception has failed")
+        return Outcome(name="failed", cause=Cause.NO_PERCEPTION, text="perception has failed")
     if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
-        return Outcome(name="failed", cause="no_pose", text="nobody knows where the base is")
+        return Outcome(name="failed", cause=Cause.NO_POSE, text="nobody knows where the base is")
     return None
 
 

@@ -4,6 +4,7 @@ import math
 
 from stepbus_participant import suggest
 from stepbus_schemas import Detections, Point, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.mission.geometry import Spot, spot_of, tilt_of, yaw_of
 from stepbus_store.mission.goals import ODOMETRY
 from stepbus_store.mission.report import SaleResult
@@ -79,12 +80,12 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
         if store.elapsed < waits.camera * (1 + visit.views):
             return None
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the shelf"
-        return Outcome(name="blind", cause="blind", text=text)
+        return Outcome(name="blind", cause=Cause.BLIND, text=text)
     visit.views += 1
     seen = nearest(store, store.inputs.detections, store.expected())
     if seen is None and visit.views == store.settings.views:
         return Outcome(
-            name="missing", cause="missing", text=_missing(store, store.inputs.detections)
+            name="missing", cause=Cause.MISSING, text=_missing(store, store.inputs.detections)
         )
     return None if seen is None else seen[0]
 
@@ -164,7 +165,7 @@ def verify(store: StoreState) -> Outcome | None:
 def _conclude(store: StoreState, result: SaleResult, fault: str) -> Outcome:
     """End the sale; fault: what is wrong with the placement; empty: nothing."""
     if fault:
-        return Outcome(name="misplaced", cause="misplaced", text=fault)
+        return Outcome(name="misplaced", cause=Cause.MISPLACED, text=fault)
     store.results.append(result)
     store.report(
         f"placed {result.place_error * 1e3:.1f} mm from its spot after {result.duration:.1f} s"
@@ -188,7 +189,7 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
         if store.elapsed < waits.camera * (1 + visit.views):
             return None
         text = f"the camera shows nothing: no detections for {waits.camera:g} s above the outlet"
-        return Outcome(name="misplaced", cause="blind", text=text)
+        return Outcome(name="misplaced", cause=Cause.BLIND, text=text)
     visit.views += 1
     spot = store.in_odometry(settings.outlet_spot(sale.number - 1, store.planned))
     seen = nearest(store, detections, spot)
@@ -197,7 +198,7 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
             return None
         near = settings.tolerances.found * 1e3
         text = f"no upright {item.type} is seen within {near:g} mm of its spot"
-        return Outcome(name="misplaced", cause="misplaced", text=f"misplaced, {text}")
+        return Outcome(name="misplaced", cause=Cause.MISPLACED, text=f"misplaced, {text}")
     at, height = seen
     result = SaleResult(
         number=sale.number,

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from stepbus_schemas import Goal, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.avoidance import Avoidance
 from stepbus_store.motion.back_to_rest import BackToRest
 from stepbus_store.motion.beside_goals import Companion
@@ -58,7 +59,7 @@ class UnderWay:
     def check_planner(self) -> None:
         """Raise Refused where there are no plans any more."""
         if self.lost_planner:
-            raise Refused("no_plan", self.lost_planner)
+            raise Refused(Cause.NO_PLAN, self.lost_planner)
 
     def rest(self, t: float, *, touches: bool = False) -> None:
         """Bring to rest what the goal under way has set in motion."""
@@ -101,4 +102,4 @@ class UnderWay:
             return outcome
         why = self.avoidance.slowest or "the joints cannot be faster within their limits"
         text = f"took {took:.2f} s instead of {goal.duration:.2f} s: {why}; {outcome.text}"
-        return Outcome(state="succeeded", cause="slower", text=text)
+        return Outcome(state="succeeded", cause=Cause.SLOWER, text=text)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Measured, Outcome, Reports
 from stepbus_store.motion.parts import MOVES, Part, Parts
@@ -171,12 +172,12 @@ class Avoidance:
             return None
         if part == "gripper":
             self._parts.rest(part, t)
-            return Outcome(state="failed", cause="collision", text=text)
+            return Outcome(state="failed", cause=Cause.COLLISION, text=text)
         may_replan = part == "arm" and self._parts.arm.follows_plan
         length = self._parts.back_off_arm(t, self._settings.back_off)
         replans = may_replan and length > 0.0 and self._replans < self._settings.replans
         text = f"{text}, backed off {length * 1e3:.0f} mm" if length > 0.0 else text
-        failure = Outcome(state="failed", cause="collision", text=text)
+        failure = Outcome(state="failed", cause=Cause.COLLISION, text=text)
         self._back_off = _BackOff(failure=failure, collision=collision, replans=replans)
         self._is_apart = False
         self._monitor_goal(goal, part)
@@ -214,7 +215,7 @@ class Avoidance:
             self._parts.rest(part, t, touches=True)
             text = f"{back_off.collision}; stopped; while backing off, {obstacle}"
             self._reports.warn(text)
-            return Outcome(state="failed", cause="collision", text=text)
+            return Outcome(state="failed", cause=Cause.COLLISION, text=text)
         if back_off.replans and end is not None and end.state == "succeeded":
             self._back_off = None
             return self.replan(goal, part, back_off.failure.text, t)
@@ -278,7 +279,7 @@ class Avoidance:
             self._reports.status(goal.id, "running", text=asked)
             self._reports.warn(asked)
             return None
-        return Outcome(state="failed", cause="blocked", text=text)
+        return Outcome(state="failed", cause=Cause.BLOCKED, text=text)
 
     def hindrance(self, part: Part) -> str:
         """Return a sentence about what hinders an arm on a path; empty: nothing."""
@@ -326,7 +327,7 @@ class Avoidance:
         """
         again = self.remember()
         if not self._parts.arm.follows_plan:
-            return self._give_up(part, f"{why}; stopped", t, "blocked")
+            return self._give_up(part, f"{why}; stopped", t, Cause.BLOCKED)
         if again:
             return self._give_up(part, f"{why}; stopped; another path leads there again", t)
         if self._hindrance is None:
@@ -356,7 +357,7 @@ class Avoidance:
         self._reports.warn(text)
         return None
 
-    def _give_up(self, part: Part, text: str, t: float, cause: str = "no_path") -> Outcome:
+    def _give_up(self, part: Part, text: str, t: float, cause: Cause = Cause.NO_PATH) -> Outcome:
         self._parts.rest(part, t, touches=self.is_urgent)
         return Outcome(state="failed", cause=cause, text=text)
 

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.outcome import Measured, Outcome, Refused
 
@@ -31,14 +32,14 @@ class StowCondition:
         position = self.robot.frame_pose(q, self.frame).translation
         if position[2] > self.height:
             raise Refused(
-                "too_high",
+                Cause.TOO_HIGH,
                 f"{self.frame} is {position[2]:.3f} m above the floor; the base moves only below "
                 f"{self.height:g} m",
             )
         reach = math.hypot(position[0], position[1])
         if reach > self.reach:
             raise Refused(
-                "too_far",
+                Cause.TOO_FAR,
                 f"{self.frame} reaches {reach:.3f} m out from the base, which moves only below "
                 f"{self.reach:g} m",
             )
@@ -105,7 +106,7 @@ class BackToRest:
             return None
         tried = f", after going {', '.join(self.done)}" if self.done else ""
         text = f"no path back to rest{tried}: {self.problem}"
-        return Outcome(state="failed", cause="no_path", text=text)
+        return Outcome(state="failed", cause=Cause.NO_PATH, text=text)
 
     def _plan(self, now: Measured, t: float) -> str:
         self.is_freeing = False

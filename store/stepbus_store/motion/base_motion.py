@@ -9,6 +9,7 @@ import numpy as np
 from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.base_settings import BaseSettings
 from stepbus_store.motion.base_tracking import (
     TrackingError,
@@ -314,7 +315,7 @@ class BaseMotion:
             return None
         off = f"{error.along * 1e3:.1f} mm and {math.degrees(error.angle):.2f}° off"
         text = f"not settled {drive.late:.2f} s after the motion: {off}"
-        return self._give_up("not_settled", text)
+        return self._give_up(Cause.NOT_SETTLED, text)
 
     def _finish(self) -> Outcome:
         self._done = False
@@ -335,9 +336,9 @@ class BaseMotion:
             f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
             f"{slow_wheels(self.state, self._sent, self._settings.track)}"
         )
-        return self._give_up("jammed", text)
+        return self._give_up(Cause.JAMMED, text)
 
-    def _give_up(self, cause: str, text: str) -> Outcome:
+    def _give_up(self, cause: Cause, text: str) -> Outcome:
         self._drive, self._pose = None, None
         self._waiting.clear()
         self._done = False

@@ -12,6 +12,7 @@ import pinocchio as pin
 from stepbus_kinematics import Indices, Overload, RobotModel, Vector
 from stepbus_participant import extra_hint
 from stepbus_schemas import RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
 from stepbus_store.motion.outcome import Refused
 
@@ -172,17 +173,17 @@ class BranchSolver:
             return [self._searched(tip, target, q)]
         inside = [turns for branch in branches if (turns := self._turns(branch, q))]
         if not inside:
-            raise Refused("limits", self._limits_text(tip, target, q, branches))
+            raise Refused(Cause.LIMITS, self._limits_text(tip, target, q, branches))
         regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= self._least]
         if not regular:
-            raise Refused("singular", self._singular_text(tip, inside))
+            raise Refused(Cause.SINGULAR, self._singular_text(tip, inside))
         holdable = [turns for turns in regular if self.overload(tip, turns[0]) is None]
         if not holdable:
             loads = [
                 load for turns in regular if (load := self.overload(tip, turns[0])) is not None
             ]
             least = min(loads, key=lambda load: load.required - load.available)
-            raise Refused("not_holdable", f"not holdable: {least}, even in the best solution")
+            raise Refused(Cause.NOT_HOLDABLE, f"not holdable: {least}, even in the best solution")
         nearest = sorted((turns[0] for turns in holdable), key=lambda one: self._distance(one, q))
         turned = itertools.chain.from_iterable(turns[1:] for turns in holdable)
         return nearest + sorted(turned, key=lambda one: self._distance(one, q))
@@ -215,7 +216,7 @@ class BranchSolver:
     def _searched(self, tip: str, target: Any, q: Vector) -> Vector:
         solution = self._search.solve(tip, target, q)
         if solution.verdict != "reached":
-            raise Refused(solution.verdict, str(solution))
+            raise Refused(Cause(solution.verdict), str(solution))
         return solution.q
 
     def _turns(self, branch: Vector, q: Vector) -> list[Vector]:

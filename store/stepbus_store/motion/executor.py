@@ -1,6 +1,7 @@
 """Carries out one goal at a time, and reports what becomes of it."""
 
 from stepbus_schemas import Goal, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.active_goal import Active, UnderWay
 from stepbus_store.motion.avoidance import Avoidance, AvoidanceSettings
 from stepbus_store.motion.concurrent import BesideBase
@@ -77,7 +78,7 @@ class GoalExecutor:
         if goals.lost_planner:
             return
         goals.lost_planner = text
-        failure = Outcome(state="failed", cause="no_plan", text=text)
+        failure = Outcome(state="failed", cause=Cause.NO_PLAN, text=text)
         for _ in range(2):
             active = goals.active
             if active is not None and active.part != "all":
@@ -137,7 +138,7 @@ class GoalExecutor:
             return avoidance.collide(goal, part, collision, t)
         if lost:
             self._goals.rest(t)
-            return Outcome(state="failed", cause="slipped", text=lost)
+            return Outcome(state="failed", cause=Cause.SLIPPED, text=lost)
         if hindrance := avoidance.hindrance(part):
             return avoidance.evade(goal, part, hindrance, t)
         return avoidance.approach(goal, part) or ends[part]

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from stepbus_kinematics import RobotModel
+from stepbus_store.cause import Cause
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.trajectory import Stretched, Trajectory
@@ -92,7 +93,9 @@ def _torque_factor(states: Sequence[JointMotion], robot: RobotModel, share: floa
             joint = robot.joints[worst]
             unit = robot.effort_unit(joint)
             text = f"{joint} needs {abs(static[worst]):.1f} {unit} on the path"
-            raise Refused("not_holdable", f"not holdable: {text} and has {limit[worst]:.1f} {unit}")
+            raise Refused(
+                Cause.NOT_HOLDABLE, f"not holdable: {text} and has {limit[worst]:.1f} {unit}"
+            )
         total = robot.inverse_dynamics(state.position, state.velocity, state.acceleration)
         moving = total - static
         room = np.maximum(limit - np.sign(moving) * static, 1e-9)

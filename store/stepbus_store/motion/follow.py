@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_store.cause import Cause
 from stepbus_store.motion.outcome import Refused
 
 
@@ -60,7 +61,7 @@ def joint_path(points: Sequence[Vector]) -> JointPath:
         if not kept or float(np.linalg.norm(point - kept[-1])) > 1e-9:
             kept.append(point)
     if len(kept) < 2:
-        raise Refused("no_path", "the path has no length: the arm is there already")
+        raise Refused(Cause.NO_PATH, "the path has no length: the arm is there already")
     q = np.array(kept)
     u = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(q, axis=0), axis=1))])
     return JointPath(u=u, q=q, slope=np.gradient(q, u, axis=0))
@@ -119,7 +120,7 @@ _LARGEST_STEP = 0.3
 class Lost(Refused):
     """A path of the tip that the joints cannot follow; index: of the first such pose."""
 
-    def __init__(self, cause: str, text: str, index: int) -> None:
+    def __init__(self, cause: Cause, text: str, index: int) -> None:
         super().__init__(cause, text)
         self.index = index
 
@@ -164,7 +165,7 @@ class _Tracer:
         for q, jacobian, error in self._approach(guess, wanted.pose):
             if np.abs(q - before).max() > _LARGEST_STEP:
                 self._check_singular(jacobian)
-                raise Refused("singular", "singular: the joints would jump to another branch")
+                raise Refused(Cause.SINGULAR, "singular: the joints would jump to another branch")
             if np.abs(error).max() < _CLOSE:
                 self._check_singular(jacobian)
                 both = _solved(jacobian, np.stack([error, wanted.twist], axis=1))
@@ -174,7 +175,7 @@ class _Tracer:
                 self._check_limits(end)
                 return end, slope
         miss = float(np.linalg.norm(error[:3])) * 1e3
-        raise Refused("unreachable", f"unreachable: the tip stays {miss:.1f} mm away")
+        raise Refused(Cause.UNREACHABLE, f"unreachable: the tip stays {miss:.1f} mm away")
 
     def _approach(self, guess: Vector, pose: Any) -> Iterator[tuple[Vector, Vector, Vector]]:
         q = guess.copy()
@@ -191,7 +192,7 @@ class _Tracer:
         least = float(np.linalg.svd(jacobian, compute_uv=False).min())
         if least < self._least:
             text = f"the smallest singular value falls to {least:.4f}, below {self._least:.4f},"
-            raise Refused("singular", f"singular: {text}")
+            raise Refused(Cause.SINGULAR, f"singular: {text}")
 
     def _check_limits(self, q: Vector) -> None:
         robot = self._robot
@@ -200,7 +201,7 @@ class _Tracer:
         if beyond[worst] > 1e-9:
             joint = robot.joints[worst]
             raise Refused(
-                "limits",
+                Cause.LIMITS,
                 f"out of limits: {joint} would have to go to {q[worst]:.3f} {robot.unit(joint)}, "
                 f"its limits are [{robot.lower[worst]:.3f}, {robot.upper[worst]:.3f}],",
             )

@@ -8,6 +8,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.outcome import Outcome, Refused
 
 _SLOW = 0.3
@@ -133,11 +134,11 @@ class Gripper:
         state = self._now()
         if not 0.0 <= goal.width <= self._settings.widest:
             text = f"width {goal.width:g} m is out of reach (0 to {self._settings.widest:g} m)"
-            raise Refused("invalid", text)
+            raise Refused(Cause.INVALID, text)
         if not (math.isfinite(goal.force) and goal.force >= 0.0):
-            raise Refused("invalid", f"force {goal.force:g} N is not a valid largest force")
+            raise Refused(Cause.INVALID, f"force {goal.force:g} N is not a valid largest force")
         if goal.force == 0.0:
-            raise Refused("no_force", "force is 0 N: the fingers would not move")
+            raise Refused(Cause.NO_FORCE, "force is 0 N: the fingers would not move")
         closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0
         force = min(self._settings.first_force, goal.force) if closes else goal.force
         self._goal = self._command = GripperCommand(width=goal.width, force=force)
@@ -208,7 +209,7 @@ class Gripper:
             f"the fingers {did}: {_mm(state.width)} wide instead of {_mm(goal.width)}, "
             f"{state.force:.1f} N of {goal.force:.1f} N, nothing between them"
         )
-        return Outcome(state="failed", cause="stuck", text=text)
+        return Outcome(state="failed", cause=Cause.STUCK, text=text)
 
     def lost(self, t: float) -> str:
         """Return a sentence once what was held has slipped out, else nothing.

@@ -10,6 +10,7 @@ import ruckig
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import JointCommand
+from stepbus_store.cause import Cause
 from stepbus_store.motion.outcome import Refused
 
 
@@ -141,7 +142,7 @@ def _calculated(given: Any) -> Motion:
         result = ruckig.Ruckig(given.degrees_of_freedom).calculate(given, trajectory)
     except (ruckig.RuckigError, ValueError) as exc:
         # A ValueError is a result that its Python side has no name for, as a duration of hours.
-        raise Refused("no_path", f"ruckig finds no motion within the limits: {exc}") from exc
+        raise Refused(Cause.NO_PATH, f"ruckig finds no motion within the limits: {exc}") from exc
     if result != ruckig.Result.Working:
-        raise Refused("no_path", f"ruckig finds no motion within the limits: {result}")
+        raise Refused(Cause.NO_PATH, f"ruckig finds no motion within the limits: {result}")
     return Motion(trajectory)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from msgspec.structs import replace
 
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, Point
+from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.route import base_route, first_part
@@ -128,7 +129,7 @@ class Navigator:
         if trip is None or trip.drives or plan.id != trip.number:
             return
         if plan.cause:
-            self._verdict = Outcome(state="failed", cause="no_path", text=plan.text)
+            self._verdict = Outcome(state="failed", cause=Cause.NO_PATH, text=plan.text)
             return
         trip.route = plan.route
         if not self.waits:
@@ -173,7 +174,7 @@ class Navigator:
                 self._ask(trip, t)
         elif trip.route is None and t - trip.asked_at > self._timeout:
             text = f"the planner has not answered for {self._timeout:g} s; is it running?"
-            return Outcome(state="failed", cause="no_plan", text=text)
+            return Outcome(state="failed", cause=Cause.NO_PLAN, text=text)
         return self._wait(trip, t)
 
     def _wait(self, trip: _Trip, t: float) -> Outcome | None:
@@ -186,7 +187,7 @@ class Navigator:
         if t - trip.alone_since <= self._timeout:
             return None
         text = f"no goal of the arm has come for {self._timeout:g} s"
-        return Outcome(state="failed", cause="invalid", text=text)
+        return Outcome(state="failed", cause=Cause.INVALID, text=text)
 
     def _ask(self, trip: _Trip, t: float) -> None:
         now, goal = self._base.state, trip.goal

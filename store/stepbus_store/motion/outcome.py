@@ -18,6 +18,7 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+from stepbus_store.cause import Cause
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,7 +29,7 @@ class Outcome:
     """
 
     state: Literal["succeeded", "failed"]
-    cause: str = ""
+    cause: Cause | Literal[""] = ""
     text: str = ""
 
 
@@ -39,14 +40,14 @@ FARTHEST = 1e4
 class Refused(RunError):
     """A goal that cannot be carried out; cause: one word for programs."""
 
-    def __init__(self, cause: str, text: str) -> None:
+    def __init__(self, cause: Cause, text: str) -> None:
         super().__init__(text)
         self.cause = cause
 
 
 def failure_of(error: RunError) -> Outcome:
     """Return how a goal ends that cannot be carried out."""
-    cause = error.cause if isinstance(error, Refused) else "invalid"
+    cause = error.cause if isinstance(error, Refused) else Cause.INVALID
     return Outcome(state="failed", cause=cause, text=str(error))
 
 

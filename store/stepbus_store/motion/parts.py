@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from stepbus_schemas import Goal, GoalType, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.gripper import Gripper, Scale
@@ -67,7 +68,7 @@ class Parts:
                 if self.stow is not None:
                     self.stow.check(now.q)
                 if self.navigator is None and goal.type == "go_together":
-                    raise Refused("invalid", "go_together needs a planner")
+                    raise Refused(Cause.INVALID, "go_together needs a planner")
                 if self.navigator is not None and goal.type in {"go_to", "go_together"}:
                     return self.navigator.start(goal, held, t, now.base)
                 if self.navigator is not None:
@@ -79,7 +80,7 @@ class Parts:
                 self.arm.stop(t)
                 self.rest("base", t)
                 return "stop"
-        raise Refused("invalid", f"this robot has no {part} for goals of type {goal.type}")
+        raise Refused(Cause.INVALID, f"this robot has no {part} for goals of type {goal.type}")
 
     def advance(self, dt: float, scale: float, gap: float) -> None:
         """Move arm and base on by dt [s].

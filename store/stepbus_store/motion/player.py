@@ -7,6 +7,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import Plan, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.braking import TipLimit, hard_stop, stop_on_path
 from stepbus_store.motion.fitting import is_strong_enough, sampled
 from stepbus_store.motion.follow import JointPath
@@ -25,7 +26,7 @@ def planned(
     Raises Refused with cause bad_plan for a plan that does not fit.
     """
     if (problem := _shape_problem(plan, len(robot.joints))) is not None:
-        raise Refused("bad_plan", f"plan {plan.id} {problem}")
+        raise Refused(Cause.BAD_PLAN, f"plan {plan.id} {problem}")
     u, q, slope = (
         np.array(row, dtype=np.float64) for row in (plan.times, plan.position, plan.velocity)
     )
@@ -34,7 +35,7 @@ def planned(
         if abs(got[worst] - wanted[worst]) > tolerance:
             joint, unit = robot.joints[worst], robot.unit(robot.joints[worst])
             raise Refused(
-                "bad_plan",
+                Cause.BAD_PLAN,
                 f"plan {plan.id} has its {name} at {got[worst]:.4f} {unit} for {joint}, "
                 f"not at {wanted[worst]:.4f} {unit}",
             )
@@ -43,7 +44,7 @@ def planned(
         worst = int(np.argmax(beyond))
         joint = robot.joints[worst]
         text = f"{joint} {beyond[worst]:.4f} {robot.unit(joint)} beyond its limits"
-        raise Refused("bad_plan", f"plan {plan.id} takes {text}")
+        raise Refused(Cause.BAD_PLAN, f"plan {plan.id} takes {text}")
     # From exactly where the arm is: the error of rounding fades on the path.
     share = (u / u[-1])[:, np.newaxis]
     q += (1.0 - share) * (start - q[0]) + share * (goal - q[-1])

@@ -1,6 +1,7 @@
 """How an arm, or a base, gets away from what it has touched."""
 
 from stepbus_schemas import BaseState, Goal
+from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.outcome import Outcome
@@ -58,7 +59,7 @@ class ArmRetreat:
     def failure(self, obstacle: Approach | Collision | None = None) -> Outcome:
         """Return the end of the goal; obstacle: what ended the retreat."""
         behind = f"; while backing off, {obstacle}" if obstacle is not None else ""
-        return Outcome(state="failed", cause="no_path", text=f"{self.text}{behind}")
+        return Outcome(state="failed", cause=Cause.NO_PATH, text=f"{self.text}{behind}")
 
 
 class BaseBackOff:
@@ -100,7 +101,7 @@ class BaseBackOff:
         if self._base.is_moving:
             return None
         text = f"{self._collision.with_force(self._peak)}; stopped{self._measured(self._start)}"
-        return Outcome(state="failed", cause="collision", text=text)
+        return Outcome(state="failed", cause=Cause.COLLISION, text=text)
 
     def _look_back(self, collision: Collision | None) -> None:
         """Halt for what comes close while the base goes back."""

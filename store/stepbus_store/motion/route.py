@@ -12,6 +12,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import BaseState, Goal, Point
+from stepbus_store.cause import Cause
 from stepbus_store.motion.outcome import FARTHEST, Refused
 
 
@@ -44,7 +45,7 @@ def base_route(
         text = f"turn by {math.degrees(goal.by):.1f}°"
         return BaseRoute(segments=deque([turn_by(goal.by)]), text=text)
     if goal.type not in {"go_to", "go_together"} or goal.base is None:
-        raise Refused("invalid", f"type {goal.type} needs base: x, y, yaw")
+        raise Refused(Cause.INVALID, f"type {goal.type} needs base: x, y, yaw")
     for name, value in zip(("x", "y", "yaw"), goal.base, strict=True):
         _refuse_odd(name, value)
     return _route_by(route, goal.base, state) if route else _route_to(goal.base, state, position)
@@ -135,9 +136,11 @@ def _turning(yaw: float, last: float, heading: float) -> float:
 
 def _refuse_odd(name: str, value: float) -> None:
     if not math.isfinite(value):
-        raise Refused("invalid", f"{name} is {value}, not a finite number")
+        raise Refused(Cause.INVALID, f"{name} is {value}, not a finite number")
     if abs(value) > FARTHEST:
-        raise Refused("invalid", f"{name} is {value:g}; more than {FARTHEST:g} m or rad is too far")
+        raise Refused(
+            Cause.INVALID, f"{name} is {value:g}; more than {FARTHEST:g} m or rad is too far"
+        )
 
 
 LEAST_ARC = 1e-3

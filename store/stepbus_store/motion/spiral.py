@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal
+from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import EVERY_M, JointPath, Lost, TipPose, follow, line
 from stepbus_store.motion.outcome import FARTHEST, Refused
@@ -146,17 +147,17 @@ class SpiralPlanner:
     def _read(self, goal: Goal, frame: Any, target: Any, q: Vector) -> SpiralCurve:
         wanted = goal.spiral
         if wanted is None:
-            raise Refused("invalid", "type spiral needs spiral: centre, radius, turns")
+            raise Refused(Cause.INVALID, "type spiral needs spiral: centre, radius, turns")
         numbers = (*wanted.centre, *wanted.radius, wanted.turns, wanted.rise)
         if not all(map(math.isfinite, numbers)) or min(wanted.radius) <= 0 or wanted.turns == 0:
             raise Refused(
-                "invalid",
+                Cause.INVALID,
                 f"radius {wanted.radius}, turns {wanted.turns:g} and rise {wanted.rise:g} make no "
                 "spiral: radii above 0 and turns other than 0 are needed",
             )
         if max(map(abs, numbers)) > FARTHEST or abs(wanted.turns) > _MOST_TURNS:
             text = f"turns {wanted.turns:g}, at most {_MOST_TURNS}; lengths up to {FARTHEST:g} m"
-            raise Refused("invalid", f"the spiral is too large: {text}")
+            raise Refused(Cause.INVALID, f"the spiral is too large: {text}")
         centre = frame.act(np.array(wanted.centre))
         beside = self._robot.frame_pose(q, goal.tip).translation - centre
         # From the side where the tip is; right above the centre any side is as good.
@@ -230,6 +231,6 @@ class SpiralPlanner:
                 raised = spiral.raised.copy()
                 # The first point stays: this solution is for it.
                 raised[max(index, 1) : index + 2] += self._settings.raise_by
-                if exc.cause == "limits" or raised.max() > self._most + 1e-9:
+                if exc.cause == Cause.LIMITS or raised.max() > self._most + 1e-9:
                     raise
                 spiral = replace(spiral, raised=raised)

@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
+from stepbus_store.cause import Cause
 from stepbus_store.planner.base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
 from stepbus_store.planner.obstacles import Obstacles
 
@@ -78,12 +79,12 @@ class BasePlanner:
         near, gap = _nearest(outlines, b)
         if gap < self._radius:
             text = f"{near} is {gap:.2f} m from the goal; the base needs {self._radius:g} m to turn"
-            return Plan(id=request.id, cause="goal_in_collision", text=text)
+            return Plan(id=request.id, cause=Cause.GOAL_IN_COLLISION, text=text)
         out = self._escape(start, outlines)
         if out is None:
             near, gap = _nearest(outlines, a)
             text = f"{near} is {gap:.2f} m from the base, which cannot leave straight"
-            return Plan(id=request.id, cause="start_in_collision", text=text)
+            return Plan(id=request.id, cause=Cause.START_IN_COLLISION, text=text)
         leaves = bool(np.linalg.norm(out - a) > 0)
         pose = (float(out[0]), float(out[1]), start[2])
         if np.linalg.norm(b - out) < _SAME:
@@ -94,7 +95,7 @@ class BasePlanner:
             route, shape = self._smooth(pose, goal, outlines)
         if route is None:
             text = f"no path for the base within {_AROUND:g} m around start and goal"
-            return Plan(id=request.id, cause="no_path", text=text)
+            return Plan(id=request.id, cause=Cause.NO_PATH, text=text)
         length = route.length + float(np.linalg.norm(out - a))
         text = f"base: {shape}, {length:.2f} m, {len(outlines)} obstacles"
         return Plan(

@@ -11,6 +11,7 @@ import numpy as np
 
 from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version, need
 from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
+from stepbus_store.cause import Cause
 from stepbus_store.planner import Params, path_search, timing
 from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
@@ -257,7 +258,7 @@ class Planner(Participant):
         """Report an object that blocks the path in use."""
         text = monitor.check(step.read(self._poses_port, Poses), step.index)
         if text:
-            self._publish(messages, Plan(id=monitor.request_id, cause="blocked", text=text))
+            self._publish(messages, Plan(id=monitor.request_id, cause=Cause.BLOCKED, text=text))
         if text or monitor.is_over:
             self._monitor = None
 

@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
+from stepbus_store.cause import Cause
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.path_search import Search, find_paths
 from stepbus_store.planner.scene import Checker, Margins, Scene, Surroundings
@@ -88,7 +89,7 @@ def map_in_world(obstacles: Obstacles, base: Point, poses: Poses) -> Any:
 class NoPlan(Exception):
     """A request without a plan; cause: one word for programs."""
 
-    def __init__(self, cause: str, text: str) -> None:
+    def __init__(self, cause: Cause, text: str) -> None:
         super().__init__(text)
         self.cause = cause
 
@@ -156,7 +157,7 @@ class _Planning:
         robot, q = self._robot, np.array(values, dtype=np.float64)
         if q.shape != (len(robot.joints),):
             expected = f"{len(robot.joints)} ({', '.join(robot.joints)})"
-            raise NoPlan("bad_request", f"{field} has {len(values)} values, not {expected}")
+            raise NoPlan(Cause.BAD_REQUEST, f"{field} has {len(values)} values, not {expected}")
         inside = (robot.lower - _ROUNDING <= q) & (q <= robot.upper + _ROUNDING)
         for name, value, low, high, fits in zip(
             robot.joints, values, robot.lower, robot.upper, inside, strict=True
@@ -164,21 +165,21 @@ class _Planning:
             if not fits:
                 unit = robot.unit(name)
                 text = f"{value:.3f} {unit} is outside {low:.3f} to {high:.3f} {unit}"
-                raise NoPlan("bad_request", f"{field}: {name} at {text}")
+                raise NoPlan(Cause.BAD_REQUEST, f"{field}: {name} at {text}")
         return np.clip(q, robot.lower, robot.upper)
 
     def _make_scenes(self, poses: Poses | None, map_in_world: Any) -> list[Scene]:
         """Return the scene of each pose of the base; the last one is that of the plan."""
         request, links = self._request, self._obstacles.links
         if poses is None:
-            raise NoPlan("bad_request", "the poses of the world are not known yet")
+            raise NoPlan(Cause.BAD_REQUEST, "the poses of the world are not known yet")
         for name in dict.fromkeys([request.held, *request.touches]):
             if name and name not in links:
                 close = difflib.get_close_matches(name, links, n=1)
                 hint = f"did you mean {close[0]!r}?" if close else f"it has {len(links)} others"
-                raise NoPlan("bad_request", f"the world has no link {name!r}; {hint}")
+                raise NoPlan(Cause.BAD_REQUEST, f"the world has no link {name!r}; {hint}")
         if request.bases and map_in_world is None:
-            raise NoPlan("bad_request", "bases need a request of the base before them")
+            raise NoPlan(Cause.BAD_REQUEST, "bases need a request of the base before them")
         here = self._obstacles.placements(poses)
         fingers = fingers_at(self._robot, self._obstacles, poses, self._settings.tip)
         frames = [map_in_world * on_floor(base) for base in request.bases] or [None]
@@ -202,7 +203,9 @@ class _Planning:
         """Return the plan; raises NoPlan if there is none."""
         load = self._request.load
         if not (math.isfinite(load) and load >= 0.0):
-            raise NoPlan("bad_request", f"load is {load:g} kg; it must be finite and not negative")
+            raise NoPlan(
+                Cause.BAD_REQUEST, f"load is {load:g} kg; it must be finite and not negative"
+            )
         self._robot.carry(load, self._settings.tip)
         checked = self._check_path() if self._path else ""
         if is_check(self._request):
@@ -223,8 +226,8 @@ class _Planning:
                 return self._found(path, name, motion, checker.checks + last.checks)
         checks = checker.checks + last.checks
         if overloading is not None:
-            raise NoPlan("not_holdable", self._overload(overloading))
-        raise NoPlan("no_path", f"no path from start to goal was found in {checks} checks")
+            raise NoPlan(Cause.NOT_HOLDABLE, self._overload(overloading))
+        raise NoPlan(Cause.NO_PATH, f"no path from start to goal was found in {checks} checks")
 
     def _check_path(self) -> str:
         """Check the path that is given and return a sentence; raises NoPlan where it is blocked."""
@@ -237,13 +240,13 @@ class _Planning:
                 touch = self._scene.closest(q, checker) or "something is too close"
                 here, there = (self._robot.frame_pose(row, tip).translation for row in (fine[0], q))
                 far = float(np.linalg.norm(there - here))
-                raise NoPlan("path_collides", f"{far:.3f} m from its start, {touch}")
+                raise NoPlan(Cause.PATH_COLLIDES, f"{far:.3f} m from its start, {touch}")
         return f"path is free, {checker.checks} checks"
 
     def _check_collision(self, field: str, q: Vector) -> None:
         touch = self._scene.touch(q)
         if touch is not None:
-            raise NoPlan(f"{field}_collides", f"at the {field}, {touch}")
+            raise NoPlan(Cause(f"{field}_collides"), f"at the {field}, {touch}")
 
     def _paths(self, checker: Checker) -> Iterator[tuple[Vector, str]]:
         """Yield paths that keep the margins, the best first, and their names."""

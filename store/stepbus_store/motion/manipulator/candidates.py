@@ -12,6 +12,7 @@ import pinocchio as pin
 from stepbus_kinematics import Indices, RobotModel, SelfCollisions, Vector
 from stepbus_participant import suggest
 from stepbus_schemas import BaseState, Goal, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import JointPath, follow, line
 from stepbus_store.motion.ik_search import InverseKinematics, Solution
@@ -40,7 +41,7 @@ def frame_in_base(robot: RobotModel, q: Vector, base: BaseState, frame: str) -> 
     try:
         return robot.frame_pose(q, frame)
     except RunError as exc:
-        raise Refused("invalid", str(exc)) from exc
+        raise Refused(Cause.INVALID, str(exc)) from exc
 
 
 def target_pose(goal: Goal) -> Any:
@@ -49,14 +50,16 @@ def target_pose(goal: Goal) -> Any:
     Raises Refused for a goal without a valid pose.
     """
     if goal.position is None or goal.orientation is None:
-        raise Refused("invalid", f"type {goal.type} needs position and orientation")
+        raise Refused(Cause.INVALID, f"type {goal.type} needs position and orientation")
     length = math.hypot(*goal.orientation)
     if not math.isfinite(sum(goal.position)) or not abs(length - 1.0) <= 1e-3:
         text = f"position {goal.position} or orientation {goal.orientation} is no pose"
-        raise Refused("invalid", f"{text}; the quaternion x, y, z, w has length {length:g}, not 1")
+        raise Refused(
+            Cause.INVALID, f"{text}; the quaternion x, y, z, w has length {length:g}, not 1"
+        )
     if max(map(abs, goal.position)) > FARTHEST:
         text = f"position {goal.position} m is more than {FARTHEST:g} m away"
-        raise Refused("unreachable", f"unreachable: {text}")
+        raise Refused(Cause.UNREACHABLE, f"unreachable: {text}")
     turn = pin.Quaternion(np.array(goal.orientation) / length)
     return pin.SE3(turn.matrix(), np.array(goal.position))
 
@@ -68,20 +71,20 @@ def target_joints(goal: Goal, robot: RobotModel, q: Vector) -> tuple[Vector, Ind
     """
     if len(goal.joints) != len(goal.values) or not goal.joints:
         counts = f"{len(goal.values)} values for {len(goal.joints)} joints"
-        raise Refused("invalid", f"type move_joints has {counts}")
+        raise Refused(Cause.INVALID, f"type move_joints has {counts}")
     target, named = q.copy(), [_index(robot.joints, name) for name in goal.joints]
     for name, index, value in zip(goal.joints, named, goal.values, strict=True):
         low, high = robot.lower[index], robot.upper[index]
         if not low <= value <= high:
             text = f"{name} cannot go to {value:g} {robot.unit(name)}"
-            raise Refused("invalid", f"{text}, its limits are [{low:g}, {high:g}]")
+            raise Refused(Cause.INVALID, f"{text}, its limits are [{low:g}, {high:g}]")
         target[index] = value
     return target, np.array(named, dtype=np.intp)
 
 
 def _index(joints: Sequence[str], name: str) -> int:
     if name not in joints:
-        raise Refused("invalid", f"joint {name!r} is unknown{suggest(name, joints)}")
+        raise Refused(Cause.INVALID, f"joint {name!r} is unknown{suggest(name, joints)}")
     return joints.index(name)
 
 
@@ -170,7 +173,7 @@ class CandidateFinder(ABC):
 
 
 def _unsupported(goal: Goal) -> Refused:
-    return Refused("invalid", f"this arm has no goals of type {goal.type}")
+    return Refused(Cause.INVALID, f"this arm has no goals of type {goal.type}")
 
 
 class BranchCandidates(CandidateFinder):
@@ -193,7 +196,7 @@ class BranchCandidates(CandidateFinder):
         """See `CandidateFinder`."""
         load = self.robot.overload(target)
         if load is not None:
-            raise Refused("not_holdable", f"not holdable: {load}")
+            raise Refused(Cause.NOT_HOLDABLE, f"not holdable: {load}")
         return Candidate(target=target)
 
     def from_pose(self, tip: str, target: Any, rest: Vector) -> Iterator[Candidate]:
@@ -248,7 +251,7 @@ def check_path(path: JointPath, collisions: SelfCollisions | None, *, leaves: bo
         pair = collisions.pair(q) if collisions.any(q) else None
         if pair is not None and pair != known:
             text = f"{pair[0]} would touch {pair[1]} after {u - path.u[0]:.3f} m of the path"
-            raise Refused("in_collision", text)
+            raise Refused(Cause.IN_COLLISION, text)
 
 
 class SearchedCandidates(CandidateFinder):
@@ -275,5 +278,5 @@ class SearchedCandidates(CandidateFinder):
     def _accepted(self, solution: Solution) -> Candidate:
         holds = solution.verdict == "reached"
         if not holds and not (self._tries_unholdable and solution.verdict == "not_holdable"):
-            raise Refused(solution.verdict, str(solution))
+            raise Refused(Cause(solution.verdict), str(solution))
         return Candidate(target=solution.q, text=str(solution), holds=holds)

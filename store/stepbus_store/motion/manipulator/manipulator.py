@@ -10,6 +10,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
 from stepbus_schemas import BaseState, Goal, Plan, PlanRequest, RunError
+from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import fitted
 from stepbus_store.motion.follow import joint_path
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
@@ -167,13 +168,13 @@ class Manipulator:
         try:
             if not (math.isfinite(goal.duration) and goal.duration >= 0):
                 text = f"duration is {goal.duration:g} s; it must be finite and not negative"
-                raise Refused("invalid", text)
+                raise Refused(Cause.INVALID, text)
             return self._begin(goal, now, q, base, held)
         except RunError as exc:
             self._brake(now)
             if isinstance(exc, Refused):
                 raise
-            raise Refused("invalid", str(exc)) from exc
+            raise Refused(Cause.INVALID, str(exc)) from exc
 
     @property
     def is_ready(self) -> bool:
@@ -228,7 +229,7 @@ class Manipulator:
             self._blocked = plan.text if plan.cause else ""
         elif self._ready is not None and plan.id == self._ready[1].request.id and plan.cause:
             self._ready = None
-            self._fail(Refused("blocked", plan.text))
+            self._fail(Refused(Cause.BLOCKED, plan.text))
 
     def _follow(self, parts: list[Trajectory], search: PlannerSearch) -> None:
         self._route = search
@@ -336,7 +337,7 @@ class Manipulator:
             return self._search(goal, held, rest, candidates)
         route = self._router.route(now, candidates, goal.duration)
         self._start(route.trajectory)
-        self.caution = "" if route.candidate.holds else "not_holdable"
+        self.caution = "" if route.candidate.holds else Cause.NOT_HOLDABLE
         return route.text
 
     def _line(self, goal: Goal, rest: Vector, q: Vector, base: BaseState, held: str) -> str:

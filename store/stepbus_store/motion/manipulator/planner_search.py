@@ -8,13 +8,16 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Goal, Plan, PlanRequest, Point
+from stepbus_store.cause import Cause
 from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.manipulator.candidates import Candidate
 from stepbus_store.motion.outcome import Refused
 
-_CAUSES = {
-    "bad_request": "invalid", "not_holdable": "not_holdable", "path_collides": "blocked",
-}  # fmt: skip
+_CAUSES: dict[str, Cause] = {
+    Cause.BAD_REQUEST: Cause.INVALID,
+    Cause.NOT_HOLDABLE: Cause.NOT_HOLDABLE,
+    Cause.PATH_COLLIDES: Cause.BLOCKED,
+}
 """Cause of a plan → of the goal; for all others: no_path."""
 
 _MOST_POINTS = 500
@@ -104,7 +107,7 @@ class PlannerQueries:
             return None
         self.cancel()
         text = f"the planner has not answered for {self._timeout:g} s"
-        return Refused("no_plan", f"{text}; is it running?")
+        return Refused(Cause.NO_PLAN, f"{text}; is it running?")
 
     def answered(self, plan: Plan) -> PlannerSearch | None:
         """Return the search that a plan answers; None: it is an older one's."""
@@ -162,4 +165,4 @@ def checked_points(paths: Sequence[JointPath]) -> list[list[float]]:
 
 def refusal_of(plan: Plan) -> Refused:
     """Return a planner's refusal with the cause of a goal."""
-    return Refused(_CAUSES.get(plan.cause, "no_path"), plan.text or plan.cause)
+    return Refused(_CAUSES.get(plan.cause, Cause.NO_PATH), plan.text or plan.cause)

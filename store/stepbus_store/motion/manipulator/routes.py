@@ -8,6 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions, Vector
+from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import sampled
 from stepbus_store.motion.joint_motion import (
     JointMotion,
@@ -75,7 +76,7 @@ class DirectRouter:
             text = f"{trajectory.duration:.2f} s of motion"
             text = f"{candidate.text}; {text}" if candidate.text else text
             return Route(candidate=candidate, trajectory=trajectory, text=text)
-        raise problem or Refused("no_path", "the goal has no solution")
+        raise problem or Refused(Cause.NO_PATH, "the goal has no solution")
 
     def _check(self, trajectory: Trajectory) -> None:
         if self._collisions is None:
@@ -85,7 +86,7 @@ class DirectRouter:
         for state in states:
             pair = self._collisions.pair(state.position)
             if pair is not None and pair != known:
-                raise Refused("in_collision", f"{pair[0]} would touch {pair[1]} on the path")
+                raise Refused(Cause.IN_COLLISION, f"{pair[0]} would touch {pair[1]} on the path")
 
     def _trajectory(self, start: JointMotion, candidate: Candidate, least: float) -> Trajectory:
         rows = self._fitter.along(candidate)
@@ -128,7 +129,7 @@ class DetourRouter:
         candidate = next(iter(candidates))
         motions = self.plan(start, candidate.target, least_duration, holds=candidate.holds)
         if motions is None:
-            raise Refused("no_path", "no motion was found that neither touches nor overloads")
+            raise Refused(Cause.NO_PATH, "no motion was found that neither touches nor overloads")
         trajectory = Joined(motions)
         text = f"{trajectory.duration:.2f} s of motion in {len(motions)} parts"
         text = f"{candidate.text}; {text}"

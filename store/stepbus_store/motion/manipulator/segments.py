@@ -8,6 +8,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Point
+from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import fitted
 from stepbus_store.motion.follow import JointPath
 from stepbus_store.motion.joint_motion import MotionLimits
@@ -52,7 +53,9 @@ class BackOffPath:
             points.append(point)
             before, length = tip, length + ahead
         if length < 1e-6:
-            raise Refused("no_path", "the arm has not moved: there is no path to back off along")
+            raise Refused(
+                Cause.NO_PATH, "the arm has not moved: there is no path to back off along"
+            )
         return points, length
 
     def _tip_at(self, q: Vector) -> Vector:

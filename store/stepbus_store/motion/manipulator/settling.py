@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_store.cause import Cause
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.trajectory import Trajectory
 
@@ -60,7 +61,7 @@ class SettleWatch:
         if late < settling.timeout:
             return None
         text = f"not settled {late:.2f} s after the motion: {self._off(error, q)}"
-        return Outcome(state="failed", cause="not_settled", text=text)
+        return Outcome(state="failed", cause=Cause.NOT_SETTLED, text=text)
 
     def _off(self, error: Vector, q: Vector) -> str:
         worst = int(np.argmax(np.abs(error)))

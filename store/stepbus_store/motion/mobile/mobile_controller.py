@@ -21,6 +21,7 @@ from stepbus_schemas import (
     PlanRequest,
     RunError,
 )
+from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.branches import AnalyticChain
 from stepbus_store.motion.executor import GoalExecutor
@@ -31,9 +32,6 @@ from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
 from stepbus_store.motion.parts import Parts
-
-_PLANNER_FAILED = "planner_failed"
-"""Cause of a plan that stepbus sends instead of a failed planner with `on_fault: hold`."""
 
 
 class MobileController(Participant):
@@ -147,7 +145,7 @@ class MobileController(Participant):
         if self._ports.plan is None or not step.is_new(self._ports.plan):
             return
         plan = step.read(self._ports.plan, Plan)
-        if plan.cause == _PLANNER_FAILED:
+        if plan.cause == Cause.PLANNER_FAILED:
             self._executor.lose_planner(plan.text, step.t)
         else:
             self._arm.take_plan(plan, step.t)
