@@ -10,8 +10,8 @@ from functools import cache
 from typing import Any
 
 from stepbus_participant import package_path
+from stepbus_plant.params import StockParams
 from stepbus_plant.stock import Item
-from stepbus_plant.world import StockParams
 from stepbus_plant.world_file import load_world
 
 _TYPES = ("cola", "juice", "water", "soup")

@@ -1,4 +1,4 @@
-"""Compares plain values: equal to the bit, or numbers within a tolerance."""
+"""Whether values are equal: to the bit, or within the tolerance that the user gives a field."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The result of a run: result.json."""
+"""The result of a run, result.json: how it ended, with which files and versions, and where."""
 
 import contextlib
 import functools

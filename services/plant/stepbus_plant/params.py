@@ -1,4 +1,4 @@
-"""The plant's parameters in a scenario."""
+"""The plant's parameters in a scenario, with the goods and the script of a run."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -16,10 +16,11 @@ from stepbus_participant import (
     Share,
     Text,
     Vector3,
+    Whole,
 )
-from stepbus_participant.parameters import Keys
+from stepbus_participant.parameters import Keys, Pause
 from stepbus_plant.models import refuse_missing_meshes
-from stepbus_plant.world import Action, Actuation, StockParams, read_world
+from stepbus_plant.world import Actuation, read_world
 from stepbus_schemas import WiringError
 
 Quantity = Literal["position", "velocity", "effort"]
@@ -92,6 +93,71 @@ class CameraErrors(Settings):
     light: Literal["even", "lamp"] = "even"
     """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the seed,
     which makes shadows and highlights; images then take twice as long."""
+
+
+class ItemTypeChange(Settings):
+    """Changes of an item type in the plant's `params.stock`; absent: as in the world file."""
+
+    mass: Positive | None = None
+    friction: NonNegative | None = None
+    spinning_friction: NonNegative | None = None
+
+
+class StockParams(Settings):
+    """`params.stock` of the plant."""
+
+    seed: Whole = 0
+    """Of the type in each slot, and of the variation among items."""
+    types: dict[str, ItemTypeChange] = {}
+    """Item type → its changes in this run."""
+    fill: Share = 1.0
+    """Share of the slots that have an item [-]."""
+    missing: tuple[str, ...] = ()
+    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to leave out."""
+
+
+_SUBJECTS = {
+    "body": ("position", "orientation_rpy"),
+    "jam": (),
+    "camera": ("off",),
+}
+"""Subject of an action → the keys that go with it."""
+
+
+class Action(Settings):
+    """One action: a body moves, a joint jams, or a camera fails."""
+
+    at_ns: Pause
+    """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
+    body: str | None = None
+    """Body that jumps to `position`, at rest."""
+    position: Vector3 | None = None
+    """New position of the body's frame in the world frame [m]."""
+    orientation_rpy: Vector3 | None = None
+    """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
+    jam: str | None = None
+    """Joint that stays at its position from then on, whatever the commands."""
+    camera: str | None = None
+    """Camera that stops taking images."""
+    off: bool | None = None
+    """Whether the camera is off; false: it resumes. Default: true."""
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield contradictions among the keys."""
+        given = [key for key, value in msgspec.structs.asdict(self).items() if value is not None]
+        subjects = [key for key in _SUBJECTS if key in given]
+        if len(subjects) != 1:
+            yield (
+                (),
+                f"needs one of {', '.join(_SUBJECTS)}, it has {' and '.join(subjects) or 'none'}",
+            )
+            return
+        subject = subjects[0]
+        for key in given:
+            if key not in ("at_ns", subject, *_SUBJECTS[subject]):
+                yield (key,), f"has no meaning beside {subject!r}"
+        if subject == "body" and self.position is None:
+            yield (), "'position' is missing"
 
 
 class Params(Settings):

@@ -8,8 +8,8 @@ from stepbus_plant.bullet import quaternion
 from stepbus_plant.devices import Devices
 from stepbus_plant.engine import BASE
 from stepbus_plant.joint import Joint
+from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
-from stepbus_plant.world import Action
 from stepbus_schemas import Point
 
 # More torque than any motor has, and the share of the error corrected per substep: a wheel at

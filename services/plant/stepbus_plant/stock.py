@@ -12,7 +12,8 @@ import numpy as np
 
 from stepbus_participant import suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.world import ItemTypeChange, RowSettings, StockParams, StockSettings
+from stepbus_plant.params import ItemTypeChange, StockParams
+from stepbus_plant.world import RowSettings, StockSettings
 from stepbus_schemas import WiringError
 
 

@@ -1,4 +1,4 @@
-"""The actions of a script: changes of the world at given times of a run."""
+"""What a world file says: bodies and their joints, devices, sensors, and goods on shelves."""
 
 from __future__ import annotations
 
@@ -21,60 +21,15 @@ from stepbus_participant import (
     Settings,
     Share,
     Vector3,
-    Whole,
     parameters,
 )
-from stepbus_participant.parameters import Keys, Pause, read
+from stepbus_participant.parameters import Keys, read
 from stepbus_plant.world_sensors import (
     ImuSettings,
     LidarSettings,
     TransformSettings,
     WrenchSettings,
 )
-
-_SUBJECTS = {
-    "body": ("position", "orientation_rpy"),
-    "jam": (),
-    "camera": ("off",),
-}
-"""Subject of an action → the keys that go with it."""
-
-
-class Action(Settings):
-    """One action: a body moves, a joint jams, or a camera fails."""
-
-    at_ns: Pause
-    """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
-    body: str | None = None
-    """Body that jumps to `position`, at rest."""
-    position: Vector3 | None = None
-    """New position of the body's frame in the world frame [m]."""
-    orientation_rpy: Vector3 | None = None
-    """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
-    jam: str | None = None
-    """Joint that stays at its position from then on, whatever the commands."""
-    camera: str | None = None
-    """Camera that stops taking images."""
-    off: bool | None = None
-    """Whether the camera is off; false: it resumes. Default: true."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield contradictions among the keys."""
-        given = [key for key, value in msgspec.structs.asdict(self).items() if value is not None]
-        subjects = [key for key in _SUBJECTS if key in given]
-        if len(subjects) != 1:
-            yield (
-                (),
-                f"needs one of {', '.join(_SUBJECTS)}, it has {' and '.join(subjects) or 'none'}",
-            )
-            return
-        subject = subjects[0]
-        for key in given:
-            if key not in ("at_ns", subject, *_SUBJECTS[subject]):
-                yield (key,), f"has no meaning beside {subject!r}"
-        if subject == "body" and self.position is None:
-            yield (), "'position' is missing"
-
 
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
@@ -279,27 +234,6 @@ class StockSettings(Settings):
         for key, section in (("types", self.types), ("rows", self.rows)):
             if not section:
                 yield (key,), "is empty; leave out the stock instead"
-
-
-class ItemTypeChange(Settings):
-    """Changes of an item type in the plant's `params.stock`; absent: as in the world file."""
-
-    mass: Positive | None = None
-    friction: NonNegative | None = None
-    spinning_friction: NonNegative | None = None
-
-
-class StockParams(Settings):
-    """`params.stock` of the plant."""
-
-    seed: Whole = 0
-    """Of the type in each slot, and of the variation among items."""
-    types: dict[str, ItemTypeChange] = {}
-    """Item type → its changes in this run."""
-    fill: Share = 1.0
-    """Share of the slots that have an item [-]."""
-    missing: tuple[str, ...] = ()
-    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to leave out."""
 
 
 class WorldFile(Settings):

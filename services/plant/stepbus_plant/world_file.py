@@ -4,8 +4,9 @@ from pathlib import Path
 
 from stepbus_participant import Problems, format_duration
 from stepbus_participant.parameters import YamlFile
+from stepbus_plant.params import StockParams
 from stepbus_plant.stock import Item, draw_items, params_problems, stock_problems
-from stepbus_plant.world import Body, Friction, StockParams, WorldFile, read_world
+from stepbus_plant.world import Body, Friction, WorldFile, read_world
 
 
 class World(WorldFile):

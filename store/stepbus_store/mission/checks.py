@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping
 
 from stepbus_store.cause import Cause
 from stepbus_store.mission.report import Unsold
-from stepbus_store.mission.state import APPROACHES, STATES, Outcome, Sale, StoreState
+from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
+from stepbus_store.mission.state_table import STATES
 from stepbus_store.mission.stock import Item
 from stepbus_store.mission.verification import aim, correct, find, verify
 

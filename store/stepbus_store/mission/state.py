@@ -1,7 +1,6 @@
-"""How the gripper may come to an item: one approach after the other."""
+"""What the states of the mission read and write: the sale, its approaches, and how states end."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -9,6 +8,7 @@ from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, Gripper
 from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of
 from stepbus_store.mission.params import Order, Params
 from stepbus_store.mission.report import SaleResult, Unsold
+from stepbus_store.mission.state_table import STATES
 from stepbus_store.mission.stock import Item, Stock
 from stepbus_store.mission.witness import Witness
 
@@ -44,124 +44,6 @@ APPROACHES = (
     Approach(text="turned by 90°, opened less", turn=_QUARTER, slack=_NARROW),
 )
 """In this order; another attempt takes the next one."""
-
-
-__all__ = ["FIRST", "LAST", "STATES", "State", "diagram"]
-
-
-@dataclass(frozen=True, kw_only=True)
-class State:
-    """One state.
-
-    doing: its activity, as in `... failed while <doing>`. then: outcome → next state; the first
-    one is the nominal flow. carries: the gripper carries an item; losing it is the outcome
-    `dropped`.
-    """
-
-    doing: str
-    then: Mapping[str, str]
-    carries: bool = False
-
-
-def _goal(doing: str, then: str) -> State:
-    return State(doing=doing, then={"done": then, "failed": "stop"})
-
-
-def _grasp(doing: str, then: str) -> State:
-    return State(doing=doing, then={"done": then, "failed": "retry"})
-
-
-def _carry(doing: str, then: str) -> State:
-    then_by_outcome = {"done": then, "failed": "stop", "dropped": "stop"}
-    return State(doing=doing, then=then_by_outcome, carries=True)
-
-
-FIRST = "order"
-LAST = ("end", "failed")
-
-STATES: Mapping[str, State] = {
-    "order": State(
-        doing="choosing an item",
-        then={
-            "chosen": "tuck",
-            "together": "depart",
-            "skipped": "order",
-            "all_sold": "park",
-            "nothing_sold": "stop",
-        },
-    ),
-    "tuck": _goal("tucking the arm in", "drive"),
-    "drive": _goal("driving to the shelf", "open"),
-    "open": _goal("opening the gripper", "inspect"),
-    "inspect": _goal("moving above its position", "find"),
-    "find": State(
-        doing="searching for it",
-        then={"found": "approach", "missing": "order", "blind": "stop"},
-    ),
-    "approach": _grasp("approaching it", "correct"),
-    "correct": State(
-        doing="locating it from close up",
-        then={"steady": "check_width", "moved": "shift", "missing": "retry", "blind": "stop"},
-    ),
-    "check_width": State(doing="opening", then={"wide": "down", "too_wide": "narrow"}),
-    "narrow": _grasp("opening less", "down"),
-    "down": _grasp("moving down", "close"),
-    "close": _grasp("closing the gripper", "check_grip"),
-    "check_grip": State(doing="grasping", then={"held": "lift", "not_held": "retry"}),
-    "lift": _grasp("lifting", "check_lift"),
-    "check_lift": State(
-        doing="lifting", then={"held": "retreat", "slipped": "retry", "together": "return"}
-    ),
-    "retreat": _carry("taking it off the shelf", "check_height"),
-    "check_height": State(doing="lowering it", then={"safe": "reverse", "too_high": "lower"}),
-    "reverse": _carry("driving back from the shelf", "home"),
-    "home": _carry("driving home", "above"),
-    "above": _carry("moving above the outlet", "aim"),
-    "aim": State(
-        doing="locating the outlet", then={"aimed": "place", "dropped": "stop"}, carries=True
-    ),
-    "place": _carry("placing it", "let_go"),
-    "let_go": _goal("releasing it", "up"),
-    "up": _goal("leaving it in the outlet", "verify"),
-    "verify": State(doing="verifying its pose", then={"good": "order", "misplaced": "stop"}),
-    "park": _goal("tucking the arm in after the last sale", "end"),
-    "end": State(doing="being done", then={}),
-    "lower": _carry("lowering it", "check_height"),
-    "depart": _goal("driving to the shelf", "fold"),
-    "fold": _goal("tucking the arm in", "ready"),
-    "ready": _goal("opening the gripper", "reach"),
-    "reach": _goal("moving above its position", "arrive"),
-    "arrive": _goal("driving to the shelf", "find"),
-    "return": _goal("driving home", "draw_in"),
-    "draw_in": _carry("taking it off the shelf", "bring"),
-    "bring": _carry("moving above the outlet", "come_home"),
-    "come_home": _carry("driving home", "aim"),
-    "shift": _grasp("following it", "correct"),
-    "retry": State(
-        doing="trying again", then={"again": "release", "other": "approach", "over": "stop"}
-    ),
-    "release": _goal("releasing it", "back_off"),
-    "back_off": _goal("moving up", "inspect"),
-    "stop": State(
-        doing="stopping", then={"rest": "failed", "restless": "failed", "recover": "recover"}
-    ),
-    "recover": State(doing="going back to rest", then={"done": "failed", "failed": "failed"}),
-    "failed": State(doing="being stopped", then={}),
-}
-
-
-def diagram() -> str:
-    """Return the table as text, one line per state; ↓ leads to the state in the next line."""
-    names = list(STATES)
-    below = dict(zip(names, [*names[1:], ""], strict=True))
-    return "\n".join(_line(name, STATES[name], below[name]) for name in names)
-
-
-def _line(name: str, state: State, below: str) -> str:
-    arrows = [f"{end} {'↓' if to == below else f'→ {to}'}" for end, to in state.then.items()]
-    first, others = (arrows or ["■"])[0], arrows[1:]
-    return f"{name:<13} {first:<20} {'   '.join(others)}".rstrip()
-
 
 Level = Literal["info", "warning", "error"]
 LogEntry = tuple[Level, str]

@@ -1,6 +1,6 @@
 """Sells items: fetches each order from the shelves and puts it into the outlet.
 
-`states.py` has the table of states, `goals.py` the goal
+`state_table.py` has the table of states, `goals.py` the goal
 of each state, `checks.py` and `detection.py` decide when a state ends.
 """
 
@@ -40,9 +40,6 @@ from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
 from stepbus_store.mission.state import (
-    FIRST,
-    LAST,
-    STATES,
     Inputs,
     Level,
     LogEntry,
@@ -50,6 +47,7 @@ from stepbus_store.mission.state import (
     StoreState,
     Visit,
 )
+from stepbus_store.mission.state_table import FIRST, LAST, STATES
 from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.witness import Witness
 

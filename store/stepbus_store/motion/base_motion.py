@@ -10,6 +10,14 @@ from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.base_segments import (
+    Curve,
+    PlannedSegment,
+    Reference,
+    Segment,
+    same_line,
+    wrapped,
+)
 from stepbus_store.motion.base_settings import BaseSettings
 from stepbus_store.motion.base_tracking import (
     TrackingError,
@@ -19,15 +27,7 @@ from stepbus_store.motion.base_tracking import (
 )
 from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
 from stepbus_store.motion.outcome import Outcome
-from stepbus_store.motion.route import (
-    Curve,
-    PlannedSegment,
-    Reference,
-    Segment,
-    base_route,
-    same_line,
-    wrapped,
-)
+from stepbus_store.motion.route import base_route
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
+from stepbus_store.motion.base_segments import Curve, Segment
 from stepbus_store.motion.joint_motion import MotionLimits
-from stepbus_store.motion.route import Curve, Segment
 
 _BRAKE_RISE = 0.04
 """Time in which the hardest braking builds up [s]."""

@@ -4,8 +4,8 @@ import math
 from typing import NamedTuple
 
 from stepbus_schemas import BaseCommand, BaseState
+from stepbus_store.motion.base_segments import Reference
 from stepbus_store.motion.base_settings import BaseSettings
-from stepbus_store.motion.route import Reference
 
 _HEADROOM = 1.2
 """How much faster than its reference the base may go to catch up with it."""

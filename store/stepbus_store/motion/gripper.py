@@ -1,4 +1,4 @@
-"""Weighs what a gripper holds, from the torques of the arm."""
+"""A gripper: carries out its goals, and weighs what it holds by the torques of the arm."""
 
 import math
 from dataclasses import dataclass
@@ -59,9 +59,6 @@ class Scale:
         if abs(self._mean - self.load) > _RESOLUTION:
             self.load = max(round(self._mean / _RESOLUTION) * _RESOLUTION, 0.0)
         return self.load
-
-
-"""[m/s²]"""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,4 +1,4 @@
-"""From a planner's answer to a motion."""
+"""The motion of joints that is under way, also one that a planner has answered with."""
 
 import math
 from collections.abc import Sequence

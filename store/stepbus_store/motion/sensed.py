@@ -1,4 +1,4 @@
-"""What sensors say of contacts and of what is near."""
+"""What is sensed of touches and gaps: how fast the arm may be there, and what has stopped it."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""What a planner works with: its robot, and the limits of its plans."""
+"""The planner as a participant: its robot and limits, and one request after the other."""
 
 import threading
 from collections.abc import Mapping

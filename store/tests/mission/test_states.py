@@ -7,7 +7,7 @@ from support.store_paths import STORE_DOCS
 
 from stepbus_store.mission.checks import CHECKS
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.state import LAST, STATES, diagram
+from stepbus_store.mission.state_table import LAST, STATES, diagram
 
 GOODS = (("cola", 2), ("cola", 3))
 PASSAGES = {(state, word, to) for state, row in STATES.items() for word, to in row.then.items()}

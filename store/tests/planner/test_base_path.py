@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from stepbus_schemas import Description, PlanRequest, Poses
-from stepbus_store.motion.route import arc_direction
+from stepbus_store.motion.base_segments import arc_direction
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.obstacles import Obstacles
 

@@ -1,4 +1,4 @@
-"""Draws a scene into pixels: where it is seen from, and its triangles."""
+"""Draws a scene into pixels: where it is seen from, its triangles, and a still of a recording."""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""The strategy of a run in one process: every participant is hosted here."""
+"""A run in one process: which scenarios may have one, and the strategy that hosts them."""
 
 import contextlib
 import dataclasses

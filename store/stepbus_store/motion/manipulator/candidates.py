@@ -1,4 +1,4 @@
-"""What a goal wants of the arm, in the robot's base."""
+"""What a goal wants of the arm, in the robot's base, and the joint positions that would do it."""
 
 import math
 from abc import ABC, abstractmethod

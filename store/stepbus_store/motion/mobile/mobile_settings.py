@@ -1,4 +1,4 @@
-"""The ports of a controller of a mobile manipulator."""
+"""The ports and the settings of a controller of a mobile manipulator."""
 
 from dataclasses import dataclass
 

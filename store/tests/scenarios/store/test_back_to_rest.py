@@ -8,7 +8,7 @@ from support.runs.store import last, store, texts
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import package_path
-from stepbus_plant.world import StockParams
+from stepbus_plant.params import StockParams
 from stepbus_plant.world_file import load_world
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel
 from stepbus_plant import Params, SimulatedPlant, load_world
-from stepbus_plant.world import StockParams
+from stepbus_plant.params import StockParams
 from stepbus_store.motion.branches import AnalyticChain
 
 STORE = SCENARIOS / "store"

@@ -7,9 +7,9 @@ import pytest
 from support.services.devices import box, link, write_can, write_urdf
 
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_plant.params import StockParams
 from stepbus_plant.poses import Planogram
 from stepbus_plant.stock import draw_items
-from stepbus_plant.world import StockParams
 from stepbus_schemas import WiringError
 
 STOCK = """

@@ -1,4 +1,4 @@
-"""Writes report.html."""
+"""Writes report.html: the data of its curves, and a section for each thing it shows."""
 
 import base64
 import json

@@ -1,0 +1,201 @@
+"""Segments of a base's path: lines, turns on the spot and arcs, each planned where it starts."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from stepbus_kinematics import Vector
+from stepbus_schemas import BaseState, Point
+
+LEAST_ARC = 1e-3
+"""Distance of two poses below which the base turns on the spot [m]."""
+
+_BESIDE = 3e-3
+"""How far beside an arc its end may be [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reference:
+    """Pose and velocities that the base follows, in the frame of odometry [m, rad, m/s, rad/s]."""
+
+    x: float
+    y: float
+    yaw: float
+    vx: float
+    wz: float
+
+    @classmethod
+    def standing(cls, x: float, y: float, yaw: float) -> Reference:
+        """Return a reference at rest."""
+        return cls(x=x, y=y, yaw=yaw, vx=0.0, wz=0.0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Segment:
+    """A straight line or a turn on the spot, from a pose.
+
+    length: [m], or [rad] where it turns; below 0: backwards, or clockwise.
+    """
+
+    x: float
+    y: float
+    yaw: float
+    length: float
+    turns: bool
+
+    def at(self, s: float, speed: float) -> Reference:
+        """Return the reference after s of the length, at a speed along it."""
+        if self.turns:
+            return Reference(x=self.x, y=self.y, yaw=self.yaw + s, vx=0.0, wz=speed)
+        x, y = self.x + s * math.cos(self.yaw), self.y + s * math.sin(self.yaw)
+        return Reference(x=x, y=y, yaw=self.yaw, vx=speed, wz=0.0)
+
+    def shown(self, s: float) -> str:
+        """Return a length with its unit."""
+        return f"{math.degrees(s):.1f}°" if self.turns else f"{s:.3f} m"
+
+    def curvature(self, s: float) -> float:
+        """Return the change of the heading with the length at s [1/m]."""
+        return 0.0
+
+    @property
+    def sharpest(self) -> float:
+        """Return the largest curvature [1/m]."""
+        return 0.0
+
+
+class Curve:
+    """Arcs that follow one another without a corner.
+
+    poses: x, y, yaw at the ends of the arcs, shape (k, 3) [m, rad]; yaw goes on without jumps by a
+    full turn. back: the base drives backwards; then lengths are below 0.
+    """
+
+    turns = False
+
+    def __init__(self, poses: Vector, *, back: bool) -> None:
+        self._poses = poses
+        step, turn = np.diff(poses[:, :2], axis=0), np.diff(poses[:, 2])
+        chords = np.hypot(step[:, 0], step[:, 1])
+        # An arc is longer than its chord.
+        arcs = chords / np.sinc(turn / (2 * np.pi)) * (-1.0 if back else 1.0)
+        self._s = np.concatenate([[0.0], np.cumsum(arcs)])
+        self._curvature = turn / arcs
+        self._ends = np.abs(self._s)
+        self.length = float(self._s[-1])
+
+    @property
+    def sharpest(self) -> float:
+        """Return the largest curvature [1/m]."""
+        return float(np.abs(self._curvature).max())
+
+    def curvature(self, s: float) -> float:
+        """Return the change of the heading with the length at s [1/m]."""
+        return float(self._curvature[self._arc(s)])
+
+    def at(self, s: float, speed: float) -> Reference:
+        """Return the reference after s of the length, at a speed along it."""
+        n = self._arc(s)
+        x, y, yaw = map(float, self._poses[n])
+        along, curvature = s - float(self._s[n]), float(self._curvature[n])
+        turn = curvature * along
+        chord = along * float(np.sinc(turn / (2 * np.pi)))
+        x, y = x + chord * math.cos(yaw + turn / 2), y + chord * math.sin(yaw + turn / 2)
+        return Reference(x=x, y=y, yaw=yaw + turn, vx=speed, wz=speed * curvature)
+
+    def shown(self, s: float) -> str:
+        """Return a length with its unit."""
+        return f"{s:.3f} m"
+
+    def _arc(self, s: float) -> int:
+        index = int(np.searchsorted(self._ends, abs(s), side="right")) - 1
+        return min(index, len(self._curvature) - 1)
+
+
+PlannedSegment = Callable[[BaseState], Segment | Curve | None]
+"""Makes a segment from the base's pose at its start; None: it has no length."""
+
+
+def wrapped(angle: float) -> float:
+    """Return the same angle between -π and π [rad]."""
+    return math.remainder(angle, 2 * math.pi)
+
+
+def straight(length: float) -> PlannedSegment:
+    """Return a line along the heading that the base then has [m]."""
+    return lambda now: _segment(now, length, turns=False)
+
+
+def straight_to(x: float, y: float, *, back: bool) -> PlannedSegment:
+    """Return the straight line to a point [m], forwards or backwards."""
+
+    def plan(now: BaseState) -> Segment | None:
+        heading = math.atan2(y - now.y, x - now.x) + (math.pi if back else 0.0)
+        yaw = now.yaw + wrapped(heading - now.yaw)
+        length = math.hypot(x - now.x, y - now.y)
+        return Segment(x=now.x, y=now.y, yaw=yaw, length=-length if back else length, turns=False)
+
+    return plan
+
+
+def turn_by(angle: float) -> PlannedSegment:
+    """Return a turn by an angle [rad]."""
+    return lambda now: _segment(now, angle, turns=True)
+
+
+def turn_to(yaw: float) -> PlannedSegment:
+    """Return the shorter turn to a heading [rad]."""
+    return lambda now: _segment(now, wrapped(yaw - now.yaw), turns=True)
+
+
+def arc_direction(a: Point, b: Point) -> int:
+    """Return whether an arc leads from one pose to another: 1, backwards: -1, none does: 0."""
+    length = math.dist(a[:2], b[:2])
+    if length < LEAST_ARC:
+        return 0
+    chord = math.atan2(b[1] - a[1], b[0] - a[0])
+    middle = a[2] + wrapped(b[2] - a[2]) / 2
+    for direction, heading in ((1, middle), (-1, middle + math.pi)):
+        if length * abs(wrapped(chord - heading)) < _BESIDE:
+            return direction
+    return 0
+
+
+def curve(poses: Sequence[Point], *, back: bool) -> PlannedSegment:
+    """Return the arcs through poses, from the first one on, wherever the base then is near it."""
+
+    def plan(now: BaseState) -> Curve:
+        yaws = [now.yaw + wrapped(poses[0][2] - now.yaw)]
+        for before, after in pairwise(poses):
+            yaws.append(yaws[-1] + wrapped(after[2] - before[2]))
+        rows = [(x, y, yaw) for (x, y, _), yaw in zip(poses, yaws, strict=True)]
+        return Curve(np.array(rows), back=back)
+
+    return plan
+
+
+def same_line(segment: Segment | Curve, length: float) -> PlannedSegment:
+    """Return a segment along the line of another one, from wherever the base then is."""
+    if isinstance(segment, Curve):
+        return straight(length)
+    if segment.turns:
+        return turn_by(length)
+    x0, y0, yaw = segment.x, segment.y, segment.yaw
+
+    def plan(now: BaseState) -> Segment | None:
+        along = (now.x - x0) * math.cos(yaw) + (now.y - y0) * math.sin(yaw)
+        x, y = x0 + along * math.cos(yaw), y0 + along * math.sin(yaw)
+        return Segment(x=x, y=y, yaw=yaw, length=length, turns=False)
+
+    return plan
+
+
+def _segment(now: BaseState, length: float, *, turns: bool) -> Segment | None:
+    if abs(length) < 1e-9:
+        return None
+    return Segment(x=now.x, y=now.y, yaw=now.yaw, length=length, turns=turns)
