@@ -45,8 +45,8 @@ def pytest_configure(config):
     settings.load_profile("fresh" if config.getoption("--fresh-examples") else "fixed")
 
 
-# Who starts the tests in the background or with nohup ignores signals, and so would all processes
-# of a test that sends them some.
+# Tests that are started in the background or with nohup ignore signals, and so would all
+# processes of a test that sends them some.
 for _number, _handler in (
     (signal.SIGINT, signal.default_int_handler),
     (signal.SIGHUP, signal.SIG_DFL),
@@ -88,7 +88,7 @@ REFUSED: list[int] = []
 
 @pytest.fixture(scope="session", autouse=True)
 def no_processes(request):
-    """With `--unit`, skip whoever starts a process, at the moment it does."""
+    """With `--unit`, skip a test that starts a process, at the moment it does."""
     if not request.config.getoption("--unit"):
         yield
         return
@@ -129,7 +129,7 @@ def pytest_runtest_call():
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_makereport(item):
-    """Show with a failed test how each of its runs ended; nobody can look into a gate's folder."""
+    """Show with a failed test how each of its runs ended; a gate's folder is out of reach."""
     report = yield
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if report.failed and folder is not None:

@@ -29,10 +29,10 @@ class Wire(Protocol):
     """What both chains need: put to all listeners, get from one participant."""
 
     def put(self, data: bytes) -> None:
-        """Send to everybody who listens to us."""
+        """Send to every listener."""
 
     def grant(self) -> None:
-        """Let the mission advance by half a window."""
+        """Advance the mission by half a window."""
 
     def get(self, participant: str) -> bytes:
         """Return the next message of a participant."""

@@ -39,7 +39,7 @@ class Found(NamedTuple):
 
 
 def patience(scenario: str) -> list[str]:
-    """Return overrides with which a busy machine is nobody's fault."""
+    """Return overrides with which a busy machine is no participant's fault."""
     specs = stepbus.load(scenario).participants
     return [f"{spec.name}.step_timeout=120s" for spec in specs]
 

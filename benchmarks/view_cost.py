@@ -1,4 +1,4 @@
-"""What a live view costs a run: steps/s and processor time, with and without somebody watching.
+"""What a live view costs a run: steps/s and processor time, with and without a viewer.
 
 python benchmarks/view_cost.py [SCENARIO] [DURATION] [ROUNDS]; a client without a screen takes what
 a browser would.

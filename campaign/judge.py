@@ -123,10 +123,10 @@ def _check_blame(box: Sandbox, fault: Fault, result: dict[str, Any], log: Log, s
     if fault.blames == "hit" and blamed != hit and not is_interrupted:
         say(f"wrong blame: not {hit} but {said}")
     if fault.blames == "nobody" and blamed is not None:
-        say(f"wrong blame: nobody was hit, but it says {said}")
+        say(f"wrong blame: no participant was hit, but it says {said}")
     if blamed is not None and blamed not in box.notes["participants"]:
         say(f"wrong blame: there is no participant {said}")
-    # Who held a step has not published it.
+    # A participant that held a step has not published it.
     last = -1 if blamed is None or fault.blames == "any" else log.last_step_of(blamed)
     if result["exit_code"] == _STEP_TIMEOUT and last > result["at_step"]:
         say(f"wrong blame: the log has step {last} of {said}")

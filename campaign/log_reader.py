@@ -150,7 +150,7 @@ class _Chains:
         """Extend one chain; it may end before `last`, in a run that failed."""
         value = self._values.get(name, bytes(32))
         pending = self._pending.pop(name, {})
-        # Who has ended publishes nothing more: its chain stays what it was.
+        # A participant that has ended publishes nothing more: its chain stays what it was.
         reached = value.hex() == expected and not pending
         for step in (
             () if reached else range(self._next.get(name, 0), last + 1, self._every.get(name, 1))

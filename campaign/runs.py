@@ -135,6 +135,6 @@ def _limit_s(case: Case, undisturbed: Reference | None, patience: float) -> floa
     working = 0.0 if undisturbed is None else 15.0 + 3.0 * undisturbed.seconds
     # A participant may spawn in time, and then not join.
     start = 2.0 * scenario.start_s if case.moment == "start" else 0.0
-    # Who is stopped misses its deadline, and then that of the end.
+    # A stopped participant misses its deadline, and then that of the end.
     margin = MARGIN_S if patience <= 1.0 else HANG_S
     return 2.0 * scenario.step_s + margin + start + working + patience * fault.takes_s

@@ -89,7 +89,7 @@ def run(
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
     run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
     in this process, which is quicker and records the same bytes
-    (docs/guide/running/in_process.md). external: participants that somebody else starts, with
+    (docs/guide/running/in_process.md). external: participants that you start, with
     `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the tickets of
     others with `start: external` are in `out`. real_time: let steps begin on the grid of the wall
     clock, so many times as fast (docs/guide/running/real_time.md); `result.real_time` has how late

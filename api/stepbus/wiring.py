@@ -1,4 +1,4 @@
-"""How a participant is connected, for those who take part without `main`."""
+"""How a participant is connected, for programs that take part without `main`."""
 
 from stepbus_participant import Bus, Endpoint, Ports, PortType, Ticket, load_ticket
 

@@ -1,4 +1,4 @@
-"""Disks that are full, and files that somebody removes, cuts or replaces."""
+"""Disks that are full, and files that another process removes, cuts or replaces."""
 
 from __future__ import annotations
 

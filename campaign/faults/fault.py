@@ -29,7 +29,7 @@ class Fault:
     recording of an undisturbed run. arguments, prepare: of `stepbus run`, and what happens before
     its start. environment: further variables of the run. stdout, stderr: where they go. takes_s:
     how long it takes until the fault strikes [s]. leaves: what may stay in the folder for
-    temporary files, since nobody is left to remove it. group: its rows in the table.
+    temporary files, since no process is left to remove it. group: its rows in the table.
     """
 
     strike: Strike

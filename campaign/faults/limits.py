@@ -25,13 +25,13 @@ exec setpriv --reuid={user} --regid={user} --clear-groups prlimit --nproc={numbe
 
 
 def few_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Let each process open few files (ulimit -n)."""
+    """Limit each process to few open files (ulimit -n)."""
     number = chance.choice((chance.randrange(5, 16), chance.randrange(16, 80)))
     return _limit(resource.RLIMIT_NOFILE, number)
 
 
 def small_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
-    """Let each process write small files only (ulimit -f)."""
+    """Limit each process to small files (ulimit -f)."""
     return limit_files(1024 * chance.randrange(1, 2000))
 
 
@@ -46,7 +46,7 @@ def little_time(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
 
 
 def few_processes(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
-    """Let the user have few processes and threads (ulimit -u); root has no such limit."""
+    """Limit the user to few processes and threads (ulimit -u); root has no such limit."""
     number = chance.choice((chance.randrange(1, 12), chance.randrange(12, 60)))
     if os.geteuid():
         return _limit(resource.RLIMIT_NPROC, number)

@@ -113,7 +113,7 @@ def stopped(process: subprocess.Popen[bytes]) -> Iterator[None]:
 
 
 def pause(_box: Sandbox, _chance: random.Random) -> None:
-    """Let a second pass between two strikes."""
+    """Wait a second between two strikes."""
     time.sleep(1.0)
 
 

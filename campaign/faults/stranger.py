@@ -168,7 +168,7 @@ def hold(links: list[socket.socket]) -> None:
 
 
 def ready() -> None:
-    """Tell who started this that the deed is under way."""
+    """Tell our starter that the deed is under way."""
     sys.stdout.write("ready\n")
     sys.stdout.flush()
 
@@ -183,7 +183,7 @@ DEEDS = {
 
 
 def main() -> None:
-    """Do one deed, as nobody where that is asked for."""
+    """Do one deed, as the user `nobody` where that is asked for."""
     words = sys.argv[1:]
     if words[0] == "--nobody":
         words.pop(0)

@@ -90,7 +90,7 @@ def remove(chance: random.Random, data: bytes) -> bytes:
 
 
 def swap_chunks(chance: random.Random, data: bytes) -> bytes:
-    """Let two chunks change places, each with its message indexes."""
+    """Swap two chunks, each with its message indexes."""
     first, second = sorted(chance.sample(_chunks(data), 2))
     (a, b), (c, d) = first, second
     return data[:a] + data[c:d] + data[b:c] + data[a:b] + data[d:]
@@ -103,7 +103,7 @@ def remove_chunk(chance: random.Random, data: bytes) -> bytes:
 
 
 def repeat_chunk(chance: random.Random, data: bytes) -> bytes:
-    """Let a chunk follow itself."""
+    """Repeat a chunk right behind itself."""
     start, end = chance.choice(_chunks(data))
     return data[:end] + data[start:end] + data[end:]
 
@@ -148,7 +148,7 @@ def summary_without_crc(chance: random.Random, data: bytes) -> bytes:
 
 
 def no_crcs(_chance: random.Random, data: bytes) -> bytes:
-    """Let every checksum be 0, and change a metadata record or an attachment."""
+    """Set every checksum to 0, and change a metadata record or an attachment."""
     found = bytearray(data)
     for opcode, start, end in records(data):
         if opcode in {Opcode.ATTACHMENT, Opcode.DATA_END}:
@@ -344,7 +344,7 @@ DAMAGE: tuple[Mutation, ...] = (
     attachment_without_crc, chunk_without_crc, summary_without_crc, no_crcs, metadata_changed,
     message_index_changed,
 )  # fmt: skip
-"""Not what was written: whoever calls such a file undamaged is wrong."""
+"""Not what was written: a reader that calls such a file undamaged is wrong."""
 
 FORGED: tuple[Mutation, ...] = (
     message_dropped, message_changed, message_moved, message_repeated, messages_dropped,

@@ -45,7 +45,7 @@ def messages(data: bytes) -> list[Row]:
 def indexed(data: bytes) -> list[Row]:
     """Return the same of the messages that its index leads to, where all chunks are whole.
 
-    Damage between the chunks hides nothing from who reads by the index.
+    Damage between the chunks hides nothing from a reader that goes by the index.
     """
     try:
         found = make_reader(io.BytesIO(data), validate_crcs=True).iter_messages(

@@ -111,7 +111,7 @@ def _sudden(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Let somebody cross the path before the base is there, or come close to it and go back."""
+    """Send a person across the path before the base is there, or close to it and back."""
     x, speed = chance.uniform(1.0, 1.2), chance.uniform(0.4, 0.7)
     if chance.random() < 0.5:
         # Before the base comes, or before it goes home.

@@ -181,4 +181,4 @@ def _blame(result: Mapping[str, Any], killed: str) -> Iterator[str]:
     if killed and result["exit_code"] and result["participant"] != killed:
         yield f"{killed} was killed, and it names {result['participant']}: {result['reason']}"
     if not killed and result["exit_code"] and result["participant"] not in {"mission", None}:
-        yield f"nobody was killed, and {result['participant']} failed: {result['reason']}"
+        yield f"no participant was killed, and {result['participant']} failed: {result['reason']}"

@@ -29,7 +29,7 @@ _FOR_STEPS = 63
 
 @dataclass
 class Excuses:
-    """What is nobody's fault.
+    """What is no participant's fault.
 
     overlaps: the step from which on something is inside the robot, after which no force says
     anything; None: never. hits: pair of links → steps until which it may be hit, with sentences.

@@ -73,7 +73,7 @@ class SerialMotor(stepbus.Participant):
         self.state = self._exchange(0.0 if command is None else command.values[0])
 
     def close(self) -> None:
-        """Let the motor run out."""
+        """Run the motor down to a stop."""
         # The torque of the last step must not outlive the run.
         if self.line.is_open:
             self.line.write(request(self.number, 0.0))

@@ -51,7 +51,7 @@ _edge = {"is_command_line": False}
 
 @contextmanager
 def command_line() -> Iterator[None]:
-    """Let sentences name the options of the command line, not the parameters in Python."""
+    """Name the options of the command line in errors, not the parameters in Python."""
     before = _edge["is_command_line"]
     _edge["is_command_line"] = True
     try:
@@ -76,13 +76,13 @@ class ScenarioError(SettingsError):
 
 
 class OutputExists(WiringError, FileExistsError):
-    """What a call would write is there already, from a run or from somebody else."""
+    """What a call would write is there already, from a run or from the user."""
 
     __str__ = Exception.__str__
 
 
 def indented(text: str) -> str:
-    """Return a text of somebody else, of whose lines none can be taken for a sentence of ours."""
+    """Return foreign text, none of whose lines can be taken for a sentence of ours."""
     return "\n    ".join(text.splitlines())
 
 
@@ -166,7 +166,7 @@ class RecordingFailed(RunFailure, OSError):
 
 
 class Untrusted(RunFailure):
-    """A recording that was made elsewhere would start programs, and nobody said that it may."""
+    """A recording that was made elsewhere would start programs, and the user has not allowed it."""
 
     code = ExitCode.UNTRUSTED
 

@@ -1,6 +1,6 @@
 """What installed packages add by entry points: commands, views, what follows a run.
 
-The core names no tool: it asks for a group, and whoever is installed answers.
+The core names no tool: it asks for a group, and the installed tools answer.
 """
 
 from functools import cache

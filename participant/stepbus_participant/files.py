@@ -73,7 +73,7 @@ def open_regular(path: str | os.PathLike[str], flags: int = 0) -> int:
 
     flags: further ones, such as os.O_NOFOLLOW. Raises OSError when it is none or cannot be read.
     """
-    # Without O_NONBLOCK, to open a named pipe waits for somebody who writes to it.
+    # Without O_NONBLOCK, opening a named pipe waits for a process that writes to it.
     file = os.open(path, os.O_RDONLY | os.O_CLOEXEC | os.O_NONBLOCK | flags)
     mode = os.fstat(file).st_mode
     if stat.S_ISREG(mode):

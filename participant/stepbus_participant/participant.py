@@ -116,7 +116,7 @@ class Step:
         return self._inputs[port].fresh
 
     def end(self, reason: str) -> None:
-        """Ask for the run to end once everybody has finished this step (P7.4).
+        """Ask for the run to end once every participant has finished this step (P7.4).
 
         With `publishes: first`, the request goes out with the next outputs: from `update`, the run
         ends after the next step of this participant.

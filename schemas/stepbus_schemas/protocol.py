@@ -198,7 +198,7 @@ class Outputs(Envelope, frozen=True):
 
 
 class Batch(Envelope, frozen=True):
-    """Several steps of a participant that nobody waits for, in one message."""
+    """Several steps of a participant that no other waits for, in one message."""
 
     token: str
     """The run's secret."""

@@ -29,7 +29,7 @@ def json_schema(type_name: str, types: Types = SHIPPED) -> dict[str, Any]:
 
     Port messages and protocol envelopes alike. Beside the standard keywords, vectors have `unit`
     and `shape`, where `n` is the number of names in the port's description. The result is shared
-    between callers, who must not change it. types: with those of one's own.
+    between callers, which must not change it. types: with those of one's own.
 
     Raises WiringError when there is no such type, or no such version of it.
     """

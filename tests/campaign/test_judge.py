@@ -125,7 +125,7 @@ def test_nobody_is_blamed_though_one_was_hit(box):
 
 def test_somebody_is_blamed_though_nobody_was_hit(box):
     end(box, 5, participant="plant")
-    assert broken(box) == ["wrong blame: nobody was hit, but it says plant: finished"]
+    assert broken(box) == ["wrong blame: no participant was hit, but it says plant: finished"]
 
 
 def test_somebody_is_blamed_who_does_not_exist(box):

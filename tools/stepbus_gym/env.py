@@ -59,7 +59,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
     ends there; default: never. It is truncated at the scenario's duration. duration: another one,
     such as `2s`. set, faults: as of `stepbus.load`. observe, act: which numbers, `port` or
     `port.field`, in this order; default: all of all inputs, and what the outputs need that
-    somebody reads. joints: which joints are commanded; default: all. mode: how. limits:
+    are read. joints: which joints are commanded; default: all. mode: how. limits:
     `port.field` → (lowest, highest), where no port describes them, or others. record: `none`,
     `all` (into `episodes/`), or a folder: each episode is a run there. policy: `module:function`,
     which recordings name as what they replay. vary: draws settings for each episode, as `set`.
@@ -312,7 +312,7 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
         [port for port in ports.outputs if (name, port) in read]
     )
     if not act:
-        raise WiringError(f"{name} has no output with numbers that somebody reads; give `act`")
+        raise WiringError(f"{name} has no output with numbers that a participant reads; give `act`")
     params = {**params, "act": act}
     ports.check(Params.of(params))
     changed = msgspec.structs.replace(

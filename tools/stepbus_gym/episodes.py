@@ -19,7 +19,7 @@ class Folders:
     """Makes a folder for each episode.
 
     record: `none`, `all`, or the folder to record to. Recordings are numbered from 1 on in that
-    folder, by default `episodes`, whoever else records there; all others are temporary.
+    folder, by default `episodes`, whatever else records there; all others are temporary.
     """
 
     def __init__(self, record: str | PathLike[str]) -> None:

@@ -251,7 +251,7 @@ message! {
 }
 
 message! {
-    /// Several steps of a participant that nobody waits for.
+    /// Several steps of a participant that no other waits for, in one message.
     "Batch/1",
     struct Batch {
         /// The run's secret.

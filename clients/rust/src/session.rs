@@ -21,7 +21,7 @@ const POLL: Duration = Duration::from_millis(100);
 pub enum Leave {
     /// It cannot continue, and reports a fault.
     Fault(Error),
-    /// It should not continue, and nobody is left to notify.
+    /// It should not continue, and no orchestrator is left to notify.
     Quit(String),
 }
 

@@ -18,7 +18,7 @@ STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
 _ASKING = frozenset(
     (STATE, COMMAND, REFERENCE, "BaseCommand/1", "GripperCommand/1", "Goal/1", "PlanRequest/1")
 )
-"""Types that are for somebody; a status, an event or a picture may be for the recording only."""
+"""Types that need a reader; a status, an event or a picture may be for the recording only."""
 
 _TOLERANCE = 1e-6
 _FULL_TURN = 2 * math.pi + 1e-3
@@ -237,11 +237,11 @@ def _joints(description: Description) -> dict[str, Joint]:
 
 
 def _wiring(recording: Recording, rows: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield outputs that nobody reads, and plants without a command."""
+    """Yield outputs that no participant reads, and plants without a command."""
     read = {topic for row in rows.values() for topic in _sources(row)}
     for topic, port in recording.ports.items():
         if rows and port.type in _ASKING and topic not in read:
-            yield f"nobody reads {topic.replace('/', '.', 1)} ({port.type})"
+            yield f"no participant reads {topic.replace('/', '.', 1)} ({port.type})"
     for port in recording.of_type(STATE):
         name = split_topic(port.topic)[0]
         types = {recording.ports[t].type for t in _sources(rows.get(name, {})) if t in recording}

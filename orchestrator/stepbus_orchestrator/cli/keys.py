@@ -42,7 +42,7 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
         yield
     finally:
         over.set()
-        # Somebody else who reads the terminal may have taken the key that it waits to read.
+        # Another process that reads the terminal may have taken the key that it waits to read.
         thread.join(_JOIN_S)
         # Not TCSADRAIN, which waits for the reader; and the terminal may be gone.
         with contextlib.suppress(termios.error):

@@ -177,7 +177,7 @@ def run_command(
     check_names(loaded, speedscope, "sample")
     check_installed(loaded)
     check_limits(len(loaded.participants))
-    # Nobody reads the lines beside JSON, and they take as long as the recording of the run.
+    # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
     is_read = not (json and no_report)
     if is_read:
         # NumPy ends this process where memory is short: rather now than behind a run.

@@ -147,7 +147,7 @@ def buffered() -> Iterator[None]:
         if output.failure not in {0, errno.EPIPE, errno.EIO}:
             print_error(f"stdout: {os.strerror(output.failure)}; the output is incomplete")
         elif output.is_incomplete:
-            print_error("stdout: nobody reads it; the output is incomplete")
+            print_error("stdout: no process reads it; the output is incomplete")
         error.finish()
         sys.stdout, sys.stderr = before
 

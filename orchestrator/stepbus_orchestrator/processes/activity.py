@@ -27,7 +27,7 @@ class Activity:
     cpu_s: float = 0.0
 
     def reason(self, target: int, elapsed_s: float) -> str:
-        """Return in words why the process may not get on; empty: nobody knows.
+        """Return in words why the process may not get on; empty: unknown.
 
         target: process id, negative for its group, to which `kill` would send a signal.
         elapsed_s: how long it has had [s].
@@ -61,12 +61,12 @@ class KeptThread:
 
 
 def activity(*groups: int) -> Activity:
-    """Return what the processes of some groups are doing; nothing where nobody knows."""
+    """Return what the processes of some groups are doing; nothing where that is unknown."""
     return _activity(row for _, row in _rows() if int(row[_GROUP]) in groups) if groups else NOTHING
 
 
 def activity_of(pid: int) -> Activity:
-    """Return what a single process is doing; nothing where nobody knows."""
+    """Return what a single process is doing; nothing where that is unknown."""
     return _activity(row for _, row in _rows(str(pid)))
 
 

@@ -171,8 +171,8 @@ class Child(Process):
         except OSError as exc:
             if not log.parent.is_dir():
                 raise RecordingFailed(
-                    f"{log.parent} is gone: somebody changed the run's folder while it started; "
-                    "run again, and leave it alone until it ends"
+                    f"{log.parent} is gone: another process changed the run's folder while it "
+                    "started; run again, and leave it alone until it ends"
                 ) from exc
             if not cwd.is_dir():
                 raise StartFailed(f"{cwd} is gone, in which {name} starts") from exc

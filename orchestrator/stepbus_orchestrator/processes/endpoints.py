@@ -47,7 +47,7 @@ class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
     folder: the private one. caller: the endpoint of a caller from outside. users: of its TCP ports.
-    tickets: of participants that somebody else starts, which are elsewhere.
+    tickets: of participants that the user starts, which are elsewhere.
     """
 
     folder: Path
@@ -58,7 +58,7 @@ class Mesh:
     tickets: dict[str, Path] = field(default_factory=dict)
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what a participant needs for its start and somebody has removed; None: nothing.
+        """Return what a participant needs for its start and has been removed; None: nothing.
 
         name: it has been started; None: none has. alive: who is on the bus, with its socket.
         """
@@ -93,7 +93,7 @@ def private_folder() -> Path:
 
 def gone(path: Path) -> str:
     """Return the sentence about something in the private folder that is there no more."""
-    return f"{path}, which is private to the run, is gone: did somebody remove it?"
+    return f"{path}, which is private to the run, is gone: did another process remove it?"
 
 
 def new_token() -> str:
@@ -249,7 +249,7 @@ def _access_control(
 
     proof: `usernames` or `cert_common_names`, by which Zenoh knows who is at the other end. ids: of
     the sessions, by which it knows that where no proof was given: of those that a session connects
-    to on Unix sockets. Whoever has proved to be a participant is never taken for the orchestrator.
+    to on Unix sockets. A proven participant is never taken for the orchestrator.
     """
     keys = f"stepbus/{run}"
     owned = {

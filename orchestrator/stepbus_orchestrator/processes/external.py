@@ -1,7 +1,7 @@
-"""A participant that somebody else has started: its ticket, its process, its links to us.
+"""A participant that the user has started: its ticket, its process, its links to us.
 
-The orchestrator holds a lock (flock) on the ticket while it lives, however it ends. So whoever
-finds a ticket knows whether it is of a run that has ended, and a stale one is waited out.
+The orchestrator holds a lock (flock) on the ticket while it lives, however it ends. So a
+ticket shows whether its run has ended, and `stepbus join` waits until a stale one is replaced.
 """
 
 import contextlib
@@ -69,7 +69,7 @@ class SharedTicket:
             return False
 
     def close(self) -> None:
-        """Remove the file, unless somebody has put something else there."""
+        """Remove the file, unless another process has put something else there."""
         with contextlib.suppress(OSError):
             if self.is_named_by(str(self.path)):
                 self.path.unlink()
@@ -167,7 +167,7 @@ def _read(path: Path) -> tuple[JoinTicket, bool]:
 
 
 def _lasts(file: int) -> bool:
-    """Return whether somebody holds the lock; True where nobody can tell."""
+    """Return whether a process holds the lock; True where that cannot be told."""
     try:
         fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except OSError:
@@ -176,10 +176,10 @@ def _lasts(file: int) -> bool:
 
 
 class External(Process):
-    """Somebody else's process, as far as we can see it.
+    """A process that the user has started, as far as we can see it.
 
     It is known by its place on the bus and, where it is a process of this user in our own
-    namespace, by its process id. It is never sent a signal: who has started it ends it.
+    namespace, by its process id. It is never sent a signal: the user who started it ends it.
 
     ticket: that it has been given. log: where a child's output would go. address: where we listen.
     children: our own processes.
@@ -224,7 +224,7 @@ class External(Process):
         return ""
 
     def activity(self) -> Activity:
-        """Return what it is doing; nothing where nobody knows."""
+        """Return what it is doing; nothing where that is unknown."""
         return activity_of(self.pid) if self.pid else NOTHING
 
     def signal(self, number: int) -> None:
@@ -290,7 +290,7 @@ def _is_accepted(link: socket.socket, address: str) -> bool:
 
 
 def _peer(link: socket.socket) -> int:
-    """Return the process id of who has opened a link; 0: the kernel does not tell."""
+    """Return the process id of a link's opener; 0: the kernel does not tell."""
     if link.family != socket.AF_UNIX:
         return 0
     size = _CREDENTIALS.size

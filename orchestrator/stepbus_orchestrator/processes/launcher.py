@@ -62,11 +62,11 @@ class Reaper:
             raise
 
     def watch(self, group: int) -> None:
-        """Let it kill a process group when the orchestrator is gone."""
+        """Have it kill a process group when the orchestrator is gone."""
         self._notify(f"+{group}")
 
     def forget(self, group: int) -> None:
-        """Let it kill a process group no more."""
+        """Have it spare a process group from now on."""
         self._notify(f"-{group}")
 
     def _notify(self, line: str) -> None:
@@ -151,7 +151,7 @@ class Launcher:
         ticket: Path,
         **fields: Any,
     ) -> External:
-        """Put the ticket of one participant where somebody else picks it up.
+        """Put the ticket of one participant where the user picks it up.
 
         ticket: the path. fields: further ones. Raises StartFailed when it cannot be written there.
         """

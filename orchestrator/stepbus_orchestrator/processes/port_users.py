@@ -19,7 +19,7 @@ class PortUsers:
     """Who else was seen to use the TCP ports of a run.
 
     ports: that its processes listen on; none, where it uses other sockets. What comes and goes is
-    seen where somebody looks often.
+    seen only by frequent looks.
     """
 
     def __init__(self, ports: Collection[int]) -> None:
@@ -29,9 +29,9 @@ class PortUsers:
         self._waiting = 0
 
     def look(self) -> str:
-        """Return in words who has a port of the run now, or links of it; empty: nobody else.
+        """Return in words who has a port of the run now, or links of it; empty: no other user.
 
-        Root is nobody else: it may do everything.
+        Root does not count: it may do everything.
         """
         taken: dict[str, set[int]] = {}
         for row in _rows() if self._ports else ():
@@ -46,7 +46,7 @@ class PortUsers:
         return _words(taken)
 
     def seen(self, left: Collection[int] = ()) -> str:
-        """Return in words who was seen to keep links from opening; empty: nobody.
+        """Return in words who was seen to keep links from opening; empty: no user.
 
         left: ports of processes that have ended.
         """

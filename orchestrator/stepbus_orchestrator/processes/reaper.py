@@ -42,7 +42,7 @@ def watch(folder: str) -> None:
             os.killpg(group, signal.SIGKILL)
     left = _end_left(folder)
     shutil.rmtree(folder, ignore_errors=True)
-    # Nobody reads it where the orchestrator was killed.
+    # No process reads it where the orchestrator was killed.
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), "".join(f"{line}\n" for line in left).encode())
 

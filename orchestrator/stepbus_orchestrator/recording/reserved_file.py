@@ -103,7 +103,7 @@ class ReservedFile:
         """
         try:
             status = self._path.stat()
-            # Before it is opened: who opens a pipe waits for its other end.
+            # Before it is opened: opening a pipe waits for its other end.
             if (status.st_dev, status.st_ino) != self._identity:
                 return "was replaced by another file"
             with self._path.open("rb") as file:

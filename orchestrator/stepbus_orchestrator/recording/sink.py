@@ -36,7 +36,7 @@ class Reviser(Protocol):
     ) -> Sequence[Published]:
         """Return what is recorded of a step, in schedule order.
 
-        closing: at the closing step, who publishes at it. A RunFailure that it raises ends the
+        closing: at the closing step, those that publish at it. A RunFailure that it raises ends the
         recording before the step.
         """
 
@@ -155,7 +155,7 @@ class Sink:
             self.write_step(step)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
-        """Write the outputs of a step; closing: at the last one, who publishes at it."""
+        """Write the outputs of a step; closing: at the last one, those that do."""
         for published in self.revised(step, closing):
             if published.fault is not None:
                 raise published.fault

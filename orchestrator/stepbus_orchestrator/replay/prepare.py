@@ -172,8 +172,8 @@ def _rewired(
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
     """Return the scenario with the steps that can be replayed, and with another window.
 
-    Raises RecordingFailed when the recording has none, or has a hole: who is replayed would be
-    blamed for what was not recorded.
+    Raises RecordingFailed when the recording has none, or has a hole: a replayed participant
+    would be blamed for what was not recorded.
     """
     holes = recording.holes()
     if holes:

@@ -95,7 +95,7 @@ def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Descripti
 
 
 def counts_from_of(recording: Recording) -> dict[str, int]:
-    """Return who was changed by the branch that made a recording: participant → from which step."""
+    """Return what the branch that made a recording changed: participant → from which step."""
     rows = recording.metadata.get(BRANCH_METADATA, {})
     return {name: int(step) for name, step in rows.items()}
 

@@ -42,7 +42,7 @@ class Inbox:
         return sink
 
     def into_from(self, name: str, take: Callable[[Any], None]) -> Callable[[Any], None]:
-        """Return the same for a participant; it wakes nobody while others are awaited."""
+        """Return the same for a participant; it wakes no reader while others are awaited."""
         put, keep = self._queue.put, self._items.append
 
         def sink(item: Any) -> None:
@@ -56,7 +56,7 @@ class Inbox:
         return sink
 
     def wake_for(self, names: Iterable[str]) -> None:
-        """Let `receive` wake up once each of these has sent something; none: for anybody."""
+        """Wake `receive` once each of these has sent something; none: once any has."""
         self._awaited = set(names)
 
     def receive(self, timeout_s: float) -> None:
@@ -132,13 +132,13 @@ class Announcer:
         self._put_start(message)
 
     def trigger(self, step_limit: int) -> None:
-        """Let everybody work on the steps below `step_limit` (P5.2)."""
+        """Release the steps below `step_limit` to every participant (P5.2)."""
         self._step_limit = step_limit
         self._set_pause(_FIRST_S)
         self._put_trigger(self._trigger())
 
     def stop(self, reason: str, at_step: int) -> None:
-        """Let everybody end; negative `at_step`: at once (P11.1)."""
+        """End every participant; negative `at_step`: at once (P11.1)."""
         self._stop = encode(Stop(token=self._token, reason=reason, at_step=at_step))
         self._set_pause(_FIRST_STOP_S)
         self._put_stop(self._stop)

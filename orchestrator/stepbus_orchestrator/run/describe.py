@@ -28,7 +28,7 @@ _LONGEST_S = 120.0
 
 
 def rehearse(scenario: Scenario, problems: Problems) -> None:
-    """Let each plant load its world, and add what is wrong with it, or is not installed.
+    """Have each plant load its world, and add what is wrong with it, or is not installed.
 
     Classes of the user's whose parameters have shown nothing are imported, too.
     """

@@ -63,7 +63,7 @@ class Episode(HostedCaller):
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )
-        # Nobody branches from an episode.
+        # No run branches from an episode.
         self._scenario = dataclasses.replace(scenario, checkpoint_steps=0)
         self._interrupt = threading.Event()
         self._greenlet = greenlet(self._work)
@@ -129,7 +129,7 @@ class Episode(HostedCaller):
             raise WiringError("no episode is under way: reset the environment first")
 
     def _switch(self) -> None:
-        """Let the run work until it needs us."""
+        """Run until the run needs us."""
         self._caller = self._greenlet.parent = getcurrent()
         outer, _ctrl_c.inside = _ctrl_c.inside, self._interrupt
         try:
@@ -181,7 +181,7 @@ class Episode(HostedCaller):
         return self._make(config, await_answer)
 
     def away(self) -> bool:
-        """Let the caller work, where the participant waits for it."""
+        """Hand over to the caller, where the participant waits for it."""
         if not self._is_waiting or self._queue is None:
             return False
         left = time.monotonic()

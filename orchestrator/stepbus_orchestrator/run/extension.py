@@ -26,7 +26,7 @@ class RunExtension:
     """
 
     def __init_subclass__(cls, **options: Any) -> None:
-        """Let what an extension of the user's own raises end the run with a sentence."""
+        """End the run with an error message where an extension of the user's own raises."""
         super().__init_subclass__(**options)
         if cls.__module__.partition(".")[0] != __name__.partition(".")[0]:
             for name in _METHODS & vars(cls).keys():
@@ -70,7 +70,7 @@ class RunExtension:
     # --- during the run -------------------------------------------------------------------
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
-        """Take note, again and again, of who has still to get ready, or to leave at the end."""
+        """Note, again and again, which participants have yet to get ready, or to leave."""
 
     def ready(self) -> None:
         """Check what all participants have said of themselves; the first step comes next."""
@@ -115,7 +115,7 @@ class RunExtension:
         """Take note that no further step begins."""
 
     def close(self) -> None:
-        """Let go of everything; called once where `attach` was, also after a failure."""
+        """Release everything; called once where `attach` was, also after a failure."""
 
     def result(self) -> Mapping[str, Any]:
         """Return fields of the run's result."""

@@ -1,4 +1,4 @@
-"""The folder of a run: a new one for each, or one that nobody keeps."""
+"""The folder of a run: a new one for each, or one that is not kept."""
 
 import contextlib
 import os
@@ -34,7 +34,7 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
 
 
 def first_new(folders: Iterable[Path]) -> Path:
-    """Make the first of these folders that nobody has made yet, and return it."""
+    """Make the first of these folders that does not exist yet, and return it."""
     return next(folder for folder in folders if _is_made(folder))
 
 

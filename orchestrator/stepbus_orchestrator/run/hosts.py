@@ -94,7 +94,7 @@ class _Launch(Strategy):
 class InProcess:
     """Has all participants in this process.
 
-    start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are nobody else's, and
+    start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are the run's alone, and
     what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run
     so; default: to leave out the option.
     """

@@ -42,7 +42,7 @@ class Live(msgspec.Struct, frozen=True, kw_only=True):
 
 
 def forget(folder: Path) -> None:
-    """Remove the file of a run that has ended, unless somebody has put something else there."""
+    """Remove the file of a run that has ended, unless it is no longer that file."""
     with contextlib.suppress(OSError):
         (folder / LIVE_FILE).unlink(missing_ok=True)
 

@@ -31,7 +31,7 @@ _USE_UNIX = "use `--transport unix`, whose sockets other users cannot reach"
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
 _LEAVE_S = 1.0
-"""How long a run that has failed waits for a process that somebody else has started [s]."""
+"""How long a run that has failed waits for a process that the user has started [s]."""
 
 
 def run_phases(run: Run) -> str:
@@ -86,8 +86,8 @@ def _until_shutdown(run: Run) -> RunFailure | None:
 def _start_up(run: Run) -> None:
     """Start every participant, wait until all are ready, and publish the `Start`.
 
-    Raises BusFailed, and blames nobody, where somebody removed what the start needs, or uses the
-    TCP ports of the run.
+    Raises BusFailed, and blames no participant, where another process removed what the start
+    needs, or uses the TCP ports of the run.
     """
     try:
         _start(run)
@@ -101,7 +101,7 @@ def _start_up(run: Run) -> None:
 def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
     """Return what kept the participants from starting that is no fault of theirs; empty: nothing.
 
-    Whoever ends, since it was refused, takes its socket away a moment before.
+    A participant that ends, since it was refused, takes its socket away a moment before.
     """
     participants = run.state.participants
     blamed = failure.participant if failure.participant in participants else None
@@ -171,7 +171,7 @@ def _step(run: Run) -> None:
 
 def _check(run: Run, elapsed_s: float) -> None:
     run.release(always=True)
-    # Nobody is late while a gate holds the run.
+    # No participant is late while a gate holds the run.
     if not run.state.is_held:
         check_step(run.state, elapsed_s)
 
@@ -251,8 +251,8 @@ def _extended(failure: RunFailure, text: str, cause: RunFailure) -> RunFailure:
 def _shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
     """End every process, take what is still reported, and return those that were late.
 
-    Each has its stop deadline. Nobody waits for the culprit, nor for a participant that is not
-    ready: it has nothing to save.
+    Each has its stop deadline. The run does not wait for the culprit, nor for a participant that is
+    not ready: it has nothing to save.
     """
     participants = run.state.participants
     culprit = participants.get(failure.participant or "") if failure is not None else None
@@ -305,7 +305,7 @@ def _await_ends(
 def _patience_s(run: Run, participant: ParticipantState, *, has_failed: bool) -> float:
     """Return how long a participant may take to end [s]; not long after Ctrl-C."""
     if has_failed and participant.external is not None:
-        # It may stand in a debugger, and nobody may end it.
+        # It may stand in a debugger, and is not ours to end.
         return _LEAVE_S
     stop_s = participant.limit_s("stop")
     return min(stop_s, Deadlines.stop_s) if run.interrupt.is_set() else stop_s

@@ -81,7 +81,7 @@ _MOST_SHOWN = 50
 
 
 _FEW = 5
-"""Of fewer firings, nobody can say that an output is silent."""
+"""Fewer firings do not show that an output is silent."""
 
 _OCCASIONAL = frozenset(
     (

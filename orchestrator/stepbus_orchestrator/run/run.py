@@ -26,7 +26,7 @@ from .kernel.participants import ParticipantState
 TICK_S = 0.05
 SHORT_TICK_S = TICK_S / 5
 LONGEST_TICK_S = 0.25
-"""One check counts for at most this long: a machine that slept is nobody's fault (P12.1)."""
+"""One check counts at most this long: a machine that slept is no participant's fault (P12.1)."""
 LAST_REPORTS_S = 0.1
 """Those who wait for a process that has died report after 20 ms at which step (P9.2, P9.3)."""
 
@@ -116,7 +116,7 @@ class Run:
             return
         self._checked_at += elapsed_s
         self.state.is_check_due = False
-        # First who is dead: nobody is late who is.
+        # First the dead: a dead participant is not late.
         self._check_processes()
         check(min(elapsed_s, LONGEST_TICK_S))
         self._ticks += 1

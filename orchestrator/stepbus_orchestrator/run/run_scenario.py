@@ -132,7 +132,7 @@ class _Execution:
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
-            # Nobody expected it of a file.
+            # It was not expected of any file.
             kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
             failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
         finally:

@@ -24,7 +24,7 @@ _decode_outputs = Decoder(Outputs)
 class Substitute:
     """Replaces one participant when it has failed, from the first step that it owes.
 
-    Until then it follows what the participant publishes: once the process is gone, nobody else
+    Until then it follows what the participant publishes: once the process is gone, nothing else
     knows what has reached its consumers.
 
     put: publishes on the participant's key. log: gets the same bytes, as the orchestrator gets
@@ -157,7 +157,7 @@ class SafeStop:
         return tuple(self._substitutes)
 
     def follow(self, released: int) -> None:
-        """Publish what is due below `released`, and forget what nobody will need."""
+        """Publish what is due below `released`, and forget what will not be needed."""
         if self._active is not None:
             self._active.publish_below(released)
             return
@@ -168,8 +168,8 @@ class SafeStop:
         """Return whether the participant that failed can be replaced.
 
         A witness that found a message of another malformed has ended itself (P8.1): then two are
-        gone. One that somebody else has started cannot be killed: where it may still publish,
-        nobody else may in its name.
+        gone. One that the user has started cannot be killed: where it may still publish,
+        no other process may in its name.
         """
         has_witness = isinstance(failure, ParticipantFault) and failure.witness is not None
         return (

@@ -279,8 +279,8 @@ class ScenarioFile(Settings):
     """Name → participant, at least one; where several could go first within a step, they go in
     this order."""
     window: Count = 64
-    """Steps in flight; 1: nobody starts a step before all have finished the one before. Changes no
-    result."""
+    """Steps in flight; 1: no participant starts a step before all have finished the one before.
+    Changes no result."""
     batch: Count | None = None
     """Outputs of a participant per message to the recording; at most half the window. Changes no
     result. Default: half the window."""

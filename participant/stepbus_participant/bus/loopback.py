@@ -40,7 +40,7 @@ class LoopbackBus:
 
     peer: any bus of the network to join; default: a new network. make_queue: of what it queues.
     clock: of the network.
-    is_leaf: it has a link to `peer` only, so that what it publishes reaches nobody else.
+    is_leaf: it has a link to `peer` only, so that what it publishes reaches no other.
     """
 
     def __init__(

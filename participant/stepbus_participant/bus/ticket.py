@@ -103,7 +103,7 @@ def scratch_folder() -> Path | None:
     if TICKET_VARIABLE not in os.environ:
         return None
     try:
-        # The ticket itself may be anywhere, where somebody else has started the program.
+        # The ticket itself may be anywhere, where the user has started the program.
         folder = private_folder(load_ticket().endpoint)
     except WiringError:
         return None

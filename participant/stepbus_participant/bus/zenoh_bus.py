@@ -104,8 +104,8 @@ def _cause(endpoint: Endpoint, otherwise: str) -> str:
     if folder is None or folder.is_dir():
         return otherwise
     return (
-        f"the run's private folder {folder} is gone: did somebody remove it? In a container, is it "
-        "mounted?"
+        f"the run's private folder {folder} is gone: did another process remove it? In a "
+        "container, is it mounted?"
     )
 
 
@@ -162,7 +162,7 @@ class ZenohBus:
     clock: Clock = time
 
     def __init__(self, endpoint: Endpoint, run: str) -> None:
-        import zenoh  # noqa: PLC0415  only who opens a bus needs it
+        import zenoh  # noqa: PLC0415  only opening a bus needs it
 
         self._zenoh: Any = zenoh
         self._prefix = f"stepbus/{run}/"

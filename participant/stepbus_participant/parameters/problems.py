@@ -2,7 +2,7 @@
 
 WiringError
 └─ SettingsError      lists every problem, one a line
-   └─ TooManyProblems the first hundred: nobody reads more, and to find them takes its time
+   └─ TooManyProblems the first hundred: a user reads no more, and to find them takes its time
 """
 
 from __future__ import annotations

@@ -78,7 +78,7 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
 
     @classmethod
     def elsewhere(cls, key: str) -> str:  # noqa: ARG003
-        """Return where a key belongs that is none of these; nothing: nobody knows."""
+        """Return where a key belongs that is none of these; empty: unknown."""
         return ""
 
     def problems(self) -> Iterable[tuple[Keys, str]]:

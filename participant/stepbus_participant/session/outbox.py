@@ -97,11 +97,11 @@ class Outbox:
             put(b"", attachment=stamp(HANDSHAKE_STEP, self._token))
 
     def inject(self, faults: Sequence[MessageFault]) -> None:
-        """Let some outputs arrive late, twice, damaged or not at all; the log stays intact."""
+        """Delay, repeat, damage or drop some outputs; the log stays intact."""
         self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
 
     def hold_up_to(self, number: int) -> None:
-        """Publish so many steps in one message, since nobody waits for them (P7.6)."""
+        """Publish so many steps in one message, since no participant waits for them (P7.6)."""
         if number > 1:
             self._most_held = number
             self._put_batch = self._bus.publisher(f"out/{self._name}", encoding_of("Batch/1"))

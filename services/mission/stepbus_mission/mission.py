@@ -84,7 +84,7 @@ class Targets:
         self.pending.append(([index], float(angle), duration_s))
 
     def follow_task(self, joint: str | None = None) -> None:
-        """Let a joint follow the task again, or all of them."""
+        """Return a joint, or all of them, to the task."""
         indices = range(len(self._joints)) if joint is None else [self._index(joint)]
         self.pending.append((indices, None, 0.0))
 

@@ -178,7 +178,7 @@ class Engine:
         return bool(bullet.getCollisionShapeData(*link, **self._here))
 
     def let_through(self, one: Link, other: Link) -> None:
-        """Let two links never collide."""
+        """Disable collisions between two links."""
         bullet.setCollisionFilterPair(one[0], other[0], one[1], other[1], 0, **self._here)
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
@@ -358,7 +358,7 @@ class Engine:
     # --- contacts, rays, images -----------------------------------------------------------
 
     def update_shapes(self) -> None:
-        """Let contacts, boxes and rays see shapes where they are now.
+        """Update the shapes that contacts, boxes and rays see to where they are now.
 
         Otherwise these are where they were in the latest substep, or when they were loaded.
         """

@@ -130,7 +130,7 @@ class Gripper:
             self._grip.before_substep()
 
     def after_substep(self, dt: float) -> None:
-        """Let what is held follow the arc of the pads; dt: length of the substep [s]."""
+        """Move what is held along the arc of the pads; dt: length of the substep [s]."""
         if self._grip is not None:
             self._grip.after_substep(dt)
 

@@ -46,7 +46,7 @@ class SimulatedPlant:
     command, a joint swings freely in mode torque and stands still in modes velocity and position.
 
     period_ns: length of a communication step [ns]. seed: of the sensor noise. problems: what is
-    wrong so far with whoever has these params; default: nothing. physics: the engine with the
+    wrong so far with the owner of these params; default: nothing. physics: the engine with the
     world. joints: the sensor of the joints; names: theirs. motors: what drives the
     joints. warnings: about commands without effect.
     devices: those that the world declares. script: scripted changes of it. calls: what may be asked

@@ -37,7 +37,7 @@ _BESIDE = (
 """States while the base drives."""
 
 _LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
-"""Causes after which somebody is missing: the run ends soon, and nothing may move then."""
+"""Causes after which a participant is missing: the run ends soon, and nothing may move then."""
 
 _SAME_WIDTH = 1e-3
 """Difference of two openings that need no motion of the fingers [m]."""

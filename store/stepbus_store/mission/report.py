@@ -15,8 +15,8 @@ class SaleResult:
     """The result of a sale.
 
     attempts: to grasp the item. detection_error: of the last detection [m]. place_error: of the
-    item's position in the outlet [m]. moved: largest displacement of another item [m]. None: nobody
-    knows. duration: of the sale [s].
+    item's position in the outlet [m]. moved: largest displacement of another item [m]. None:
+    unknown. duration: of the sale [s].
     """
 
     number: int

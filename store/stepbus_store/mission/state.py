@@ -111,7 +111,7 @@ class Sale:
     number: counted from 1. start_ns: when it started [ns]. item: None: not chosen yet. detected:
     latest detected position, with the heading along which the gripper opens. tip: height of the
     gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
-    latest detection [m]; None: nobody knows. lost_ns: since when a carried item is not held [ns].
+    latest detection [m]; None: unknown. lost_ns: since when a carried item is not held [ns].
     """
 
     number: int
@@ -141,7 +141,7 @@ class StoreState:
     """All that the states read and write.
 
     settings: of the scenario. planned: number of orders at the start. witness: of items that move;
-    None: nobody sees that. started: number of orders started. missing: names of items not found.
+    None: that is not watched. started: number of orders started. missing: names of items not found.
     unsold: orders that were left out. log: entries of this step. problem: the latest failure;
     doing: the activity that failed; attempts_text: how many attempts failed. rest: how the
     emergency stop went. trip: id of the goal of the base beside which others are carried out, with

@@ -188,7 +188,7 @@ class StoreMission(Participant):
         return self._store
 
     def _witness_of(self, poses: Poses) -> Witness | None:
-        """Return who watches all items; None: without the truth, nobody can."""
+        """Return the witness of all items; None: it needs the truth."""
         if self._settings.verification != "truth":
             return None
         return Witness(self._stock, poses, self._settings.tolerances.moved)
@@ -308,7 +308,7 @@ def _lost(inputs: Inputs) -> Outcome | None:
     if detections is not None and not detections.frame:
         return Outcome(name="failed", cause=Cause.NO_PERCEPTION, text="perception has failed")
     if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
-        return Outcome(name="failed", cause=Cause.NO_POSE, text="nobody knows where the base is")
+        return Outcome(name="failed", cause=Cause.NO_POSE, text="the base's pose is unknown")
     return None
 
 

@@ -1,4 +1,4 @@
-"""Who moved an item: the robot, or somebody else."""
+"""Who moved an item: the robot, or another body."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -26,7 +26,7 @@ _STILL = 1e-4
 
 @dataclass(frozen=True, kw_only=True)
 class Moved:
-    """An item that somebody else moves; distance: from where it stood [m]."""
+    """An item that another body moves; distance: from where it stood [m]."""
 
     item: str
     distance: float

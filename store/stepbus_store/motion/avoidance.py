@@ -163,7 +163,7 @@ class Avoidance:
         """Stop, and back off along the path so far; return the end of a goal that cannot."""
         text = f"{collision}; stopped"
         if part == "base" and self._parts.base is not None and self._monitor is not None:
-            # To drive away from itself helps nobody.
+            # To drive away from itself does not help.
             own = self._monitor.is_own(collision)
             distance = 0.0 if own else self._settings.back_off
             self._base_back_off = BaseBackOff(

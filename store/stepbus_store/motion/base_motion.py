@@ -273,7 +273,7 @@ class BaseMotion:
         drive = self._drive
         if drive is None:
             if self._pose is not None and self._is_lost(tracking_error(self._pose, state)):
-                # Somebody has pushed it away: to push back would make it worse.
+                # Another body has pushed it away: to push back would make it worse.
                 self._pose = None
             # All segments may have been too short to be driven.
             return self._finish() if self._done else None
@@ -355,7 +355,7 @@ class BaseMotion:
         self._done = self._drive is None and self._halt is None
 
     def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
-        """Let the reference of a segment come to rest, from the speed that it has now."""
+        """Bring the reference of a segment to rest, from the speed that it has now."""
         if drive.brakes and not hard:
             return
         now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns

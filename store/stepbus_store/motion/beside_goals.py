@@ -83,7 +83,7 @@ class Companion:
             self._move()
 
     def leave(self, *, is_done: bool) -> None:
-        """Let the base drive on its own; unless the arm is done, it waits for another goal."""
+        """Drive the base on its own; unless the arm is done, it waits for another goal."""
         if is_done:
             self.navigator.go()
         self.navigator.wait_again()

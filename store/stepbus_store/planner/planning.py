@@ -120,7 +120,7 @@ class PathPlanner:
         """Return the answer to a request; None: it was cancelled meanwhile.
 
         poses: of the world at the time of the request. cancelled: whether the request is obsolete.
-        map_in_world: pose of the frame of the request's `bases`; None: nobody knows.
+        map_in_world: pose of the frame of the request's `bases`; None: unknown.
         """
         try:
             return _Planning(self, request, poses, cancelled, map_in_world).answer()

@@ -86,7 +86,7 @@ class Items:
         return name if away < self._same else ""
 
     def carry(self, tip: pin.SE3, *, holding: bool) -> None:
-        """Move what the gripper holds along with its tip; nobody says which item that is."""
+        """Move what the gripper holds along with its tip; no message says which item that is."""
         if holding and not self._held:
             self._held = self._at(tip.translation)
             if self._held:

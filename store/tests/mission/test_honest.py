@@ -130,4 +130,4 @@ def test_without_a_world_model_everything_stops():
     nowhere = BaseState(x=math.inf, y=math.inf, yaw=0.0, vx=0.0, wz=0.0)
     store.pose = lambda: nowhere if store.sent.get("inspect") else pose()
     result = sell(store, verification="camera")
-    assert "nobody knows where the base is; everything is at rest" in result.error
+    assert "the base's pose is unknown; everything is at rest" in result.error

@@ -108,7 +108,7 @@ def test_millimetres_where_metres_belong_are_asked_for(tmp_path):
 
 def test_a_plant_without_a_command_and_a_command_without_a_reader_are_named(tmp_path):
     assert found(tmp_path, "plant.inputs={}") == [
-        "nobody reads controller.command (JointCommand/1)",
+        "no participant reads controller.command (JointCommand/1)",
         "plant reads no command: nothing moves its joints",
     ]
 

@@ -97,7 +97,7 @@ def test_a_run_whose_output_cannot_be_written_keeps_its_code_and_says_so(tmp_pat
 def test_a_run_whose_output_nobody_reads_ends_by_itself(tmp_path, run_words, pair):
     with unread(pair) as stream:
         code, errors = ended([*run_words, "--no-report"], stream)
-    sentence = "stepbus: stdout: nobody reads it; the output is incomplete\n"
+    sentence = "stepbus: stdout: no process reads it; the output is incomplete\n"
     assert (code, errors, result_of(tmp_path)["exit_code"]) == (0, sentence, 0)
 
 

@@ -91,7 +91,7 @@ def check(folder, done, result):
     assert result["exit_code"] == done.returncode
     if done.returncode:
         assert result["participant"] is None
-        assert "is gone: did somebody remove it?" in done.stderr
+        assert "is gone: did another process remove it?" in done.stderr
     assert not list((folder / "tmp").iterdir())
 
 

@@ -85,7 +85,7 @@ def started_in(cwd, log):
 
 
 def test_a_folder_that_is_gone_at_the_start_is_nobodys_mistake(tmp_path):
-    with pytest.raises(RecordingFailed, match="logs is gone: somebody changed") as caught:
+    with pytest.raises(RecordingFailed, match="logs is gone: another process changed") as caught:
         started_in(tmp_path, tmp_path / "logs" / "plant.log")
     assert caught.value.participant is None
     with pytest.raises(StartFailed, match="none is gone, in which plant starts") as caught:

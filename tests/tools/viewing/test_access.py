@@ -121,7 +121,7 @@ def test_an_address_that_is_opened_again_is_told_with_a_new_one(view, tmp_path):
     let_in(own)
     assert get(address)[0] == 403
     line = view.stderr.readline()
-    assert "somebody has opened an address of the view again. If it was you: http://" in line
+    assert "an address of the view was opened again. If it was you: http://" in line
     let_in(line.split()[-1])
 
 

@@ -104,7 +104,7 @@ class _Page:
         open_in_browser(self._page.new_address())
 
     def _tell(self, address: str) -> None:
-        print_error(f"somebody has opened an address of the view again. If it was you: {address}")
+        print_error(f"an address of the view was opened again. If it was you: {address}")
 
     def follow(self, folder: Path, is_over: IsOver) -> bool:
         """Show a live run; return whether it has ended."""

@@ -143,7 +143,7 @@ class Session:
         if self._bus is not None:
             with self._watchdog.watching():
                 self._bus.close()
-            # Nobody here hears any more when its token disappears.
+            # This session no longer hears when its token disappears.
             self.transcript.alive = False
 
     def signal(self, number: int) -> None:

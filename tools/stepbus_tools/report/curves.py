@@ -145,7 +145,7 @@ class PortCurves(PortReader):
             width = 0 if values is None else values.shape[1]
             known = self.fields.get(field.name)
             if values is None or width > self._widest or (known and len(known.labels) != width):
-                # Its length changes, or nobody could tell its lines apart.
+                # Its length changes, or the reader could not tell its lines apart.
                 self._read.remove(field)
                 self.fields.pop(field.name, None)
             elif known or not np.isnan(values).all():

@@ -166,7 +166,7 @@ class Pool:
         logging.getLogger("ray").setLevel(logging.ERROR)
         os.environ |= {"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}
         if not self._options.address and "ray" not in sys.modules:
-            # Who has the token runs code as this user: it is in no file and on no command line.
+            # With the token, one runs code as this user: it is in no file and on no command line.
             # Without one, Ray leaves its own in the user's home.
             os.environ |= {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": os.urandom(32).hex()}
             # A Ray that is no cluster listens on 127.0.0.1 only, whatever the variable is called.

@@ -1,4 +1,4 @@
-"""Who may read what a server of a view sends: this machine, and who knows the address."""
+"""Who may read what a server of a view sends: this machine, and those that know the address."""
 
 import atexit
 import errno
@@ -45,7 +45,7 @@ Process = Callable[[Any, Any], Any]
 
 
 def new_token() -> str:
-    """Return a token that nobody can guess."""
+    """Return a token that cannot be guessed."""
     return secrets.token_urlsafe(_TOKEN_BYTES)
 
 
@@ -85,9 +85,9 @@ def open_in_browser(address: str) -> None:
 class Door:
     """Lets in one browser with each address: its token works once, from then on a cookie counts.
 
-    So an address is worth nothing to who finds it in a history, or in the list of processes.
+    So an address found in a history, or in the list of processes, is worth nothing.
     host: where the page listens. tell: gets a new address whenever one comes that has been used,
-    unless there is one that waits: the user has another browser, or somebody has read the address.
+    unless there is one that waits: the user has another browser, or others have read the address.
     """
 
     def __init__(self, host: str, tell: Callable[[str], None]) -> None:

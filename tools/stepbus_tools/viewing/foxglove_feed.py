@@ -20,7 +20,7 @@ Happened = tuple[int, PortInfo, Event]
 
 
 class Feed:
-    """Converts what is new and publishes it; nothing while nobody is connected.
+    """Converts what is new and publishes it; nothing while no client is connected.
 
     topics: of the ports that it shows, but for events.
     """
@@ -38,7 +38,7 @@ class Feed:
         self.topics = scene.topics | (self._shown.keys() - events)
 
     def show(self, t_ns: int, step_ns: int, messages: Messages, events: Sequence[Happened]) -> None:
-        """Publish what is new; all of it when somebody new is connected.
+        """Publish what is new; all of it when a new client is connected.
 
         t_ns: simulation time [ns]. step_ns: length of a step [ns].
         """
@@ -65,7 +65,7 @@ class Feed:
 
 
 def follow(server: Server, folder: Path, is_over: Callable[[], bool]) -> bool:
-    """Publish a run until it has ended, or somebody ends this; returns whether the run has.
+    """Publish a run until it has ended, or the user ends this; returns whether the run has.
 
     folder, and what is raised: as of `follow_run`.
     """
@@ -94,9 +94,9 @@ def _happened(tail: Tail, port: PortInfo) -> Iterator[Happened]:
 def play(
     server: Server, recording: Recording, is_over: Callable[[], bool], *, from_end: bool = False
 ) -> None:
-    """Play a recording in real time to who comes, and stay at its end; to the next, from its start.
+    """Play a recording in real time to each new client, from its start; stay at its end.
 
-    from_end: whether who is connected has seen it.
+    from_end: whether the connected clients have seen it.
     """
     history = History(recording)
     feed = Feed(server, build_scene(recording), recording.ports)

@@ -143,7 +143,7 @@ class Server:
                 client.socket.transport.abort()
 
     def _keep(self, t_ns: int, rows: Sequence[tuple[str, Any, bytes, int]]) -> None:
-        """Keep the newest messages, and wake whoever sends them."""
+        """Keep the newest messages, and wake their senders."""
         self._t_ns = t_ns
         for topic, kind, data, stamp in rows:
             channel = self._channels.get(topic) or self._add(topic, kind)

@@ -34,7 +34,7 @@ _decode_request = Decoder(CallRequest)
 _decode_called = Decoder(Called)
 _REPEAT_S = 0.2
 _LONGEST_CHECK_S = 0.25
-"""One check counts for at most this long: a suspended orchestrator is nobody's fault (P12.1)."""
+"""One check counts at most this long: suspension is no participant's fault (P12.1)."""
 
 Reply = Callable[[CallReply], None]
 Steer = Callable[[str, Sequence[Any]], CallReply]

@@ -121,12 +121,12 @@ class StartedHere(RunExtension):
 
 
 def external_names(scenario: Scenario) -> list[str]:
-    """Return who is started by somebody else."""
+    """Return the participants that the user starts."""
     return [spec.name for spec in scenario.participants if spec.is_external]
 
 
 def as_external(scenario: Scenario, names: Iterable[str]) -> Scenario:
-    """Return a scenario in which somebody else starts some participants, and they have time.
+    """Return a scenario in which the user starts some participants, and they have time.
 
     Raises WiringError for a name that no participant has.
     """

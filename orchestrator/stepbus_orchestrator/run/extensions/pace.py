@@ -34,12 +34,12 @@ class Pace(RunExtension):
             self._pausing, self._at = True, None
 
     def resume(self) -> None:
-        """Let the run continue."""
+        """Continue the run."""
         with self._lock:
             self._pausing, self._at, self._more = False, None, 0
 
     def step(self, count: int = 1) -> None:
-        """Let the run continue for a number of steps, then pause."""
+        """Continue the run for a number of steps, then pause it."""
         with self._lock:
             self._pausing = True
             self._more += count

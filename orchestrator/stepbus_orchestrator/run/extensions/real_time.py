@@ -1,4 +1,4 @@
-"""Holds steps by the wall clock: at a speed, or in real time, where who is late is counted.
+"""Holds steps by the wall clock: at a speed, or in real time, which counts late participants.
 
 It only chooses when a trigger is sent: inputs are fixed by their step numbers, so it changes no
 result.
@@ -23,7 +23,7 @@ _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 
 
 _BEHIND_NS = Fraction(100_000_000)
-"""Who is further behind than this starts anew: a run that was paused does not hurry."""
+"""A run that is further behind starts its grid anew: after a pause it does not hurry."""
 
 
 class Grid(RunExtension):
@@ -43,7 +43,7 @@ class Grid(RunExtension):
         self._now_ns = run.clock.monotonic_ns
 
     def start(self, factor: float, released: int) -> None:
-        """Let step `released` begin now, and further ones so many times as fast as real time."""
+        """Begin step `released` now, and further ones so many times as fast as real time."""
         self._period_ns = self._step_ns / Fraction(factor).limit_denominator(1_000_000)
         self._origin_ns = self._now_ns() - int(released * self._period_ns)
 
@@ -105,7 +105,7 @@ class RealTime(Grid):
         self._late: dict[str, int] = {}
 
     def prepare(self, scenario: Scenario) -> Scenario:
-        """Let each step begin when all have finished the one before, and its time has come."""
+        """Begin each step when all have finished the one before, and its time has come."""
         return dataclasses.replace(scenario, window=1, batch=1)
 
     def limit(self, released: int) -> int:

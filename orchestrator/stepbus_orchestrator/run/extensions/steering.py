@@ -46,14 +46,14 @@ class Steering(RunExtension):
 
     @property
     def flush_s(self) -> float | None:
-        """Return how often the recording is written; who watches asks for it again and again."""
+        """Return how often the recording is written; live views ask for it again and again."""
         if self._flush_s is not None and self.run.clock.monotonic() > self._flush_until:
-            # Who asked for it was killed.
+            # The view that asked for it was killed.
             self._flush_s = None
         return self._flush_s
 
     def turn(self) -> None:
-        """Write what is recorded as often as somebody who watches the run asks for."""
+        """Write what is recorded as often as a live view of the run asks for."""
         period_s = self.flush_s
         if period_s is not None and self.run.clock.monotonic() - self._flushed_at >= period_s:
             self._flushed_at = self.run.clock.monotonic()

@@ -36,7 +36,7 @@ class Guarded(Protocol):
 
 
 Owner = Callable[[], Guarded | None]
-"""Returns whose code runs on this thread; None: that of nobody who takes part."""
+"""Returns whose code runs on this thread; None: that of no participant."""
 
 _open: list[Owner] = []
 """Of the runs that are watched."""

@@ -76,9 +76,9 @@ class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
     current: whose turn it is. before: is called before participants get their turns. away: is
-    called where nobody can go on; returns whether it has let somebody. threads: those that live.
-    Its creator is the root: it gets the thread back where nobody can go on, and when its own queue
-    has something.
+    called where no participant can go on; returns whether one can then. threads: those that live.
+    Its creator is the root: it gets the thread back where no participant can go on, and when its
+    own queue has something.
     """
 
     def __init__(self, clock: Clock) -> None:
@@ -116,7 +116,7 @@ class Hub:
         self._root.switch()
 
     def rest(self, timeout_s: float | None, has_come: Callable[[], bool]) -> None:
-        """Let everybody work, and the root rest, until something has come or the time is over."""
+        """Run every ready participant until something has come for the root or the time is over."""
         monotonic, ready = self.clock.monotonic, self._ready
         until_s = float("inf") if timeout_s is None else monotonic() + timeout_s
         while True:
@@ -133,10 +133,10 @@ class Hub:
             self.clock.sleep(min(_IDLE_S, until_s - now))
 
     def _expire(self) -> bool:
-        """Let those go on whose time-out is over; return whether there are any.
+        """Wake those whose time-out is over; return whether there are any.
 
-        Where nobody can go on, nothing more comes in time: the first time-out after a message is
-        over at once. Later ones take their time, lest two who wait for each other spin.
+        Where no participant can go on, nothing more comes in time: the first time-out after a
+        message is over at once. Later ones take their time, lest two that wait for each other spin.
         """
         now = self.clock.monotonic()
         for turn in self.turns:

@@ -58,7 +58,7 @@ def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
-            f"{', '.join(external)}: a participant that somebody else starts has a process of its "
+            f"{', '.join(external)}: a participant that the user starts has a process of its "
             f"own; {leave_out}"
         )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
@@ -98,7 +98,7 @@ class HostedCaller(RunExtension):
         raise NotImplementedError
 
     def away(self) -> bool:
-        """Work where nobody else can; return whether somebody can now."""
+        """Work where no participant can; return whether one can now."""
         raise NotImplementedError
 
     def adapt(self, scenario: Scenario) -> Scenario:
@@ -170,7 +170,7 @@ class LocalRun(Strategy):
             self._reaper.end()
 
     def leave(self) -> None:
-        """Let our caller find the process as it was."""
+        """Restore the process to what our caller knew."""
         self.surroundings.leave()
 
     def enter(self, away_s: float) -> None:
@@ -187,7 +187,7 @@ class LocalRun(Strategy):
         return turn if isinstance(turn, HostedParticipant) else None
 
     def _owner(self) -> HostedParticipant | None:
-        """Return whose code runs on this thread; None: that of nobody who takes part."""
+        """Return whose code runs on this thread; None: that of no participant."""
         if os.getpid() != self._pid:
             return None
         thread_id = threading.get_ident()
@@ -208,7 +208,7 @@ class LocalRun(Strategy):
         stage = Stage.STEP if phase.is_stepping else Stage.STOP
         if phase is RunPhase.START_UP:
             stage = Stage.READY
-            # What libraries do that are loaded; who ends the run hears it all the same.
+            # What libraries do that are loaded; the user who ends the run is heard all the same.
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
         if self.memory.words[STAGE] != stage:
@@ -217,7 +217,7 @@ class LocalRun(Strategy):
     # --- its participants -------------------------------------------------------------------
 
     def launch(self, run: Run) -> None:
-        """Let the participants begin, in the order of the options."""
+        """Begin every participant, in the order of the options."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(
             {
@@ -265,14 +265,14 @@ class LocalRun(Strategy):
             ) from exc
 
     def reap(self, group: int) -> None:
-        """Let a program that a participant has started not outlive us."""
+        """Have a program that a participant has started killed when we end."""
         if self._reaper is None:
             self._reaper = Reaper()
         self._reaper.watch(group)
 
 
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
-    """Count the steps that a participant publishes, for who watches from outside."""
+    """Count the steps that a participant publishes, for the outside watcher."""
     words[place] += len(_decode_batch(data).outputs) if data[0] == _BATCH else 1
 
 

@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
-    local: the run. program: what it does, and returns an exit code. number: which it is, to who
-    watches from outside. shown: it prints where we do. pid: of this process. late: how it missed a
+    local: the run. program: what it does, and returns an exit code. number: which it is, to the
+    outside watcher. shown: it prints where we do. pid: of this process. late: how it missed a
     deadline, once it has. threads: that it has started.
     """
 
@@ -181,7 +181,7 @@ class HostedParticipant(Turn, Process):
             self.kill_programs()
         self.signal(signal.SIGTERM)
         if self._code is None:
-            # It has caught what should have ended it, and waits again. Nobody will wake it.
+            # It has caught what should have ended it, and waits again. Nothing will wake it.
             self._give_up(-signal.SIGKILL)
         self._kill_children()
         if self._output is not sys.stdout:

@@ -85,7 +85,7 @@ class _End:
 
     @cached_property
     def number(self) -> int:
-        """Return who it was: where that is unknown, who alone has a file in the tracebacks."""
+        """Return who it was; where unknown, the only participant with a file in the tracebacks."""
         files = self.will["files"]
         seen = {frame[1] for frame in _frames(self.trace) if files.count(frame[1]) == 1}
         return self.culprit or (1 + files.index(*seen) if len(seen) == 1 else 0)

@@ -42,8 +42,8 @@ class Surroundings:
     def around(self, native_log: Path | None) -> Iterator[None]:
         """Enter it for a block, and leave the process as it was.
 
-        native_log: where libraries in C print; None: on descriptors 1 and 2, which are somebody
-        else's. Raises OSError where the folder or the log cannot be opened.
+        native_log: where libraries in C print; None: on descriptors 1 and 2, which are
+        not the run's. Raises OSError where the folder or the log cannot be opened.
         """
         with contextlib.ExitStack() as stack:
             self._inside = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)

@@ -32,11 +32,11 @@ from stepbus_orchestrator.run.inprocess.turns import (
 
 TICK_S = 0.1
 _LONGEST_TICK_S = 0.25
-"""One look counts for at most this long: a machine that slept is nobody's fault (P12.1)."""
+"""One look counts for at most this long: a machine that slept is no participant's fault (P12.1)."""
 _PATIENCE_S = 0.5
 """How long a participant may take to end that has been interrupted at its deadline [s]."""
 _MUTE_S = 1.0
-"""The same, where a thread keeps Python's lock in the turn of nobody [s]."""
+"""The same, where a thread keeps Python's lock in no participant's turn [s]."""
 _TRACE_S = 0.3
 """Between the signal that writes the tracebacks and the one that ends the process [s]."""
 _LEAVE_S = 5.0
@@ -55,8 +55,8 @@ TRACE_SIGNAL = signal.SIGURG
 class TurnWatchdog:
     """Finds who keeps the thread, or Python's lock, for longer than its deadline.
 
-    is_owner: the process does nothing but this run, so that whoever keeps the lock is of the run.
-    held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.
+    is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
+    the run. held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.
     """
 
     def __init__(self, turns: Turns, pid: int, *, is_owner: bool) -> None:
@@ -110,7 +110,7 @@ class TurnWatchdog:
         words = self._turns.words
         rows: list[list[float]] = self._turns.will().get("limits", [])
         if stage.is_run:
-            # In the turn of nobody, it may be any of them.
+            # In no participant's turn, it may be any of them.
             some = rows[turn - 1 : turn] or rows
             limit_s = max((row[stage - 1] for row in some), default=math.inf)
             limit_s = min(limit_s, _INTERRUPTED_S) if words[INTERRUPTED] else limit_s
@@ -124,7 +124,7 @@ class TurnWatchdog:
         return min([_LEAVE_S, *own])
 
     def _interrupt(self) -> None:
-        """Let the process write its tracebacks, and raise in what the participant executes."""
+        """Make the process write its tracebacks, and raise in what the participant executes."""
         self._turns.words[LATE] = self.held_s
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._pid, TRACE_SIGNAL)
@@ -169,6 +169,6 @@ def _watch(turns: Turns, pid: int) -> None:
 if __name__ == "__main__":
     for _number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(_number, signal.SIG_IGN)
-    # The folder in which it was started may be somebody's to remove.
+    # Another process may remove the folder in which it was started.
     os.chdir("/")
     _watch(Turns(int(sys.argv[1])), int(sys.argv[2]))

@@ -12,7 +12,7 @@ from enum import IntEnum
 from typing import Any
 
 MOST = 1024
-"""Participants; those beyond are one to who watches."""
+"""Participants; the watcher takes those beyond for one."""
 _WORDS_BYTES = 1 << 16
 _TRACE_AT = 3 << 16
 _BYTES = 1 << 18
@@ -21,8 +21,8 @@ _FIRST_DESCRIPTOR = 10
 """Below are the standard streams, one of which may be closed."""
 
 STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED = range(7)
-"""Where each number is: how far the process is, and its exit code; who has the thread (0: nobody
-who takes part), and how many turns there were; what counts while Python's lock is to be had; how
+"""Where each number is: how far the process is, and its exit code; who has the thread (0: no
+participant), and how many turns there were; what counts while Python's lock is to be had; how
 long the participant has had the thread that is to be interrupted [s]; whether the user wants the
 run to end."""
 PUBLISHED, THREADS = MOST, 2 * MOST
@@ -101,7 +101,7 @@ class Turns:
         os.lseek(self._trace, _TRACE_AT, os.SEEK_SET)
         return self._trace
 
-    # --- the side of who watches ----------------------------------------------------------
+    # --- the side of the watcher ----------------------------------------------------------
 
     @property
     def stage(self) -> Stage:

@@ -41,7 +41,7 @@ class Watch:
     """Watches the participants of a run, from when it is made until it is closed.
 
     current: returns who has the thread. is_interrupted: whether the user ends the run. logs: kept
-    short, whoever prints. memory: that another process watches: our parent, or else a child.
+    short, whatever prints. memory: that another process watches: our parent, or else a child.
     """
 
     def __init__(
@@ -73,13 +73,13 @@ class Watch:
 
     @contextlib.contextmanager
     def _handled(self) -> Iterator[None]:
-        """Handle the signal, also in C: who watches from outside has the tracebacks then."""
+        """Handle the signal, also in C: the outside watcher has the tracebacks then."""
         faulthandler.unregister(TRACE_SIGNAL)
         before = None
         if self._is_main:
             before = None if _handling else signal.signal(TRACE_SIGNAL, _raise_late)
             _handling.append(self)
-        # Written in C, by whichever thread gets the signal, whoever keeps the lock.
+        # Written in C, by whichever thread gets the signal, whichever keeps the lock.
         faulthandler.register(TRACE_SIGNAL, self.memory.trace_file(), all_threads=True, chain=True)
         try:
             yield

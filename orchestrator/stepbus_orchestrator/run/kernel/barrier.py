@@ -33,7 +33,7 @@ class Barrier:
         self._first_step = dict.fromkeys(self._every, 0)
 
     def start_at(self, name: str, step: int) -> None:
-        """Let a participant start at a step: all below it is known."""
+        """Start a participant at a step: all below it is known."""
         self.reported[name] = step - self._every[name]
         self._first_step[name] = step
         self._completed = None

@@ -67,7 +67,7 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
         code = participant.process.exit_code()
         if code is not None:
             participant.ended_s += elapsed_s
-            # Who ended well has sent them, however busy this machine is.
+            # A participant that ended well has sent them, however busy this machine is.
             if participant.ended_s >= (LAST_WORDS_S if code else participant.limit_s("stop")):
                 raise death(state, participant)
             continue

@@ -35,7 +35,7 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
         return "is ready, and does not answer those that connect to it", "does it hang?"
     if phase == "spawn" and participant.external is not None:
         ticket = participant.external.ticket.path
-        return "is not there", f"has anybody started it with `stepbus join {ticket}`?"
+        return "is not there", f"did you start it with `stepbus join {ticket}`?"
     if phase == "spawn":
         return "has not reached the bus", "does its program take part with stepbus?"
     if phase == "join":

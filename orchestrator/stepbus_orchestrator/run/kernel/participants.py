@@ -33,7 +33,7 @@ class ParticipantState:
     its process has ended while closing outputs are awaited [s]. waiting: what it waited for when it
     last sent its log. missed_trigger: whether that was a trigger that had been sent already.
     newest: returns the newest step it was seen to publish, with an observer; −1 elsewhere.
-    external: its process, where somebody else starts it. takes_batches: whether its program takes a
+    external: its process, where the user starts it. takes_batches: whether its program takes a
     `Batch` from its sources (P7.6). has_left: whether it has left the bus; all that it published
     has arrived before.
     """

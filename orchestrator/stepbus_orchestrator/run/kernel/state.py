@@ -74,11 +74,11 @@ class RunState:
     before which the run ends, and why, once it was requested. compute: participant →
     total computing time [ns] and number of steps. waited: participant → its total waiting time
     [ns] in these. newest: of each participant, port → its last message. started_at: when the first
-    trigger was sent, by the monotonic clock [s]. replaced: who has failed and is replaced by its
-    fallback. is_repeating: whether the steps are those of a recording still. ends_from:
+    trigger was sent, by the monotonic clock [s]. replaced: those that failed and are replaced by
+    their fallback. is_repeating: whether the steps are those of a recording still. ends_from:
     participants whose requests to end count from a step on only, with that step. away_s: how long
-    nobody worked, since code of this process did something else [s]. is_check_due, is_release_due:
-    whether processes, or the gates, are to be checked at once.
+    no participant worked, since code of this process did something else [s]. is_check_due,
+    is_release_due: whether processes, or the gates, are to be checked at once.
     """
 
     scenario: Scenario

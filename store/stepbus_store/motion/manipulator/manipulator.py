@@ -191,7 +191,7 @@ class Manipulator:
             self._follow(*ready)
 
     def next_request_id(self) -> int:
-        """Return the id of a request to the planner that somebody else makes."""
+        """Return the id of a request to the planner that is made elsewhere."""
         return self._queries.next_id()
 
     @property

@@ -94,8 +94,8 @@ def _nobody_answers(kit: Kit) -> str:
         harness.start_program()
         # Starting takes its time, and the last query may start just before the time is over.
         limit_s = kit.spec.deadlines.spawn_s + 2.0
-        code = harness.await_end("its start; nobody answers, join_timeout_s is 1", limit_s)
-    return _refused(code, "when nobody answered for 1 s")
+        code = harness.await_end("its start; join is not answered, join_timeout_s is 1", limit_s)
+    return _refused(code, "when join was not answered for 1 s")
 
 
 def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:

@@ -89,7 +89,8 @@ def _walk_to_fault(kit: Kit, harness: Harness, source: str, at: int, spoil: Spoi
 
 def _check_fault(harness: Harness, fault: Fault, source: str) -> None:
     if fault.blames != source:
-        raise Failed(f"its fault blames {fault.blames or 'nobody'}, not {source}: {fault.message}")
+        blamed = fault.blames or "no participant"
+        raise Failed(f"its fault blames {blamed}, not {source}: {fault.message}")
     harness.idle(0.05)
     transcript = harness.transcript
     if transcript.logged != transcript.packed:

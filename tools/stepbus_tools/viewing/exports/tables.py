@@ -215,7 +215,7 @@ class _Parquet:
             self._flush()
             self._writer.close()
             return
-        # What ended it is the reason; nobody reads the rest.
+        # What ended it is the reason; the rest does not matter.
         with suppress(OSError, ValueError):
             self._writer.close()
 

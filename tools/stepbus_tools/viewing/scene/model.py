@@ -78,7 +78,7 @@ class Model:
         return any(joint.moves for joint in self.joints)
 
     def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
-        """Return where a joint is; one that nobody measures is where it rests or what it mimics."""
+        """Return where a joint is; an unmeasured one is where it rests or what it mimics."""
         if joint.name in positions:
             return positions[joint.name]
         mimic = joint.mimic
@@ -100,7 +100,7 @@ class Model:
 def load_model(path: Path, rest: Mapping[str, float] = {}) -> Model:
     """Return the model of a URDF, SDF or xacro.
 
-    rest: joint → its position where nobody measures it. Raises WiringError as `read_urdf_text`.
+    rest: joint → its position where it is not measured. Raises WiringError as `read_urdf_text`.
     """
     text = read_urdf_text(path)
     return replace(_Reader(path, parse_urdf(text), rest).read(), text=text)

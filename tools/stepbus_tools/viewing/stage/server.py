@@ -43,7 +43,7 @@ def open_page(
 ) -> Page:
     """Open a page; port 0: any that is free.
 
-    Its address has a token that nobody can guess and that works once, for one browser: any other
+    Its address has a token that cannot be guessed and that works once, for one browser: any other
     request is refused. tell: gets another address where one is used again. Raises
     ExtraMissing without viser, and WiringError for a port that is taken, or a host that is not of
     this machine.
@@ -106,7 +106,7 @@ def _started(make: Callable[[], Any]) -> Any:
 
 @contextlib.contextmanager
 def _guarded(door: Door) -> Iterator[None]:
-    """Make a server that starts now refuse whoever does not come through the door.
+    """Make a server that starts now refuse requests that do not come through the door.
 
     viser 1.1 has no option, hook or base class for that: it makes its own server, on a port that
     every user of the machine can connect to, so that no server of ours in front of it would help.

@@ -105,7 +105,7 @@ def _held(topic: str, message: object) -> str:
 
 
 def _list(lines: Sequence[str]) -> str:
-    """Return sentences as HTML; they are of whoever made the recording."""
+    """Return sentences as HTML; they come from the author of the recording."""
     rows = "".join(f"<li>{html.escape(line)}</li>" for line in lines)
     style = "font-size: 0.8em; padding: 0 0.8em 0 1.8em; overflow-wrap: anywhere"
     return f'<ul style="{style}">{rows or "<li>nothing yet</li>"}</ul>'

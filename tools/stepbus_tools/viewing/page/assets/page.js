@@ -186,7 +186,7 @@ if (report.groups.length) {
     redraw();
   });
 }
-// On paper, nobody can open or scroll to a chart.
+// On paper, the reader cannot open or scroll to a chart.
 let opened = [];
 addEventListener("beforeprint", () => {
   opened = [...room.querySelectorAll("details:not([open])")];
