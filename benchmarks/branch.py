@@ -50,7 +50,7 @@ def branches(recording: Path, scenario: str, count: int, folder: Path) -> Iterat
     steps = random.Random(f"15/{scenario}").sample(range(1, last + 1), min(count, last))
     for number, at in enumerate(steps):
         with tempfile.TemporaryDirectory(dir=folder) as out:
-            found = stepbus.branch(
+            outcome = stepbus.branch(
                 recording,
                 Path(out) / "out",
                 at=at,
@@ -58,8 +58,8 @@ def branches(recording: Path, scenario: str, count: int, folder: Path) -> Iterat
                 in_process=True,
                 checkpoints=number % 2 == 0,
             )
-            reason = found.result.reason if found.result.exit_code else "another hash"
-            yield Found(at, found.way_s, list(found.restored), "" if found.equal else reason)
+            reason = outcome.result.reason if outcome.result.exit_code else "another hash"
+            yield Found(at, outcome.way_s, list(outcome.restored), "" if outcome.equal else reason)
 
 
 def measure(scenario: str, args: argparse.Namespace, folder: Path) -> str:
@@ -67,28 +67,28 @@ def measure(scenario: str, args: argparse.Namespace, folder: Path) -> str:
     settings = [f"duration={args.duration}", f"checkpoint={args.checkpoint}", *patience(scenario)]
     out = folder / scenario.replace("/", "-")
     result = stepbus.run(scenario, set=settings, out=out, in_process=True)
-    found = list(branches(out / "run.mcap", scenario, args.steps, folder))
-    wrong = [f"step {one.at}: {one.reason}" for one in found if one.reason]
-    saved = sorted({name for one in found for name in one.restored})
+    branches_made = list(branches(out / "run.mcap", scenario, args.steps, folder))
+    wrong = [f"step {one.at}: {one.reason}" for one in branches_made if one.reason]
+    saved = sorted({name for one in branches_made for name in one.restored})
     cells = (
         scenario,
         result.steps,
         f"{result.wall_s:.2f}",
-        f"{len(found) - len(wrong)} of {len(found)}",
-        _way(found[1::2]),
-        _way(found[::2]),
+        f"{len(branches_made) - len(wrong)} of {len(branches_made)}",
+        _way(branches_made[1::2]),
+        _way(branches_made[::2]),
         ", ".join(saved) or "none",
         "; ".join(wrong),
     )
     return f"| {' | '.join(map(str, cells))} |"
 
 
-def _way(found: Sequence[Found]) -> str:
+def _way(branches_made: Sequence[Found]) -> str:
     """Return the mean step of some branches, and the median time to get there."""
-    if not found:
+    if not branches_made:
         return ""
-    at = statistics.fmean(one.at for one in found)
-    return f"{statistics.median(one.way_s for one in found):.3f} s to step {at:.0f}"
+    at = statistics.fmean(one.at for one in branches_made)
+    return f"{statistics.median(one.way_s for one in branches_made):.3f} s to step {at:.0f}"
 
 
 def main() -> int:

@@ -86,12 +86,12 @@ def size_of(pid: int) -> Size:
 
 def processes() -> dict[str, int]:
     """Return name → process id of this process, which is the orchestrator, and its children."""
-    found = {"orchestrator": os.getpid()}
+    pids = {"orchestrator": os.getpid()}
     for child in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split():
         words = Path(f"/proc/{child}/cmdline").read_bytes().decode().split("\0")
         module = next((w for w in words if w.startswith("stepbus_") or w.endswith(".py")), words[0])
-        found[Path(module).stem.removeprefix("stepbus_")] = int(child)
-    return found
+        pids[Path(module).stem.removeprefix("stepbus_")] = int(child)
+    return pids
 
 
 class Sampler(Observer):

@@ -66,19 +66,19 @@ def main() -> None:
     for number in range(args.rounds):
         with tempfile.TemporaryDirectory(prefix="sweeps-") as name:
             folder = Path(name)
-            found = {}
+            rates = {}
             for jobs in (1, 2):
-                found[jobs], memory = sweep(args.runs, jobs, args.duration, folder / f"{jobs}")
+                rates[jobs], memory = sweep(args.runs, jobs, args.duration, folder / f"{jobs}")
                 print(
                     f"round {number}: {args.runs} runs of {args.duration} on {jobs} cores: "
-                    f"{found[jobs]:.1f} runs/min, memory {memory[0]:.0f} then {memory[1]:.0f} MB",
+                    f"{rates[jobs]:.1f} runs/min, memory {memory[0]:.0f} then {memory[1]:.0f} MB",
                     flush=True,
                 )
             tables = {(folder / f"{jobs}/results.parquet").read_bytes() for jobs in (1, 2)}
             alone = calls(args.calls, args.duration, folder / "calls")
         print(
             f"round {number}: calls of `stepbus run`: {alone:.1f} runs/min; 2 cores make "
-            f"{found[2] / found[1]:.2f} times as many as 1, and {found[2] / alone:.1f} times as "
+            f"{rates[2] / rates[1]:.2f} times as many as 1, and {rates[2] / alone:.1f} times as "
             f"many as calls; the tables are {'the same' if len(tables) == 1 else 'DIFFERENT'}",
             flush=True,
         )

@@ -91,11 +91,11 @@ def main(scenario: str = "two_link", duration: str = "60s", rounds: str = "3") -
     """Print medians of interleaved rounds."""
     rows: dict[bool, list[dict[str, float]]] = {False: [], True: []}
     for _ in range(int(rounds)):
-        for is_watched, found in rows.items():
-            found.append(run(scenario, duration, is_watched=is_watched))
-    for is_watched, found in rows.items():
+        for is_watched, measured in rows.items():
+            measured.append(run(scenario, duration, is_watched=is_watched))
+    for is_watched, measured in rows.items():
         name = "watched" if is_watched else "alone"
-        values = {key: median(row[key] for row in found) for key in found[0]}
+        values = {key: median(row[key] for row in measured) for key in measured[0]}
         print(
             f"{scenario} {name:8}{values['steps/s']:8.0f} steps/s in {values['wall']:.2f} s; "
             f"processor time of the run {values['run']:.2f} s, of the page {values['page']:.2f} s"

@@ -119,8 +119,8 @@ def _holes(topic: str, steps: list[int], chained: int) -> list[str]:
         return [f"{topic}: step {steps[0]} twice or backwards"] if gaps else []
     odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != regular]
     dense = len(odd) < 0.05 * len(gaps)
-    found = [f"{topic}: nothing between steps {a} and {b}" for a, b in odd if b > chained]
-    return found if dense else []
+    unfilled = [f"{topic}: nothing between steps {a} and {b}" for a, b in odd if b > chained]
+    return unfilled if dense else []
 
 
 class _Chains:

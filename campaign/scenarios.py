@@ -96,10 +96,10 @@ def reference(name: str, patience: float) -> Reference:
     """Run a scenario undisturbed, once."""
     row = SCENARIOS[name].patient(patience)
     # The deadlines are in the recording, so they must be the same, also on a machine that is busy.
-    found = [Reference("", 0.0, "not run")]
-    while found[-1].wrong and len(found) <= _ATTEMPTS:
-        found.append(_reference(row.arguments(name, row.duration)))
-    return found[-1]
+    attempts = [Reference("", 0.0, "not run")]
+    while attempts[-1].wrong and len(attempts) <= _ATTEMPTS:
+        attempts.append(_reference(row.arguments(name, row.duration)))
+    return attempts[-1]
 
 
 def _reference(words: Sequence[str]) -> Reference:

@@ -41,10 +41,10 @@ def draw(text: str, library: Path) -> str:
         page.write_text(PAGE.format(library=library.resolve().as_uri(), text=literal))
         command = [*CHROMIUM.split(), f"--user-data-dir={folder}/profile", "--dump-dom", str(page)]
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
-    found = re.search(r"<svg.*</svg>", done.stdout, re.DOTALL)
-    if found is None:
+    match = re.search(r"<svg.*</svg>", done.stdout, re.DOTALL)
+    if match is None:
         raise ValueError(f"no diagram came out of:\n{text}")
-    drawing = found[0].replace('style="max-width', 'style="background: white; max-width', 1)
+    drawing = match[0].replace('style="max-width', 'style="background: white; max-width', 1)
     return drawing.replace("<br>", "<br/>").replace("&nbsp;", " ")
 
 

@@ -267,11 +267,11 @@ def files_left(machine: Machine, before: set[tuple[Path, int]]) -> list[str]:
 
 def files(machine: Machine) -> set[tuple[Path, int]]:
     """Return all files that the commands might have made, each with the time of its change [ns]."""
-    found = [*below(machine.home), *below(machine.temporary), *below(machine.checkout, CHANGES)]
+    paths = [*below(machine.home), *below(machine.temporary), *below(machine.checkout, CHANGES)]
     if machine.uid != os.getuid():
         for shared in map(Path, SHARED):
-            found += [p for p in below(shared, (machine.folder.name,)) if owner(p) == machine.uid]
-    return {(path, path.lstat().st_mtime_ns) for path in found if os.path.lexists(path)}
+            paths += [p for p in below(shared, (machine.folder.name,)) if owner(p) == machine.uid]
+    return {(path, path.lstat().st_mtime_ns) for path in paths if os.path.lexists(path)}
 
 
 def owner(path: Path) -> int | None:

@@ -20,8 +20,8 @@ def write_page(page: Path, names: Sequence[str], rows: Sequence[Row]) -> None:
     """Replace what stands between the marks; names: of the cases, in order."""
     good = [row for row in rows if "failed" not in row]
     cases = {name: [row for row in good if row["case"] == name] for name in names}
-    cases = {name: found for name, found in cases.items() if found}
-    lines = [_line(name, found, cases.get(CHAIN, [])) for name, found in cases.items()]
+    cases = {name: measured for name, measured in cases.items() if measured}
+    lines = [_line(name, measured, cases.get(CHAIN, [])) for name, measured in cases.items()]
     missing = sorted(set(names) - set(cases))
     content = f"{_machine(good)}\n\n{_HEAD}{''.join(lines)}\n"
     if missing:

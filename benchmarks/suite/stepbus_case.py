@@ -110,8 +110,8 @@ class Memory:
     def _work(self) -> None:
         while not self._over.wait(_SAMPLE_S):
             own = os.getpid()
-            found = Path(f"/proc/{own}/task/{own}/children").read_text().split()
-            for process in (own, *map(int, found)):
+            children = Path(f"/proc/{own}/task/{own}/children").read_text().split()
+            for process in (own, *map(int, children)):
                 pages = Path(f"/proc/{process}/statm")
                 if pages.exists():
                     size = int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6

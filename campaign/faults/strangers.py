@@ -24,9 +24,9 @@ def deed(*names: str, nobody: bool = False) -> Strike:
 
     def strike(box: Sandbox, chance: random.Random) -> None:
         box.wait_for(lambda: addresses(box), START_S)
-        found = addresses(box)
-        if found:
-            _start(box, chance.choice(names), found, nobody=nobody)
+        reached = addresses(box)
+        if reached:
+            _start(box, chance.choice(names), reached, nobody=nobody)
 
     return strike
 

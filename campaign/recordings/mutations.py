@@ -55,10 +55,10 @@ def _somewhere(chance: random.Random, data: bytes) -> int:
 
 def flip(chance: random.Random, data: bytes) -> bytes:
     """Flip one bit to eight."""
-    found = bytearray(data)
+    copy = bytearray(data)
     for _ in range(chance.choice((1, 1, 1, 2, 8))):
-        found[_somewhere(chance, data)] ^= 1 << chance.randrange(8)
-    return bytes(found)
+        copy[_somewhere(chance, data)] ^= 1 << chance.randrange(8)
+    return bytes(copy)
 
 
 def overwrite(chance: random.Random, data: bytes) -> bytes:
@@ -110,69 +110,69 @@ def repeat_chunk(chance: random.Random, data: bytes) -> bytes:
 
 def _chunks(data: bytes) -> list[tuple[int, int]]:
     """Return where each chunk lies, with the message indexes that follow it."""
-    found: list[tuple[int, int]] = []
+    chunks: list[tuple[int, int]] = []
     for opcode, start, end in records(data):
         if opcode == Opcode.CHUNK:
-            found.append((start, end))
+            chunks.append((start, end))
         elif opcode == Opcode.MESSAGE_INDEX:
-            found[-1] = (found[-1][0], end)
-    return found
+            chunks[-1] = (chunks[-1][0], end)
+    return chunks
 
 
 def attachment_without_crc(chance: random.Random, data: bytes) -> bytes:
     """Change an attachment, and let its checksum be 0, which stands for none."""
     start, end = chance.choice(_spans(data, Opcode.ATTACHMENT))
-    found = bytearray(data)
-    found[chance.randrange(max(start + HEAD.size, end - 3000), end - 4)] ^= 1 << chance.randrange(8)
-    found[end - 4 : end] = bytes(4)
-    return bytes(found)
+    copy = bytearray(data)
+    copy[chance.randrange(max(start + HEAD.size, end - 3000), end - 4)] ^= 1 << chance.randrange(8)
+    copy[end - 4 : end] = bytes(4)
+    return bytes(copy)
 
 
 def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
     """Change what is in a chunk, and let its checksum be 0."""
     start, end = chance.choice(_spans(data, Opcode.CHUNK))
-    found = bytearray(data)
+    copy = bytearray(data)
     crc_at = start + HEAD.size + 24
-    found[crc_at : crc_at + 4] = bytes(4)
-    found[chance.randrange(crc_at + 20, end)] ^= 1 << chance.randrange(8)
-    return bytes(found)
+    copy[crc_at : crc_at + 4] = bytes(4)
+    copy[chance.randrange(crc_at + 20, end)] ^= 1 << chance.randrange(8)
+    return bytes(copy)
 
 
 def summary_without_crc(chance: random.Random, data: bytes) -> bytes:
     """Change the summary, and let its checksum be 0."""
-    found = bytearray(data)
+    copy = bytearray(data)
     (start,) = struct.unpack_from("<Q", data, len(data) - _FOOTER_BYTES + HEAD.size)
-    found[chance.randrange(start, len(data) - _FOOTER_BYTES)] ^= 1 << chance.randrange(8)
-    found[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
-    return bytes(found)
+    copy[chance.randrange(start, len(data) - _FOOTER_BYTES)] ^= 1 << chance.randrange(8)
+    copy[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
+    return bytes(copy)
 
 
 def no_crcs(_chance: random.Random, data: bytes) -> bytes:
     """Set every checksum to 0, and change a metadata record or an attachment."""
-    found = bytearray(data)
+    copy = bytearray(data)
     for opcode, start, end in records(data):
         if opcode in {Opcode.ATTACHMENT, Opcode.DATA_END}:
-            found[end - 4 : end] = bytes(4)
+            copy[end - 4 : end] = bytes(4)
         if opcode == Opcode.CHUNK:
-            found[start + HEAD.size + 24 : start + HEAD.size + 28] = bytes(4)
-    found[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
-    return bytes(found)
+            copy[start + HEAD.size + 24 : start + HEAD.size + 28] = bytes(4)
+    copy[-_CRC_IN_FOOTER:-MAGIC_BYTES] = bytes(4)
+    return bytes(copy)
 
 
 def metadata_changed(chance: random.Random, data: bytes) -> bytes:
     """Change a letter of a metadata record."""
     start, end = chance.choice(_spans(data, Opcode.METADATA, Opcode.HEADER))
-    found = bytearray(data)
-    found[chance.randrange(start + HEAD.size, end)] ^= 1
-    return bytes(found)
+    copy = bytearray(data)
+    copy[chance.randrange(start + HEAD.size, end)] ^= 1
+    return bytes(copy)
 
 
 def message_index_changed(chance: random.Random, data: bytes) -> bytes:
     """Change an index of messages, which other programs go by."""
     start, end = chance.choice(_spans(data, Opcode.MESSAGE_INDEX))
-    found = bytearray(data)
-    found[chance.randrange(start + HEAD.size, end)] ^= 1 << chance.randrange(8)
-    return bytes(found)
+    copy = bytearray(data)
+    copy[chance.randrange(start + HEAD.size, end)] ^= 1 << chance.randrange(8)
+    return bytes(copy)
 
 
 @dataclass

@@ -29,17 +29,17 @@ def messages(data: bytes) -> list[Row]:
 
     Damage of what holds no messages ends nothing.
     """
-    found: list[Row] = []
+    intact: list[Row] = []
     channels: dict[int, str] = {}
     try:
         for record in _records(data):
             if isinstance(record, Channel):
                 channels.setdefault(record.id, record.topic)
             elif isinstance(record, Message) and channels[record.channel_id] != CHAIN:
-                found.append((channels[record.channel_id], record.sequence, record.data))
+                intact.append((channels[record.channel_id], record.sequence, record.data))
     except _ERRORS:
         pass
-    return found
+    return intact
 
 
 def indexed(data: bytes) -> list[Row]:
@@ -48,10 +48,10 @@ def indexed(data: bytes) -> list[Row]:
     Damage between the chunks hides nothing from a reader that goes by the index.
     """
     try:
-        found = make_reader(io.BytesIO(data), validate_crcs=True).iter_messages(
+        indexed = make_reader(io.BytesIO(data), validate_crcs=True).iter_messages(
             log_time_order=False
         )
-        return [(c.topic, m.sequence, m.data) for _, c, m in found if c.topic != CHAIN]
+        return [(c.topic, m.sequence, m.data) for _, c, m in indexed if c.topic != CHAIN]
     except _ERRORS:
         return []
 
@@ -107,10 +107,10 @@ class Judge:
 
 
 def _by_port(rows: list[Row]) -> Mapping[str, list[tuple[int, bytes]]]:
-    found: dict[str, list[tuple[int, bytes]]] = {}
+    by_port: dict[str, list[tuple[int, bytes]]] = {}
     for topic, step, content in rows:
-        found.setdefault(topic, []).append((step, content))
-    return found
+        by_port.setdefault(topic, []).append((step, content))
+    return by_port
 
 
 def _of(rows: list[Row], own: str) -> list[Row]:

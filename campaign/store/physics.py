@@ -48,7 +48,7 @@ class Excuses:
 
 def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
     """Return what a robot could not avoid; script: actions of the plant."""
-    found = Excuses()
+    excused = Excuses()
     contacts = log.messages.get("plant/contacts", [])
     ours = set(log.names.get("plant/contacts", ()))
     for action in script:
@@ -57,11 +57,11 @@ def excuses(log: SaleLog, script: Sequence[Mapping[str, Any]]) -> Excuses:
             # Put there at the beginning of a step, it is measured at the end of that.
             row = next((row for row in contacts if row[0] > at), None)
             if row is not None:
-                _add(found, log, ours, str(action["body"]), row)
-    return found
+                _add(excused, log, ours, str(action["body"]), row)
+    return excused
 
 
-def _add(found: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> None:
+def _add(excused: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> None:
     """Compare the gaps between the robot and a body that has just appeared with the bound."""
     step, contacts = row
     for pair, gap in zip(contacts["pairs"], contacts["distance"], strict=True):
@@ -72,15 +72,15 @@ def _add(found: Excuses, log: SaleLog, ours: set[str], body: str, row: Row) -> N
         speed = _speed(log, mine[0], step)
         bound = _stop(speed, BASE_BRAKE if mine[0] in _BASE else ARM_BRAKE)
         if gap <= 0.0:
-            found.overlaps = step if found.overlaps is None else min(found.overlaps, step)
-            found.texts.append(f"{others[0]} was put into {mine[0]} at step {step}")
+            excused.overlaps = step if excused.overlaps is None else min(excused.overlaps, step)
+            excused.texts.append(f"{others[0]} was put into {mine[0]} at step {step}")
         elif gap < bound:
             # The body of the base is one thing: what one of its links comes near, another may hit.
             links = _BASE if mine[0] in _BASE else mine
             for link in links:
                 steps = range(step, step + _FOR_STEPS)
-                found.hits.setdefault(frozenset((link, others[0])), []).append(steps)
-            found.texts.append(
+                excused.hits.setdefault(frozenset((link, others[0])), []).append(steps)
+            excused.texts.append(
                 f"{others[0]} appeared {gap * 1e3:.0f} mm from {mine[0]}, which needed "
                 f"{bound * 1e3:.0f} mm to stop from {speed:.2f} m/s"
             )

@@ -170,17 +170,17 @@ def _format(
     lines[:] = link.sub(_error_link, text).split("\n")
 
 
-def _error_link(found: re.Match[str]) -> str:
-    return f":py:exc:`~{ERRORS[found[1]]}.{found[1]}`"
+def _error_link(match: re.Match[str]) -> str:
+    return f":py:exc:`~{ERRORS[match[1]]}.{match[1]}`"
 
 
-def _code_block(found: re.Match[str]) -> str:
-    return f".. code-block:: {found[1]}\n\n{textwrap.indent(found[2], '   ')}"
+def _code_block(match: re.Match[str]) -> str:
+    return f".. code-block:: {match[1]}\n\n{textwrap.indent(match[2], '   ')}"
 
 
-def _quoted(found: re.Match[str]) -> str:
+def _quoted(match: re.Match[str]) -> str:
     """Leave a name, which becomes a link where the site has it; make any other code literal."""
-    return found[0] if re.fullmatch(r"[\w.]+", found[1]) else f"``{' '.join(found[1].split())}``"
+    return match[0] if re.fullmatch(r"[\w.]+", match[1]) else f"``{' '.join(match[1].split())}``"
 
 
 def _names(value: Any) -> list[str]:

@@ -217,16 +217,16 @@ def camera_view(log: Log, step: int) -> Picture:
     large = cv2.resize(shown, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
     taken = [s for s, _ in log.all("plant/rgb") if s <= step][-1]
     poses = log.poses(taken)
-    found = log.at("perception/detections", step, Detections)
-    to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[found.frame])
+    detections = log.at("perception/detections", step, Detections)
+    to_camera = np.linalg.inv(_matrix(poses["camera"])) @ _matrix(poses[detections.frame])
     sizes = _sizes(log)
-    items = [(n, item_type) for n, item_type in enumerate(found.types) if item_type in sizes]
+    items = [(n, item_type) for n, item_type in enumerate(detections.types) if item_type in sizes]
     for number, item_type in items:
-        place = to_camera @ _matrix((found.position[number], found.orientation[number]))
+        place = to_camera @ _matrix((detections.position[number], detections.orientation[number]))
         _draw_box(large, image, place, sizes[item_type])
     for number, item_type in items:
-        place = to_camera @ np.array([*found.position[number], 1.0])
-        _label(large, f"{item_type} {found.confidence[number]:.2f}", _pixel(image, place[:3]))
+        place = to_camera @ np.array([*detections.position[number], 1.0])
+        _label(large, f"{item_type} {detections.confidence[number]:.2f}", _pixel(image, place[:3]))
     return _beside(_picture(large), _depth(log.at("plant/depth", step, Image)))
 
 

@@ -87,20 +87,20 @@ class Problems:
     ) -> None:
         self._file_place = Place(file=file, line=0)
         self._places = places or {}
-        self._found = list(problems)
+        self._problems = list(problems)
         self._above = above
         self.plain: list[tuple[Keys, str]] = []
         """Whole path and message of what `add` got, without places."""
 
     def __len__(self) -> int:
-        return len(self._found)
+        return len(self._problems)
 
     def has(self, keys: Keys) -> bool:
         """Return whether something at or below `keys` is wrong."""
         path = dotted(self.path(keys))
         return any(
             problem.path == path or problem.path.startswith((f"{path}.", f"{path}["))
-            for problem in self._found
+            for problem in self._problems
         )
 
     def add(self, keys: Keys, message: str) -> None:
@@ -109,16 +109,16 @@ class Problems:
         self.plain.append((keys, message))
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
-        self._found.append(
+        self._problems.append(
             Problem(file=place.file, line=place.line, path=dotted(keys), message=message, keys=keys)
         )
-        refuse_many(self._found)
+        refuse_many(self._problems)
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
-            self._found += error.problems
-            refuse_many(self._found)
+            self._problems += error.problems
+            refuse_many(self._problems)
             return
         for line in str(error).splitlines():
             self.add(keys, line)
@@ -140,17 +140,17 @@ class Problems:
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; what it finds counts here too."""
         part = Problems(self._file_place.file, self._places, above=(*self._above, *above))
-        part._found, part.plain = self._found, self.plain
+        part._problems, part.plain = self._problems, self.plain
         return part
 
     def refuse(self) -> None:
         """Raise SettingsError with all problems, if there are any."""
-        if self._found:
+        if self._problems:
             raise self.error()
 
     def error(self) -> SettingsError:
         """Return all problems as one error."""
-        return SettingsError(self._found)
+        return SettingsError(self._problems)
 
 
 def dotted(keys: Keys) -> str:

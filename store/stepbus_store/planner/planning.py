@@ -223,7 +223,7 @@ class _Planning:
             if motion is None:
                 overloading = path if overloading is None else overloading
             elif self._stays_free(motion, last):
-                return self._found(path, name, motion, checker.checks + last.checks)
+                return self._plan(path, name, motion, checker.checks + last.checks)
         checks = checker.checks + last.checks
         if overloading is not None:
             raise NoPlan(Cause.NOT_HOLDABLE, self._overload(overloading))
@@ -295,7 +295,7 @@ class _Planning:
             all(map(other.is_free, coarse)) for other in self._beside
         )
 
-    def _found(self, path: Vector, name: str, motion: Trajectory, checks: int) -> Plan:
+    def _plan(self, path: Vector, name: str, motion: Trajectory, checks: int) -> Plan:
         length = float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum())
         text = f"{name} of {length:.2f} rad in {motion.times[-1]:.2f} s, {checks} checks"
         return Plan(
