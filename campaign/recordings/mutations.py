@@ -120,7 +120,7 @@ def _chunks(data: bytes) -> list[tuple[int, int]]:
 
 
 def attachment_without_crc(chance: random.Random, data: bytes) -> bytes:
-    """Change an attachment, and let its checksum be 0, which stands for none."""
+    """Change an attachment, and set its checksum to 0, which stands for none."""
     start, end = chance.choice(_spans(data, Opcode.ATTACHMENT))
     copy = bytearray(data)
     copy[chance.randrange(max(start + HEAD.size, end - 3000), end - 4)] ^= 1 << chance.randrange(8)
@@ -129,7 +129,7 @@ def attachment_without_crc(chance: random.Random, data: bytes) -> bytes:
 
 
 def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
-    """Change what is in a chunk, and let its checksum be 0."""
+    """Change what is in a chunk, and set its checksum to 0."""
     start, end = chance.choice(_spans(data, Opcode.CHUNK))
     copy = bytearray(data)
     crc_at = start + HEAD.size + 24
@@ -139,7 +139,7 @@ def chunk_without_crc(chance: random.Random, data: bytes) -> bytes:
 
 
 def summary_without_crc(chance: random.Random, data: bytes) -> bytes:
-    """Change the summary, and let its checksum be 0."""
+    """Change the summary, and set its checksum to 0."""
     copy = bytearray(data)
     (start,) = struct.unpack_from("<Q", data, len(data) - _FOOTER_BYTES + HEAD.size)
     copy[chance.randrange(start, len(data) - _FOOTER_BYTES)] ^= 1 << chance.randrange(8)

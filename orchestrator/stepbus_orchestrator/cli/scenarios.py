@@ -108,7 +108,7 @@ def _described(described: list[ParticipantDescription]) -> Iterator[str | Table]
 
 def _headline(output: OutputPort) -> str:
     description = output.description
-    facts = [f"taken by {', '.join(output.taken_by) or 'nobody'}"]
+    facts = [f"taken by {', '.join(output.taken_by) or 'no participant'}"]
     if description.shape:
         facts.append(f"shape {' × '.join(map(str, description.shape))}")
     facts += [f"{field} in {unit}" for field, unit in description.units.items()]

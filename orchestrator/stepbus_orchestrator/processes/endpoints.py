@@ -117,7 +117,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
     if scenario.bus.transport == "unix":
         addresses = [_unix(folder, index) for index in range(len(listening))]
         if run is not None:
-            # A password names the one who opens a link to the one who accepts it, not the other
+            # A password names the end that opens a link to the end that accepts it, not the other
             # way round; there, it is the session that has a name. Its first digit is no zero.
             ids = {name: f"{secrets.randbits(127) | 1 << 127:032x}" for name in listening}
             settings |= {name: {"id": number} for name, number in ids.items()}

@@ -1,4 +1,4 @@
-"""Who else uses the TCP ports of a run."""
+"""Other processes that use the TCP ports of a run."""
 
 import os
 import pwd
@@ -16,7 +16,7 @@ _BACKLOG = 8
 
 
 class PortUsers:
-    """Who else was seen to use the TCP ports of a run.
+    """Other processes that were seen to use the TCP ports of a run.
 
     ports: that its processes listen on; none, where it uses other sockets. What comes and goes is
     seen only by frequent looks.
@@ -46,7 +46,7 @@ class PortUsers:
         return _words(taken)
 
     def seen(self, left: Collection[int] = ()) -> str:
-        """Return in words who was seen to keep links from opening; empty: no user.
+        """Return in words who was seen to keep links from opening; empty: none.
 
         left: ports of processes that have ended.
         """

@@ -123,7 +123,7 @@ class Sink:
     def drop_behind(self, closing_step: int, closing: Collection[str]) -> None:
         """Drop what does not belong to the run: all behind its closing step.
 
-        closing: those who publish at the closing step; of all others nothing is left to write.
+        closing: those that publish at the closing step; of all others nothing is left to write.
         """
         for name, own in self._waiting.items():
             rest = [o for o in own if name in closing and o.step <= closing_step]

@@ -83,7 +83,7 @@ def _connection_mistake(
 def _holding_mistake(spec: ParticipantSpec) -> str:
     """Return why no other can stand in for a participant, or nothing."""
     if spec.publishes == "first":
-        return "hold is for those who command; a participant that publishes first cannot be held"
+        return "hold is for participants that command; one that publishes first cannot be held"
     if not spec.outputs:
         return "hold needs an output to hold"
     bulk = [port for port, output in spec.outputs.items() if output.bulk]

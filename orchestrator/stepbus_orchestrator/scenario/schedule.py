@@ -50,7 +50,7 @@ class Schedule:
     def text(self, steps: int) -> str:
         """Return the first steps as text: `plant@0 mission@0 controller@0 plant@1 …`.
 
-        When all steps of the run are shown, those who publish once more close it: `plant@2000`.
+        When all steps of the run are shown, those that publish once more close it: `plant@2000`.
         """
         end = self.scenario.steps
         last = end if end is not None and steps >= end else steps - 1

@@ -27,7 +27,7 @@ class Clock(Protocol):
 
 
 class Queue(Protocol):
-    """A queue between the callbacks of a bus and the one who waits for them; see `SimpleQueue`."""
+    """A queue from the callbacks of a bus to the reader that waits; see `SimpleQueue`."""
 
     def put(self, item: Any, /) -> None:
         """Add an item, from any thread of the bus."""

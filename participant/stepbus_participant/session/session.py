@@ -174,7 +174,7 @@ class Session:
     def _report(self, exc: Exception) -> None:
         """Report the fault to the orchestrator, and wait for its stop (P10.1).
 
-        Who is to blame is not waited for: a SIGTERM may come before the stop, even while this
+        The culprit is not waited for: a SIGTERM may come before the stop, even while this
         reports. What the process printed last has to be its own error.
         """
         with contextlib.suppress(Stopped, OrchestratorLost, Terminated):

@@ -1,4 +1,4 @@
-"""Who may read what a server of a view sends: this machine, and those that know the address."""
+"""Who may read what a view's server sends: this machine, and users who know the address."""
 
 import atexit
 import errno

@@ -92,7 +92,7 @@ class Hub:
         self._root = getcurrent()
 
     def let_go_on(self, turn: Turn) -> None:
-        """Give a participant its turn behind all who have one already."""
+        """Give a participant its turn behind all that have one already."""
         if not turn.is_ready:
             turn.is_ready = True
             self._ready.append(turn)

@@ -208,7 +208,7 @@ class LocalRun(Strategy):
         stage = Stage.STEP if phase.is_stepping else Stage.STOP
         if phase is RunPhase.START_UP:
             stage = Stage.READY
-            # What libraries do that are loaded; the user who ends the run is heard all the same.
+            # Libraries that were loaded may have set others; these let the user end the run.
             for number, handler in self._handlers.items():
                 signal.signal(number, handler)
         if self.memory.words[STAGE] != stage:

@@ -53,7 +53,7 @@ TRACE_SIGNAL = signal.SIGURG
 
 
 class TurnWatchdog:
-    """Finds who keeps the thread, or Python's lock, for longer than its deadline.
+    """Finds the participant that keeps the thread, or Python's lock, beyond its deadline.
 
     is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
     the run. held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.

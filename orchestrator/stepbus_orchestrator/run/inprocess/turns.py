@@ -1,4 +1,4 @@
-"""Who has the thread of a run in one process, in memory that a process outside of it reads.
+"""Which participant has the thread of a run, in memory that another process reads.
 
 A participant that keeps Python's lock in C stops every thread of its process. So each turn is
 noted here, which takes some writes into memory, and `turn_watchdog.py` reads it from outside.

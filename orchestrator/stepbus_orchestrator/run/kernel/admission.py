@@ -70,9 +70,9 @@ def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome
 
 
 def batches_of(scenario: Scenario, participants: Participants) -> dict[str, int]:
-    """Return who may publish several steps in one message, and how many (P7.6).
+    """Return which participants may publish several steps in one message, and how many (P7.6).
 
-    They have no input, so that they are ahead of all others by up to a window; all who read from
+    They have no input, so that they are ahead of all others by up to a window; all that read from
     them are live programs that can take it.
     """
     readers: dict[str, list[str]] = {}

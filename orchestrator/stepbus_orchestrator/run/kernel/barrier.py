@@ -82,7 +82,7 @@ class Barrier:
         return self.reported[name] + self._every[name]
 
     def holders(self) -> list[str]:
-        """Return those who hold the oldest incomplete step (P12.2).
+        """Return the participants that hold the oldest incomplete step (P12.2).
 
         They owe an output although all they need for it has been reported; one that waits for
         them is not among them.

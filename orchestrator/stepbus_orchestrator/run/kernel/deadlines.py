@@ -13,7 +13,7 @@ LAST_WORDS_S = 1.0
 
 
 def check_start(state: RunState, elapsed_s: float) -> None:
-    """Advance the clock of all who are not ready; raises StartFailed for one who is late."""
+    """Advance the clock of all that are not ready; raises StartFailed for a late one."""
     participants = state.participants
     for participant in participants.values():
         if participant.phase == Phase.READY or _waits_for_others(participant, participants):
@@ -25,7 +25,7 @@ def check_start(state: RunState, elapsed_s: float) -> None:
 
 
 def _sources(participant: ParticipantState, others: Participants) -> list[ParticipantState]:
-    """Return whom a participant waits for."""
+    """Return what a participant waits for."""
     names = () if participant.waiting is None else participant.waiting.sources
     return [others[name] for name in names if name in others]
 
@@ -43,7 +43,7 @@ def _is_stopped(participant: ParticipantState) -> bool:
 
 
 def check_step(state: RunState, elapsed_s: float) -> None:
-    """Advance the clock of those who hold the step; raises StepTimeout for one who is late."""
+    """Advance the clock of those that hold the step; raises StepTimeout for a late one."""
     participants, barrier = state.participants, state.barrier
     holders = barrier.holders() or [
         name for name in participants if barrier.next_step(name) <= barrier.completed

@@ -48,7 +48,7 @@ def _resolve(
 def check_descriptions(
     participants: Participants, inputs: Mapping[str, Mapping[str, Description]]
 ) -> None:
-    """Check the descriptions of all who are ready.
+    """Check the descriptions of all participants that are ready.
 
     inputs: participant → input → its description.
 
