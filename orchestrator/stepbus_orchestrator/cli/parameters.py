@@ -5,9 +5,12 @@ parameters, `name: text.` each, of which the first sentence is the help of the o
 """
 
 import argparse
+import ast
 import inspect
 import math
 import re
+import sys
+import textwrap
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass
 from os import PathLike
@@ -22,6 +25,8 @@ Function = Callable[..., Any]
 _OF_PYTHON = ("observer", "interrupt")
 """Parameters that every command fills in by itself."""
 _EXAMPLE = "$ "
+_NO_DOCSTRINGS = 2
+"""Level of optimisation (`-OO`) from which Python keeps no docstrings."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -203,7 +208,20 @@ def _help(function: Function) -> tuple[str, str, list[str]]:
 
 
 def _paragraphs(function: Function) -> list[str]:
-    return [" ".join(p.split()) for p in (inspect.getdoc(function) or "").split("\n\n")]
+    return [" ".join(p.split()) for p in _docstring(function).split("\n\n")]
+
+
+def _docstring(of: Function) -> str:
+    """Return the docstring of a function or a class, also where `python -OO` has left it out."""
+    if sys.flags.optimize < _NO_DOCSTRINGS:
+        return inspect.getdoc(of) or ""
+    try:
+        (definition,) = ast.parse(textwrap.dedent(inspect.getsource(of))).body
+    except OSError:  # made while the program runs, without a source
+        return ""
+    if isinstance(definition, ast.FunctionDef | ast.ClassDef):
+        return ast.get_docstring(definition) or ""
+    return ""
 
 
 def _start_of_text(function: Function) -> re.Pattern[str]:

@@ -152,3 +152,20 @@ def test_a_program_to_join_with_may_follow_options(options: list[str]) -> None:
     found = make_parser(["join"]).parse_args(["join", "c.ticket", *options, "--", *program])
     assert found.program == program
     assert str(found.ticket) == "c.ticket"
+
+
+ALL_HELP = """
+import argparse
+from stepbus_orchestrator.cli.commands import load_commands
+for command in load_commands():
+    command.add_arguments(parser := argparse.ArgumentParser(command.name))
+    print(command.summary, command.description, command.examples, parser.format_help())
+"""
+
+
+def test_help_does_not_depend_on_how_python_optimises():
+    plain, optimised = (
+        subprocess.run([sys.executable, *options, "-c", ALL_HELP], check=True, capture_output=True)
+        for options in ([], ["-OO"])
+    )
+    assert plain.stdout == optimised.stdout
