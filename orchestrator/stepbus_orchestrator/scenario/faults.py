@@ -1,10 +1,13 @@
 """Faults on purpose: `kill plant at 120`, `freeze controller at 10 for 200ms`, `random 3`."""
 
+import dataclasses
 import random
 import re
 from collections.abc import Iterable, Sequence
 
+from stepbus_orchestrator.errors import argument
 from stepbus_participant import format_duration, parse_duration, suggest
+from stepbus_participant.parameters import Keys, Place, YamlFile
 from stepbus_schemas import WiringError
 
 from .model import FaultSpec, ParticipantSpec, Scenario
@@ -24,6 +27,20 @@ _HELP = (
     "write TYPE PARTICIPANT at STEP, e.g. 'kill plant at 120' or 'freeze controller at 10 for "
     "200ms', or 'random N [from STEP] [to STEP] [seed N]'"
 )
+
+
+def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
+    """Return a scenario with the faults of `--fault` behind its own."""
+    own = document.data.get("faults")
+    if not (own is None or isinstance(own, list)):
+        return document
+    first = len(own or [])
+    places: dict[Keys, Place] = {
+        ("faults", first + i): Place(file=argument("--fault", "faults", text), line=0)
+        for i, text in enumerate(faults)
+    }
+    data = {**document.data, "faults": [*(own or []), *faults]}
+    return dataclasses.replace(document, data=data, places={**document.places, **places})
 
 
 def parse_fault(text: str, scenario: Scenario) -> tuple[FaultSpec, ...]:

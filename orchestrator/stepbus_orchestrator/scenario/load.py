@@ -10,8 +10,9 @@ from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_extended
+from stepbus_orchestrator.scenario.faults import add_faults
 from stepbus_orchestrator.scenario.locate import locate
-from stepbus_orchestrator.scenario.override import add_faults, override
+from stepbus_orchestrator.scenario.override import override
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_orchestrator.scenario.template import instantiate
 from stepbus_participant import Problems, SettingsError
@@ -45,7 +46,9 @@ def load(
         else:
             path = locate(scenario)
             document = read_extended(path)
-        document = add_faults(override(document, overrides), faults)
+        document = override(document, overrides)
+        if faults:
+            document = add_faults(document, faults)
         problems = document.problems()
         checked = build(upgraded(document.data), path, problems)
         check(checked, problems)

@@ -1,6 +1,5 @@
 """One value of a scenario replaced: `--set controller.params.kp=80`, or the same in Python."""
 
-import dataclasses
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -41,20 +40,6 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
         except WiringError as exc:
             problems.append(Problem(file=file, line=0, path="", message=str(exc)))
     return YamlFile(file=document.file, data=data, places=places, own_problems=tuple(problems))
-
-
-def add_faults(document: YamlFile, faults: Sequence[str]) -> YamlFile:
-    """Return a scenario with the faults of `--fault` behind its own."""
-    own = document.data.get("faults")
-    first = len(own) if isinstance(own, list) else 0
-    if not faults or not (own is None or isinstance(own, list)):
-        return document
-    places: dict[Keys, Place] = {
-        ("faults", first + i): Place(file=argument("--fault", "faults", text), line=0)
-        for i, text in enumerate(faults)
-    }
-    data = {**document.data, "faults": [*(own or []), *faults]}
-    return dataclasses.replace(document, data=data, places={**document.places, **places})
 
 
 def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:

@@ -75,6 +75,17 @@ def test_faults_of_the_scenario_come_first_and_are_part_of_what_determines_a_run
     assert all(f'- "{format_fault(fault)}"\n' in resolved(scenario) for fault in scenario.faults)
 
 
+def test_faults_of_the_scenario_that_are_no_list_are_the_only_problem():
+    with pytest.raises(ScenarioError) as info:
+        texts("kill plant at 3", overrides=("duration=1s", "faults=kill plant at 2"))
+    assert [problem.path for problem in info.value.problems] == ["faults"]
+
+
+def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
+    assert texts("kill plant at 3", overrides=("duration=1s", "faults=null")) == ["kill plant at 3"]
+    assert texts(overrides=("duration=1s", "faults=[kill plant at 2]")) == ["kill plant at 2"]
+
+
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
