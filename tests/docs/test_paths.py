@@ -55,3 +55,14 @@ def test_every_link_leads_to_a_file_and_a_heading(page):
 def test_every_path_that_a_page_names_exists(page):
     named = NAMED.findall(page.read_text(encoding="utf-8"))
     assert [path for path in named if not list(CHECKOUT.glob(path.rstrip("/")))] == []
+
+
+def test_every_module_that_the_map_names_exists():
+    page = (CHECKOUT / "docs/architecture.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"`([\w/]+\.py)`", page))
+    modules = {
+        f"/{path.relative_to(CHECKOUT)}"
+        for root in ROOTS
+        for path in (CHECKOUT / root).rglob("*.py")
+    }
+    assert [n for n in named if not any(path.endswith(f"/{n}") for path in modules)] == []

@@ -1,6 +1,6 @@
 """The endpoints of a run: where each process listens, which ones it connects to, and its proof.
 
-Credentials are made for one run and gone with it (P2.4, P2.8). Each process proves its name: by a
+Credentials are made for one run and gone with it (P2.4). Each process proves its name: by a
 password of its own on Unix sockets, by a certificate of the run's own authority on TCP. A guarded
 Zenoh session then takes from a link only what that name may publish, so that no participant can
 speak for another one. Without credentials there is no link at all.
