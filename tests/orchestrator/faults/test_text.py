@@ -89,7 +89,10 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
-        ("plant.on_fault=hold", "a participant that publishes first cannot be held"),
+        (
+            "plant.on_fault=hold",
+            "hold is for participants that command; one that publishes first cannot",
+        ),
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
