@@ -33,7 +33,7 @@ class Case:
     moment: str
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return the case in words."""
         return f"#{self.number} {self.fault}, {self.scenario}, {self.moment}"
 
 

@@ -37,7 +37,7 @@ class Scenario:
     still: tuple[str, ...] = ()
 
     def patient(self, patience: float) -> Scenario:
-        """Return it with deadlines that are so many times as long."""
+        """Return the scenario with deadlines that are so many times as long."""
         return replace(self, start_s=patience * self.start_s, step_s=patience * self.step_s)
 
     def endless(self, name: str) -> list[str]:

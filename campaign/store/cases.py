@@ -38,7 +38,7 @@ class Case:
     at_step: int = 0
 
     def __str__(self) -> str:
-        """Return it in words."""
+        """Return the case in words."""
         what = f"kill {self.killed} at {self.at_step}" if self.killed else _in_words(self.script)
         where = f"{self.scenario}, stock {self.seed}, {self.order}"
         return f"#{self.number} {self.family}: {where}; {what}"

@@ -49,7 +49,7 @@ class _Pose:
         return _Pose(back.rotation, [-value for value in back.turn(self.translation)])
 
     def origin(self) -> ET.Element:
-        """Return it as the <origin> of a URDF."""
+        """Return the pose as the <origin> of a URDF."""
         r = self.rotation
         pitch = math.atan2(-r[2][0], math.hypot(r[0][0], r[1][0]))
         if math.hypot(r[0][0], r[1][0]) > 1e-9:

@@ -38,7 +38,7 @@ class RawField:
     absent: Any = None
 
     def __str__(self) -> str:
-        """Return it as the documentation lists it: `values (n)`, `mode (0 torque, 1 velocity)`."""
+        """Return the field as documented: `values (n)`, `mode (0 torque, 1 velocity)`."""
         rows = [f"{number} {word}" for number, word in enumerate(self.words)]
         inner = " · ".join(self.sizes) or ", ".join(rows)
         return f"{self.name} ({inner})" if inner else self.name

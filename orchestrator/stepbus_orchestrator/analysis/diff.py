@@ -42,7 +42,7 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
     notes: Sequence[str]
 
     def text(self) -> str:
-        """Return it in lines, the first divergence first."""
+        """Return the differences in lines, the first divergence first."""
         return "\n".join([*self._headline(), *self._ports(), *self.notes])
 
     def _headline(self) -> Iterator[str]:

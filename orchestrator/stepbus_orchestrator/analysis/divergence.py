@@ -38,11 +38,11 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
     second: Any = None
 
     def text(self, first: str = "first", second: str = "second") -> str:
-        """Return it in words; first, second: names of the two sides."""
+        """Return the divergence in words; first, second: names of the two sides."""
         return f"step {self.step}: {self.detail(first, second)}"
 
     def detail(self, first: str, second: str) -> str:
-        """Return it in words, without the step."""
+        """Return the divergence in words, without the step."""
         where = self.topic
         match self.type:
             case "encoding":

@@ -127,8 +127,8 @@ def call_command(
     if not method:
         offered = call(run).value
         if participant and participant not in offered:
-            who = suggest(participant, offered) or "; no participant of this run does"
-            raise WiringError(f"{participant!r} answers no calls{who}")
+            hint = suggest(participant, offered) or "; no participant of this run does"
+            raise WiringError(f"{participant!r} answers no calls{hint}")
         offers = {name: row for name, row in offered.items() if participant in {"", name}}
         return Answer(value=offers, lines=[_table(offers)])
     values = [parse_yaml(text, text) for text in args]

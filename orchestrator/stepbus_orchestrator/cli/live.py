@@ -75,7 +75,7 @@ def displayed(
     """Yield the display for where stdout goes.
 
     plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
-    invites: even so, sentences go to stderr: the user has to read whom the run waits for.
+    invites: even so, sentences go to stderr: the user has to read what the run waits for.
     """
     if quiet and not invites:
         yield None

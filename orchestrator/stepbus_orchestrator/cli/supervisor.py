@@ -127,7 +127,7 @@ def _end_orphans() -> None:
 
 
 def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) -> int:
-    """Return the exit code of the command. killer: who has killed our child, where it was late."""
+    """Return the exit code of the command. killer: the watchdog that killed our late child."""
     stage, turn = memory.stage, int(memory.words[TURN])
     if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
         return int(memory.words[CODE])

@@ -60,7 +60,7 @@ class Mesh:
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
         """Return what a participant needs for its start and has been removed; None: nothing.
 
-        name: it has been started; None: none has. alive: who is on the bus, with its socket.
+        name: it has been started; None: none has. alive: those on the bus, with their sockets.
         """
         needed = [self.folder]
         if name is not None:

@@ -31,7 +31,7 @@ class LeftBehind(NamedTuple):
     command: str
 
     def text(self) -> str:
-        """Return it in words."""
+        """Return the process and its end in words."""
         return f"left a process behind, which was killed: {self.command} (pid {self.pid})"
 
 

@@ -100,15 +100,15 @@ class Line:
         )
 
     def close(self) -> None:
-        """Close it."""
+        """Close the line."""
         self._bus.close()
 
     def __enter__(self) -> Self:
-        """Return it."""
+        """Return this line."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close it."""
+        """Close the line."""
         self.close()
 
 

@@ -28,7 +28,7 @@ SHORT_TICK_S = TICK_S / 5
 LONGEST_TICK_S = 0.25
 """One check counts at most this long: a machine that slept is no participant's fault (P12.1)."""
 LAST_REPORTS_S = 0.1
-"""Those who wait for a process that has died report after 20 ms at which step (P9.2, P9.3)."""
+"""Participants that wait for a dead process report after 20 ms at which step (P9.2, P9.3)."""
 
 _PROGRESS_EVERY = 5
 _FLUSH_EVERY = 4

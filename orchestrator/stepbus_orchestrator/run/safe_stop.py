@@ -153,7 +153,7 @@ class SafeStop:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Return who can be replaced."""
+        """Return the participants that can be replaced."""
         return tuple(self._substitutes)
 
     def follow(self, released: int) -> None:

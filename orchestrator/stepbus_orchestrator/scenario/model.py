@@ -352,7 +352,7 @@ class Scenario:
         return {spec.name: spec for spec in self.participants}[name]
 
     def changed(self, names: Collection[str], **fields: Any) -> "Scenario":
-        """Return it with other fields of some participants."""
+        """Return the scenario with other fields of some participants."""
         rows = self.participants
         specs = (structs.replace(row, **fields) if row.name in names else row for row in rows)
         return replace(self, participants=tuple(specs))

@@ -76,7 +76,7 @@ def summary(
     """Return the table and a summary line.
 
     orders: number of orders. duration: of the mission [s]. failure: why it ended early. by: of
-    `WITNESSES`: who has measured all this.
+    `WITNESSES`: what has measured all this.
     """
     last = f"{len(results)} of {orders} sales in {duration:.1f} s"
     if results:

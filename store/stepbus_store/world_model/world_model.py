@@ -45,7 +45,7 @@ class Place:
     yaw: float
 
     def frame(self) -> pin.SE3:
-        """Return it as a transform."""
+        """Return the pose as a transform."""
         return pin.SE3(pin.utils.rotate("z", self.yaw), np.array([self.x, self.y, self.z]))
 
 

@@ -122,7 +122,7 @@ class Tracked:
             part.take(piece)
 
     def lines(self) -> list[str]:
-        """Return it in lines, none without a reference."""
+        """Return the tracking in lines, none without a reference."""
         settled = self._last_s > _SETTLED_S
         rmse = (self._settled if settled else self._whole).rmse()
         if not rmse:

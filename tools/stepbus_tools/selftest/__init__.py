@@ -77,7 +77,7 @@ def selftest(
 
 
 def _plant_of(scenario: Scenario) -> tuple[ParticipantSpec, str]:
-    """Return who reads joint commands and publishes joint states, and on which port."""
+    """Return what reads joint commands and publishes joint states, and on which port."""
     for spec in scenario.participants:
         states = [name for name, output in spec.outputs.items() if output.type == _STATE]
         if states and _command_inputs(scenario, spec):

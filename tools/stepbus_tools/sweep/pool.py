@@ -149,7 +149,7 @@ class Pool:
         self._temporary = ""
         self._workers: list[_Worker] = []
         self._pending: dict[Any, _Worker] = {}
-        """What Ray will answer, and who works on it."""
+        """What Ray will answer, and the worker on it."""
         self._again: deque[_Task] = deque()
         self._looked = 0.0
         self._pace = Pace()

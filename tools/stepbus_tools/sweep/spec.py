@@ -65,7 +65,7 @@ class Spec(Settings):
     """How many of them it asks for at once, however many cores there are."""
 
     def plain(self) -> dict[str, Any]:
-        """Return it as plain data, as a file has it."""
+        """Return the sweep as plain data, as a file has it."""
         fields: dict[str, Any] = json.loads(msgspec.json.encode(self))
         return fields
 

@@ -149,7 +149,7 @@ class SteerPanel:
 
 
 def _offering(offered: Offered, method: str) -> list[str]:
-    """Return who has a method."""
+    """Return the participants that have a method."""
     return [name for name, methods in offered.items() if method in methods]
 
 

@@ -37,7 +37,7 @@ class Debug(RunExtension):
         return without
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
-        """Return who gets the terminal."""
+        """Return the participant that gets the terminal."""
         return {"has_terminal": True} if spec.name in self._names else {}
 
 

@@ -29,7 +29,7 @@ exec {command} "$@"
 
 
 class External(RunExtension):
-    """Waits for participants with `start: external`; tells how to start them, and who is missing.
+    """Waits for participants with `start: external`; tells how to start them, and which it misses.
 
     Each gets a script in the run's folder. tickets: where the tickets of some are put; default:
     `<name>.ticket` in the run's folder.
@@ -87,7 +87,7 @@ class External(RunExtension):
         )
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
-        """Tell from time to time who has not come yet, or not left."""
+        """Tell from time to time which have not come yet, or not left."""
         now = self.run.clock.monotonic()
         if now - self._told_at < _REMIND_S:
             return

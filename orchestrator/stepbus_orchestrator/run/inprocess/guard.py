@@ -1,4 +1,4 @@
-"""Keeps what a participant does to its process from the others, who share it.
+"""Keeps what a participant does to its process from the others, which share it.
 
 Python tells audit hooks of forks, signals and programs before they happen. A fork is
 refused: its child would be a second orchestrator, with the same open files.

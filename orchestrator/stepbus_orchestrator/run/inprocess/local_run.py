@@ -85,7 +85,7 @@ def _remedy(spec: ParticipantSpec) -> str:
 
 
 class HostedCaller(RunExtension):
-    """The caller of a run, who takes part in the place of a program, and ends it.
+    """The caller of a run, which takes part in place of a program, and ends it.
 
     name: of the participant. local: the run in one process.
     """

@@ -109,7 +109,7 @@ class Turns:
         return Stage(int(self.words[STAGE]))
 
     def with_threads(self) -> list[int]:
-        """Return who has started threads."""
+        """Return the participants that have started threads."""
         return [number for number in range(1, MOST) if self.words[THREADS + number]]
 
     def will(self) -> dict[str, Any]:

@@ -137,7 +137,7 @@ class MessageHandler:
     def sender(
         self, decode: Callable[[bytes], _Sent], data: bytes, key_name: str
     ) -> tuple[ParticipantState, _Sent] | None:
-        """Return who sent an envelope, and what it holds.
+        """Return the sender of an envelope, and what it holds.
 
         None for one that changes nothing: unauthenticated, which is counted (P3.5), or of a
         participant that is replaced.

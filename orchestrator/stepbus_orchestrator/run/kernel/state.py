@@ -49,7 +49,7 @@ class RunPhase(StrEnum):
 
     @property
     def shown(self) -> str:
-        """Return it as users see it: `starting`, `stepping` or `stopping`."""
+        """Return the phase as users see it: `starting`, `stepping` or `stopping`."""
         if self is RunPhase.START_UP:
             return "starting"
         return "stepping" if self.is_stepping else "stopping"
