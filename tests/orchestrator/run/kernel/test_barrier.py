@@ -1,8 +1,9 @@
-"""The step barrier: complete steps, the trigger (P5.5), and who holds a step (P12.2)."""
+"""The step barrier: complete steps, the trigger (P5.5), who holds a step (P12.2); and gates (P5.2)."""
 
 from support.runs.kernel import participant, scenario
 
-from stepbus_orchestrator.run.kernel.barrier import Barrier
+from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier, step_limit
 
 
 def barrier(*reports, **options):
@@ -84,3 +85,26 @@ def test_those_without_whose_outputs_no_further_step_is_complete():
         "plant",
         "controller",
     ]
+
+
+def before(step):
+    """Return a gate before a step."""
+    return lambda _released: step
+
+
+def test_without_gates_the_barrier_decides():
+    assert step_limit(Barrier(scenario(window=3)), [], 0) == 3
+
+
+def test_the_nearest_gate_decides():
+    assert step_limit(Barrier(scenario(steps=100)), [before(9), before(FAR), before(4)], 0) == 4
+
+
+def test_what_has_been_released_is_never_taken_back():
+    assert step_limit(Barrier(scenario(steps=100)), [before(4)], 7) == 7
+
+
+def test_a_pause_holds_what_is_not_released():
+    pace = Pace()
+    pace.pause()
+    assert step_limit(Barrier(scenario(steps=100)), [pace.limit], 7) == 7
