@@ -6,13 +6,8 @@ from functools import cache
 from support.exports import exported, source_of
 from support.paths import CHECKOUT
 
-SOURCE = (
-    "api", "benchmarks", "docs", "examples", "orchestrator", "participant", "scenarios", "schemas",
-    "services", "store/stepbus_store", "tools",
-)  # fmt: skip
-"""Where that holds. The campaign calls every reader of a recording, also those inside a package."""
-ONE = {"stepbus_gym": "stepbus", "stepbus_pytest": "stepbus"}
-"""Packages that are part of another one."""
+ELSE = {"build", "runs", "tests"}
+"""Folders without source of ours; tests see what is inside of a package."""
 
 
 @cache
@@ -23,14 +18,14 @@ def imports():
 
 def found_imports():
     """Yield (file, module, names) of each import of ours from another package of ours."""
-    for path in (path for top in SOURCE for path in sorted((CHECKOUT / top).rglob("*.py"))):
-        name = str(path.relative_to(CHECKOUT))
-        package = next(
-            (part for part in path.relative_to(CHECKOUT).parts if part.startswith("stepbus")), ""
-        )
-        if "/templates/" in name:
+    folders = [path for path in CHECKOUT.iterdir() if path.is_dir() and path.name[0] != "."]
+    for path in (path for folder in folders for path in sorted(folder.rglob("*.py"))):
+        parts = path.relative_to(CHECKOUT).parts
+        if ELSE.intersection(parts):
             continue
-        for node in ast.walk(ast.parse((CHECKOUT / name).read_text(encoding="utf-8"))):
+        name = str(path.relative_to(CHECKOUT))
+        package = next((part for part in parts if part.startswith("stepbus")), "")
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and not node.level:
                 rows = [(node.module, tuple(alias.name for alias in node.names))]
             elif isinstance(node, ast.Import):
@@ -39,7 +34,7 @@ def found_imports():
                 continue
             for module, names in rows:
                 top = module.partition(".")[0]
-                if top.startswith("stepbus") and top not in {package, ONE.get(package)}:
+                if top.startswith("stepbus") and top != package:
                     yield name, module, names
 
 
