@@ -82,7 +82,7 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
         try:
             imported.append(import_module(name))
         except ModuleNotFoundError as exc:
-            missing[str(exc.name)] = None
+            missing[str(exc.name).partition(".")[0]] = None
     if missing:
         verb = "is" if len(missing) == 1 else "are"
         raise ExtraMissing(

@@ -60,6 +60,14 @@ def test_modules_that_are_missing_are_named_with_their_extra(source, monkeypatch
     )
 
 
+def test_a_package_whose_modules_are_missing_is_named_once(source, monkeypatch):
+    source(None)
+    for name in ("matplotlib", "matplotlib.figure"):
+        monkeypatch.setitem(sys.modules, name, None)
+    with pytest.raises(ExtraMissing, match=r"^a plot needs matplotlib, which is not installed;"):
+        need("a plot", "matplotlib", "matplotlib.figure")
+
+
 def test_the_text_of_an_import_error_gets_its_hint(source):
     source(None)
     text = "ModuleNotFoundError: No module named 'pinocchio.casadi'"

@@ -119,8 +119,10 @@ class ReservedFile:
     def release(self) -> None:
         """Give back the room that was set aside."""
         if self._reserve >= 0:
-            self._disk.close(self._reserve)
-            self._reserve = -1
+            reserve, self._reserve = self._reserve, -1
+            # It holds nothing, and is closed also where that reports an error.
+            with contextlib.suppress(OSError):
+                self._disk.close(reserve)
 
     def close(self) -> None:
         """Close the file; to be called once."""

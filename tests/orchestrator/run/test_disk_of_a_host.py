@@ -48,6 +48,22 @@ def test_a_full_disk_ends_a_run_whose_recording_has_no_hole(tmp_path, monkeypatc
     assert recover(result.recording, tmp_path / "fixed.mcap").holes == []
 
 
+class LateError(Disk):
+    """The real one, each of whose files is closed with an error that comes late."""
+
+    def close(self, fd):
+        os.close(fd)
+        raise OSError(errno.EIO, "Input/output error")
+
+
+def test_an_error_at_close_does_not_stop_a_run_whose_recording_is_whole(tmp_path, monkeypatch):
+    usual = run_joints(tmp_path / "usual", in_process=True)
+    monkeypatch.setattr(OnDisk, "disk", LateError())
+    result = run_joints(tmp_path / "late", host=OnDisk())
+    assert (result.exit_code, result.sha256) == (0, usual.sha256)
+    assert recover(result.recording, tmp_path / "fixed.mcap").holes == []
+
+
 def test_recover_writes_to_a_disk(tmp_path):
     recording = run_joints(tmp_path, in_process=True).recording
     with pytest.raises(RecordingFailed, match="No space left on device"):
