@@ -10,7 +10,9 @@ import msgspec
 from stepbus_schemas.errors import MessageError, wrong_word
 
 Point = tuple[float, float, float]
+"""x, y, z [m]."""
 Quaternion = tuple[float, float, float, float]
+"""x, y, z, w, of length 1 [-]."""
 
 
 def meta(

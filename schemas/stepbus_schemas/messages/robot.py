@@ -26,6 +26,7 @@ class SensedJoints(JointState, frozen=True):
 
 
 JointMode = Literal["torque", "velocity", "position", "teleport", "brake"]
+"""What the values of a JointCommand are."""
 
 
 class JointCommand(Message, frozen=True):
@@ -87,6 +88,7 @@ GoalType = Literal[
     "back_to_rest",
     "stop",
 ]
+"""What a goal asks for."""
 
 
 class Spiral(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
@@ -151,6 +153,7 @@ class Goal(Message, frozen=True):
 
 
 GoalState = Literal["accepted", "running", "succeeded", "failed", "cancelled"]
+"""How far a goal is; after the last three, it is over."""
 
 
 class GoalStatus(Message, frozen=True):
