@@ -106,7 +106,7 @@ def replay(
     # From here on, nothing is expected of the participant.
     end = scenario.steps or 0
     replayed.miss_below(end + Schedule(scenario).closing(participant, end))
-    if state.end is not None:
+    if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence
     copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)

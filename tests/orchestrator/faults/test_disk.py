@@ -15,7 +15,8 @@ from mcap.reader import make_reader
 from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import McapFile, Recording, layout, recover
+from stepbus_orchestrator.recording import McapFile, Recording, recover
+from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Observer
@@ -50,7 +51,7 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
 @pytest.mark.slow
 def test_a_full_disk_has_room_for_the_index_of_a_long_recording(small_disk, monkeypatch):
     # Of 64 KiB, the chunks of 10⁷ steps would have as large an index.
-    monkeypatch.setattr(layout, "CHUNK_BYTES", 100)
+    monkeypatch.setitem(MessageWriter.__init__.__kwdefaults__, "chunk_size", 100)
     path = small_disk("6m") / "run.mcap"
     file = McapFile(path)
     channel = file.add_channel("plant/joint_state", "JointState/1", {})

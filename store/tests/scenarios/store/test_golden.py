@@ -10,7 +10,6 @@ from support.runs.golden import golden
 pytestmark = [
     pytest.mark.slow,
     pytest.mark.timeout(300),
-    pytest.mark.filterwarnings("ignore:store.mcap. mission ended the run"),
 ]
 
 LOG = {

@@ -168,7 +168,8 @@ def test_a_thread_that_keeps_the_lock_in_the_turn_of_another_is_its_participants
     # Where the run is by then depends on the machine; the first turn after it may be anybody's.
     assert done.code in {3, 6, 9}, done.errors
     assert (done.result["exit_code"], done.result["participant"]) == (done.code, "controller")
-    assert "has a thread that kept" in done.errors or "has been computing" in done.errors
+    words = ["has a thread that kept", "has been computing", "kept the process"]
+    assert any(text in done.errors for text in words), done.errors
 
 
 @pytest.mark.slow
