@@ -25,12 +25,11 @@ def imported_on_use(
         try:
             value = next(getattr(home, name) for home in loaded if hasattr(home, name))
         except ModuleNotFoundError as exc:
-            from stepbus_participant import ExtraMissing, extra_hint  # noqa: PLC0415
+            from stepbus_participant import ExtraMissing, extra_hint, lacks  # noqa: PLC0415
 
-            if hint := extra_hint(exc.name or ""):
-                text = f"{module}.{name} needs {exc.name}, which is not installed{hint}"
-                raise ExtraMissing(text) from None
-            raise
+            if not extra_hint(exc.name or ""):
+                raise
+            raise ExtraMissing(lacks(f"{module}.{name}", str(exc.name))) from None
         setattr(sys.modules[module], name, value)
         return value
 

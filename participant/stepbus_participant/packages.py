@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlparse
 from stepbus_schemas import WiringError
 
 _EXTRAS = {
-    "run": (*("greenlet", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme", "zstandard"),),
+    "run": ("greenlet", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme", "zstandard"),
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "report": ("matplotlib", "uplot"),
     "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),
@@ -84,12 +84,15 @@ def need(who: str, *modules: str) -> tuple[Any, ...]:
         except ModuleNotFoundError as exc:
             missing[str(exc.name).partition(".")[0]] = None
     if missing:
-        verb = "is" if len(missing) == 1 else "are"
-        raise ExtraMissing(
-            f"{who} needs {' and '.join(missing)}, which {verb} not installed"
-            f"{extra_hint(next(iter(missing)))}"
-        )
+        raise ExtraMissing(lacks(who, *missing))
     return tuple(imported)
+
+
+def lacks(who: str, *modules: str) -> str:
+    """Return the sentence that modules are not installed, and how to install them."""
+    verb = "is" if len(modules) == 1 else "are"
+    hint = extra_hint(modules[0])
+    return f"{who} needs {' and '.join(modules)}, which {verb} not installed{hint}"
 
 
 @cache

@@ -46,13 +46,12 @@ def _main() -> int:
 
 
 def _lacking(exc: ImportError) -> int:
-    """Say which extra lacks; any other error of an import is ours, and raised."""
-    from stepbus_participant import extra_hint  # noqa: PLC0415
+    """Say which extra is missing; raise any other error of an import, which is ours."""
+    from stepbus_participant import extra_hint, lacks  # noqa: PLC0415  (see the top)
 
-    hint = extra_hint(exc.name or "")
-    if not hint:
+    if not extra_hint(exc.name or ""):
         raise exc
-    sys.stderr.write(f"stepbus: the command line needs {exc.name}, which is not installed{hint}\n")
+    sys.stderr.write(f"stepbus: {lacks('the command line', str(exc.name))}\n")
     return _USAGE
 
 

@@ -15,7 +15,7 @@ from msgspec import structs
 from stepbus_orchestrator.plugins import points
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
-from stepbus_participant import PARTICIPANTS, ExtraMissing, extra_hint, is_installed, suggest
+from stepbus_participant import PARTICIPANTS, ExtraMissing, extra_hint, is_installed, lacks, suggest
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .model import BridgeSpec, ParticipantSpec, Scenario
@@ -212,11 +212,7 @@ def missing(spec: ParticipantSpec) -> str:
     module = spec.participant.rpartition(":")[0]
     needs = (needed for key, needed in NEEDS.items() if f"{module}.".startswith(f"{key}."))
     lacking = [name for names in needs for name in names if not _is_here(name)]
-    if not lacking:
-        return ""
-    verb = "is" if len(lacking) == 1 else "are"
-    names = " and ".join(lacking)
-    return f"{module} needs {names}, which {verb} not installed{extra_hint(lacking[0])}"
+    return lacks(module, *lacking) if lacking else ""
 
 
 def _is_here(module: str) -> bool:

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_participant import ExtraMissing, extra_hint
+from stepbus_participant import ExtraMissing, lacks
 from stepbus_tools.columns import dotted
 from stepbus_tools.report.charts import ChartLine, Role
 from stepbus_tools.report.curves import Curve
@@ -93,7 +93,7 @@ def _uplot() -> Path:
     for place in (spec.submodule_search_locations or ()) if spec else ():
         if (static := Path(place) / "static").is_dir():
             return static
-    raise ExtraMissing(f"the page needs uplot, which is not installed{extra_hint('uplot')}")
+    raise ExtraMissing(lacks("the page", "uplot"))
 
 
 def _read(file: Traversable) -> str:
