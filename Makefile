@@ -15,7 +15,7 @@ help:
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
-	@echo "make campaign   345 faults from outside, 2,000 damaged recordings, 64 sales, judged (2 h)"
+	@echo "make campaign   66 faults from outside, 2,000 damaged recordings, 64 sales, judged (1 h)"
 	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
 	@echo "make clean      remove .venv and caches; runs/ stays"

@@ -18,7 +18,9 @@ from .table import RecordingTable, RunTable, SaleTable, heading
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m campaign", description=__doc__)
     parser.add_argument("--part", choices=["all", *_PARTS], default="all")
-    parser.add_argument("--count", type=int, default=345, help="how many runs (default: 345)")
+    parser.add_argument(
+        "--count", type=int, default=runs.WHOLE, help=f"how many runs (default: {runs.WHOLE})"
+    )
     parser.add_argument("--first", type=int, default=0, help="the first of them (default: 0)")
     parser.add_argument(
         "--mutations", type=int, default=2000, help="how many mutated recordings (default: 2000)"
@@ -58,7 +60,7 @@ def _strike_runs(options: argparse.Namespace, give_up: float) -> RunTable:
     table, outcomes = RunTable(), runs.strike(rows, options.seed, options.patience)
     for number, (case, verdict) in enumerate(outcomes, start=1):
         table.add(case, verdict)
-        state = "BROKEN" if verdict.broken else "ok"
+        state = "BROKEN" if verdict.broken else "MISSED" if verdict.missed else "ok"
         _say(f"{number}/{len(rows)} {state} {case}: {verdict.code} after {verdict.seconds:.1f} s")
         if verdict.broken:
             details = [*verdict.broken, f"reason: {verdict.said}"]

@@ -109,7 +109,7 @@ def _check_output(text: str, say: Say) -> None:
 
 def _check_result(box: Sandbox, code: int, result: dict[str, Any] | None, say: Say) -> None:
     if result is None:
-        if box.notes.get("stepped") and box.notes.get("blocked") != "result.json":
+        if box.notes.get("stepped") and not box.notes.get("blocked"):
             say("no result.json")
     elif result["exit_code"] != code:
         say(f"result.json says {result['exit_code']}, the exit code is {code}")

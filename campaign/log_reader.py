@@ -8,6 +8,7 @@ import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from itertools import pairwise
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +16,7 @@ import msgpack
 import yaml
 import zstandard
 from mcap.exceptions import McapError
-from mcap.records import Attachment, Channel, Message
+from mcap.records import Attachment, Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 CHAIN = "stepbus/chain"
@@ -37,12 +38,14 @@ DAMAGE = (
 class Log:
     """What a recording holds.
 
-    steps: topic → sequence numbers in file order. holes: sentences. sealed: whether the file has
-    its end, so that nothing was cut off.
+    steps: topic → sequence numbers in file order. holes: sentences. held: participant → the first
+    step that the orchestrator published on its behalf. sealed: whether the file has its end, so
+    that nothing was cut off.
     """
 
     steps: dict[str, list[int]] = field(default_factory=dict)
     holes: list[str] = field(default_factory=list)
+    held: dict[str, int] = field(default_factory=dict)
     sealed: bool = False
     sha256: str = ""
 
@@ -57,9 +60,11 @@ class Log:
         return max((steps[-1] for steps in self.steps.values() if steps), default=-1)
 
     def last_step_of(self, participant: str) -> int:
-        """Return the newest step of a participant's topics; −1 where there is none."""
+        """Return the newest step that a participant published itself; −1 where there is none."""
         topics = (t for t in self.steps if t.split("/")[0] == participant)
-        return max((self.steps[t][-1] for t in topics if self.steps[t]), default=-1)
+        steps = (step for topic in topics for step in self.steps[topic])
+        first = self.held.get(participant, inf)
+        return max((step for step in steps if step < first), default=-1)
 
 
 def read(path: Path) -> Log:
@@ -72,6 +77,8 @@ def read(path: Path) -> Log:
     for record, channel in _records(path, log):
         if isinstance(record, Attachment) and record.name == "scenario.yaml":
             chains = _Chains(_every(record.data))
+        elif isinstance(record, Metadata) and record.name == "on_fault":
+            log.held[record.metadata["participant"]] = int(record.metadata["first"])
         elif channel is not None and isinstance(record, Message):
             log.steps.setdefault(channel.topic, []).append(record.sequence)
             if channel.topic == CHAIN:

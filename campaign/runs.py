@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 import os
 import random
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from .faults import FAULTS
+from .faults import FAULTS, Fault
+from .faults.fault import Missed
 from .faults.streams import open_stream
 from .judge import ORPHAN_GRACE_S, Verdict, judge
 from .log_reader import result
@@ -25,32 +27,46 @@ _ATTEMPTS = 4
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One run, and what strikes it when."""
+    """One run, and what strikes it when. turn: counts the cases of a fault."""
 
     number: int
     fault: str
     scenario: str
     moment: str
+    turn: int = 0
 
     def __str__(self) -> str:
         """Return the case in words."""
         return f"#{self.number} {self.fault}, {self.scenario}, {self.moment}"
 
 
+WHOLE = sum(fault.cases for fault in FAULTS.values())
+"""How many cases a whole campaign has."""
+
+
 def cases(count: int, seed: int) -> list[Case]:
-    """Return the cases, every type of fault in turn."""
+    """Return the cases: every fault as often as its row says, on all scenarios, at all moments."""
     chance = random.Random(seed)
-    names, rows = list(FAULTS), []
-    weights = [scenario.weight for scenario in SCENARIOS.values()]
-    for number in range(count):
-        if number % len(names) == 0:
-            # A sample shorter than the list takes other faults with another seed.
-            chance.shuffle(names)
-        name = names[number % len(names)]
-        (scenario,) = chance.choices(list(SCENARIOS), weights)
-        moment = chance.choice(FAULTS[name].when)
-        rows.append(Case(number=number, fault=name, scenario=scenario, moment=moment))
-    return rows
+    names = _dealt(chance, [name for name, row in FAULTS.items() for _ in range(row.cases)])
+    scenarios = _dealt(chance, [name for name, row in SCENARIOS.items() for _ in range(row.weight)])
+    moments = {name: _dealt(chance, row.when) for name, row in FAULTS.items()}
+    turns = {name: itertools.count(chance.randrange(60)) for name in FAULTS}
+    return [
+        Case(
+            number=number,
+            fault=name,
+            scenario=next(scenarios),
+            moment=next(moments[name]),
+            turn=next(turns[name]),
+        )
+        for number, name in enumerate(itertools.islice(names, count))
+    ]
+
+
+def _dealt(chance: random.Random, cards: Sequence[str]) -> Iterator[str]:
+    """Yield all cards in a random order, again and again."""
+    while True:
+        yield from chance.sample(cards, len(cards))
 
 
 def strike(rows: list[Case], seed: int, patience: float) -> Iterator[tuple[Case, Verdict]]:
@@ -86,6 +102,7 @@ def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | N
     with sandbox() as box:
         box.notes["participants"] = scenario.participants
         box.notes["step_s"] = scenario.step_s
+        box.notes["turn"] = case.turn
         box.notes["grace_s"] = ORPHAN_GRACE_S if patience <= 1.0 else HANG_S
         box.notes["reference"] = None if undisturbed is None else undisturbed.sha256
         before = fault.prepare(box, chance) if fault.prepare else None
@@ -103,13 +120,26 @@ def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | N
         box.start(words, stdout=output, stderr=errors, before=before, environment=fault.environment)
         _await_moment(box, case.moment, chance)
         box.faulted_at = time.monotonic()
-        fault.strike(box, chance)
+        box.notes["missed"] = not has_struck(box, fault, chance)
         # What strikes may have to start first, or wait between two blows.
         box.faulted_at = time.monotonic()
         verdict = judge(box, fault, _limit_s(case, undisturbed, patience))
         for descriptor in box.notes["opened"]:
             os.close(descriptor)
     return verdict
+
+
+def has_struck(box: Sandbox, fault: Fault, chance: random.Random) -> bool:
+    """Strike; return False where the run ended before."""
+    if fault.strike is None:
+        return True
+    if box.orchestrator.poll() == 0:
+        return False
+    try:
+        fault.strike(box, chance)
+    except Missed:
+        return False
+    return True
 
 
 def _await_moment(box: Sandbox, moment: str, chance: random.Random) -> None:

@@ -129,8 +129,7 @@ class Sandbox:
             if "attached" not in self.notes and any(self.temporary.glob("stepbus-*")):
                 # They are written before the run makes its private folder.
                 self.notes["attached"] = size
-            more = self.notes.get("stepping_bytes", _STEPPING_BYTES)
-            return bool(size > self.notes.get("attached", 1 << 60) + more)
+            return bool(size > self.notes.get("attached", 1 << 60) + _STEPPING_BYTES)
         return False
 
     def see_shared_memory(self) -> None:

@@ -25,15 +25,15 @@ class Scenario:
     """One scenario that ships.
 
     participants: their names. duration: of a run that ends by itself. start_s, step_s: deadlines
-    of each phase of the start, and of a step and of the end [s]. weight: how often it is chosen.
-    still: settings of a run that ends by the fault only.
+    of each phase of the start, and of a step and of the end [s]. weight: how often it comes in
+    turn. still: settings of a run that ends by the fault only.
     """
 
     participants: tuple[str, ...] = ARM
-    duration: str = "10s"
+    duration: str = "60s"
     start_s: float = 8.0
     step_s: float = 2.0
-    weight: float = 2.0
+    weight: int = 2
     still: tuple[str, ...] = ()
 
     def patient(self, patience: float) -> Scenario:
@@ -60,17 +60,17 @@ class Scenario:
 
 # Without a script nothing ends a sale before the fault does.
 _STORE = Scenario(
-    participants=STORE, duration="2400ms", start_s=30.0, step_s=6.0, weight=0.6,
+    participants=STORE, duration="4800ms", start_s=30.0, step_s=6.0, weight=1,
     still=("plant.params.script=[]",),
 )  # fmt: skip
 SCENARIOS: Mapping[str, Scenario] = {
-    "two_link": Scenario(weight=4.0),
+    "two_link": Scenario(weight=4),
     **{
         f"two_link/{name}": Scenario()
         for name in ("pd", "pid", "pd_gravity", "velocity_force", "encoders")
     },
-    "baxter": Scenario(weight=3.0, start_s=12.0),
-    "baxter/round_trip": Scenario(weight=1.5, start_s=20.0, step_s=4.0),
+    "baxter": Scenario(weight=3, start_s=12.0),
+    "baxter/round_trip": Scenario(start_s=20.0, step_s=4.0),
     **{f"store/{name}": _STORE for name in ("truth", "obstacle", "heavy", "no_path")},
     # A wheel jams at 1.5 s; soon afterwards the sale fails, as it should.
     "store/jammed": replace(_STORE, duration="1792ms"),

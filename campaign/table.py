@@ -21,9 +21,13 @@ from .store import Outcome as SaleOutcome
 
 @dataclass
 class RunTable:
-    """What the runs came to: for each type of fault the cases, broken promises, codes, times."""
+    """What the runs came to: for each type of fault the cases, broken promises, codes, times.
+
+    cases: those in which the fault struck. missed: those whose run had ended before.
+    """
 
     cases: Counter[str] = field(default_factory=Counter)
+    missed: Counter[str] = field(default_factory=Counter)
     broken: Counter[str] = field(default_factory=Counter)
     codes: defaultdict[str, set[int]] = field(default_factory=lambda: defaultdict(set))
     slowest: defaultdict[str, float] = field(default_factory=lambda: defaultdict(float))
@@ -31,7 +35,8 @@ class RunTable:
     def add(self, case: Case, verdict: Verdict) -> None:
         """Count one case."""
         name = case.fault
-        self.cases[name] += 1
+        self.cases[name] += not verdict.missed
+        self.missed[name] += verdict.missed
         self.broken[name] += bool(verdict.broken)
         self.slowest[name] = max(self.slowest[name], verdict.seconds)
         if verdict.code is not None:
@@ -40,19 +45,19 @@ class RunTable:
     def lines(self) -> list[str]:
         """Return the table."""
         lines = [
-            "| Strikes | Fault from outside | Cases | Exit codes | Slowest end [s] | Broken |",
-            "|---|---|---|---|---|---|",
+            "| Strikes | Fault | Cases | Missed | Exit codes | Slowest end [s] | Broken |",
+            "|---|---|---|---|---|---|---|",
         ]
         for group, faults in GROUPS.items():
             for name in faults:
-                if self.cases[name]:
+                if name in self.cases:
                     codes = ", ".join(map(str, sorted(self.codes[name])))
                     lines.append(
-                        f"| {group} | {name} | {self.cases[name]} | {codes} "
+                        f"| {group} | {name} | {self.cases[name]} | {self.missed[name]} | {codes} "
                         f"| {self.slowest[name]:.1f} | {self.broken[name]} |"
                     )
-        total, broken = self.cases.total(), self.broken.total()
-        return [*lines, f"| **all** | | {total} | | | {broken} |"] if total else []
+        totals = f"{self.cases.total()} | {self.missed.total()} | | | {self.broken.total()}"
+        return [*lines, f"| **all** | | {totals} |"] if self.cases else []
 
 
 @dataclass

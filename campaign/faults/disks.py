@@ -13,7 +13,7 @@ from pathlib import Path
 
 from campaign.sandbox import Sandbox
 
-from .fault import Prepare, Strike
+from .fault import START_S, Missed, Strike
 from .signals import stopped
 
 _LIMIT_BYTES = 1 << 20
@@ -23,14 +23,14 @@ _MCAP_END = b"\x89MCAP0\r\n"
 def while_running(strike: Strike) -> Strike:
     """Return the strike at an orchestrator that is stopped meanwhile, so that no run ends before.
 
-    One that has written its recording whole has been missed; its strike is left out.
+    One that has written its recording whole has been missed.
     """
 
     def at_rest(box: Sandbox, chance: random.Random) -> None:
         with stopped(box.orchestrator):
-            box.notes["missed"] = _is_written(box.out / "run.mcap")
-            if not box.notes["missed"]:
-                strike(box, chance)
+            if _is_written(box.out / "run.mcap"):
+                raise Missed
+            strike(box, chance)
 
     return at_rest
 
@@ -45,10 +45,9 @@ def _is_written(recording: Path) -> bool:
 
 
 def small_disk(box: Sandbox, chance: random.Random) -> Callable[[], None] | None:
-    """Put the run's folder on a file system of a random size, or limit the size of its files."""
+    """Put the run's folder on a small file system, or limit the size of its files."""
     # A sale is over before it has filled a large one.
     kib = chance.randrange(700, 6000 if "planner" not in box.notes["participants"] else 1200)
-    box.notes["stepping_bytes"] = 1 << 40
     return _disk(box, f"size={kib}k", kib * 1024)
 
 
@@ -95,12 +94,6 @@ def fill(box: Sandbox, _chance: random.Random) -> None:
 
 
 @while_running
-def remove_folder(box: Sandbox, _chance: random.Random) -> None:
-    """Remove the run's folder."""
-    shutil.rmtree(box.out, ignore_errors=True)
-
-
-@while_running
 def move_folder(box: Sandbox, _chance: random.Random) -> None:
     """Move the run's folder away."""
     with contextlib.suppress(OSError):
@@ -115,20 +108,17 @@ def remove_logs(box: Sandbox, _chance: random.Random) -> None:
 
 def remove_temporary_files(box: Sandbox, _chance: random.Random) -> None:
     """Remove the private folder, with the sockets in it."""
+    box.wait_for(lambda: [*box.temporary.glob("stepbus-*")], START_S)
     for folder in box.temporary.glob("stepbus-*"):
         shutil.rmtree(folder, ignore_errors=True)
 
 
-def truncate(name: str) -> Strike:
-    """Return a strike that cuts a file of the run to a random size."""
-
-    @while_running
-    def strike(box: Sandbox, chance: random.Random) -> None:
-        path = box.out / name
-        with contextlib.suppress(OSError):
-            os.truncate(path, chance.randrange(path.stat().st_size + 1))
-
-    return strike
+@while_running
+def cut(box: Sandbox, chance: random.Random) -> None:
+    """Cut the recording to a random size."""
+    with contextlib.suppress(OSError):
+        size = (box.out / "run.mcap").stat().st_size
+        os.truncate(box.out / "run.mcap", chance.randrange(size + 1))
 
 
 def replace(name: str) -> Strike:
@@ -158,11 +148,7 @@ def damage(box: Sandbox, chance: random.Random) -> None:
         file.write(chance.randbytes(chance.choice((1, 8, 100))))
 
 
-def occupy(name: str) -> Prepare:
-    """Return what makes a folder where the run wants to write a file."""
-
-    def prepare(box: Sandbox, _chance: random.Random) -> None:
-        box.notes["blocked"] = name
-        (box.out / name).mkdir(parents=True)
-
-    return prepare
+def occupy_result(box: Sandbox, _chance: random.Random) -> None:
+    """Make a folder where the run wants to write its result."""
+    box.notes["blocked"] = True
+    (box.out / "result.json").mkdir(parents=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import random
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 from campaign.sandbox import Sandbox
 
@@ -22,17 +22,18 @@ ANY_END = frozenset({0, 3, 4, 5, 6, 7, 8, 9, 130})
 class Fault:
     """One type of fault.
 
-    strike: does it, given the sandbox and a source of chance. codes: exit codes the run may end
-    with; a negative one is a signal. blames: whom a run that failed must name: the participant
-    that was `hit`, `nobody`, or `any`. when: the moments at which it may strike. endless: the run
-    ends only by the fault; otherwise it must end by itself, and where its code is 0, with the
-    recording of an undisturbed run. arguments, prepare: of `stepbus run`, and what happens before
-    its start. environment: further variables of the run. stdout, stderr: where they go. takes_s:
-    how long it takes until the fault strikes [s]. leaves: what may stay in the folder for
-    temporary files, since no process is left to remove it. group: its rows in the table.
+    strike: does it, given the sandbox and a source of chance; None where what was prepared is the
+    fault. codes: exit codes the run may end with; a negative one is a signal. blames: whom a run
+    that failed must name: the participant that was `hit`, `nobody`, or `any`. when: the moments at
+    which it may strike. endless: the run ends only by the fault; otherwise it must end by itself,
+    and where its code is 0, with the recording of an undisturbed run. arguments, prepare: of
+    `stepbus run`, and what happens before its start. environment: further variables of the run.
+    stdout, stderr: where they go. takes_s: how long it takes until the fault strikes [s]. leaves:
+    what may stay in the folder for temporary files, since no process is left to remove it. cases:
+    how often it comes in a whole campaign.
     """
 
-    strike: Strike
+    strike: Strike | None = None
     codes: frozenset[int]
     blames: Literal["hit", "nobody", "any"] = "nobody"
     when: tuple[str, ...]
@@ -44,6 +45,11 @@ class Fault:
     stderr: str = "file"
     takes_s: float = 0.0
     leaves: bool = False
+    cases: int = 1
+
+
+class Missed(Exception):
+    """The run ended before the fault struck."""
 
 
 def in_turn(*strikes: Strike) -> Strike:
@@ -56,5 +62,6 @@ def in_turn(*strikes: Strike) -> Strike:
     return strike
 
 
-def wait(_box: Sandbox, _chance: random.Random) -> None:
-    """Do nothing: what was prepared is the fault."""
+def one_of(box: Sandbox, options: Sequence[Any]) -> Any:
+    """Return what this case does of several things: the cases of a fault take them in turn."""
+    return options[box.notes["turn"] % len(options)]

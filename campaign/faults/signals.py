@@ -14,7 +14,7 @@ import psutil
 
 from campaign.sandbox import Sandbox
 
-from .fault import START_S, Strike
+from .fault import START_S, Missed, Strike, one_of
 
 
 def to_participant(*numbers: int) -> Strike:
@@ -24,27 +24,23 @@ def to_participant(*numbers: int) -> Strike:
         name = chance.choice(box.notes["participants"])
         box.notes["hit"] = name
         box.wait_for(lambda: box.find(name), START_S)
-        send(box.find(name), chance.choice(numbers))
+        send(box.find(name), one_of(box, numbers))
 
     return strike
 
 
-def to_all_participants(number: int) -> Strike:
-    """Return a strike that sends a signal to every participant at once."""
-
-    def strike(box: Sandbox, _chance: random.Random) -> None:
-        box.wait_for(lambda: all(map(box.find, box.notes["participants"])), START_S)
-        for process in [box.find(name) for name in box.notes["participants"]]:
-            send(process, number)
-
-    return strike
+def stop_all_participants(box: Sandbox, _chance: random.Random) -> None:
+    """Stop every participant at once."""
+    box.wait_for(lambda: all(map(box.find, box.notes["participants"])), START_S)
+    for process in [box.find(name) for name in box.notes["participants"]]:
+        send(process, signal.SIGSTOP)
 
 
 def to_orchestrator(*numbers: int) -> Strike:
     """Return a strike that sends one of these signals to the orchestrator."""
 
-    def strike(box: Sandbox, chance: random.Random) -> None:
-        box.orchestrator.send_signal(chance.choice(numbers))
+    def strike(box: Sandbox, _chance: random.Random) -> None:
+        box.orchestrator.send_signal(one_of(box, numbers))
 
     return strike
 
@@ -52,18 +48,19 @@ def to_orchestrator(*numbers: int) -> Strike:
 def to_reaper(*numbers: int) -> Strike:
     """Return a strike that sends one of these signals to the reaper."""
 
-    def strike(box: Sandbox, chance: random.Random) -> None:
-        box.wait_for(lambda: box.find("reaper"), START_S)
-        send(box.find("reaper"), chance.choice(numbers))
+    def strike(box: Sandbox, _chance: random.Random) -> None:
+        if not box.wait_for(lambda: box.find("reaper"), START_S):
+            raise Missed
+        send(box.find("reaper"), one_of(box, numbers))
 
     return strike
 
 
 def storm(*numbers: int) -> Strike:
-    """Return a strike that sends the orchestrator six of these signals in half a second."""
+    """Return a strike that sends the orchestrator up to six of these signals in half a second."""
 
     def strike(box: Sandbox, chance: random.Random) -> None:
-        for _ in range(6):
+        for _ in range(chance.randrange(1, 7)):
             box.orchestrator.send_signal(chance.choice(numbers))
             time.sleep(chance.uniform(0.0, 0.1))
 
@@ -72,32 +69,8 @@ def storm(*numbers: int) -> Strike:
 
 def suspend_orchestrator(box: Sandbox, chance: random.Random) -> None:
     """Stop the orchestrator for longer than any deadline of a step, then let it continue."""
-    with paused(psutil.Process(box.orchestrator.pid)):
+    with stopped(box.orchestrator):
         time.sleep(box.notes["step_s"] + chance.uniform(0.5, 2.0))
-
-
-def stutter(box: Sandbox, chance: random.Random) -> None:
-    """Stop a participant a few times, never for as long as its deadline."""
-    name = chance.choice(box.notes["participants"])
-    box.wait_for(lambda: box.find(name), START_S)
-    for _ in range(5):
-        with paused(box.find(name)):
-            time.sleep(chance.uniform(0.02, 0.3))
-        time.sleep(chance.uniform(0.0, 0.1))
-
-
-@contextlib.contextmanager
-def paused(process: psutil.Process | None) -> Iterator[None]:
-    """Stop a process while this is open."""
-    with contextlib.suppress(psutil.Error):
-        if process is not None:
-            process.suspend()
-    try:
-        yield
-    finally:
-        with contextlib.suppress(psutil.Error):
-            if process is not None:
-                process.resume()
 
 
 @contextlib.contextmanager

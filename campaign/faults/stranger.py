@@ -88,13 +88,13 @@ def flood(addresses: list[str]) -> None:
 
 
 def babble(addresses: list[str]) -> None:
-    """Connect and send nonsense, again and again."""
+    """Connect, send nonsense or nothing, and hang up, again and again."""
     ready()
     while True:
         for address in addresses:
             for link in connected(address, 1):
                 with contextlib.suppress(OSError):
-                    link.sendall(random.randbytes(random.choice((1, 2, 100, 70_000))))
+                    link.sendall(random.randbytes(random.choice((0, 1, 2, 100, 70_000))))
                 link.close()
         time.sleep(0.01)
 
@@ -118,16 +118,6 @@ def client_hello() -> bytes:
     with contextlib.suppress(ssl.SSLError):
         link.do_handshake()
     return sent.read()
-
-
-def hang_up(addresses: list[str]) -> None:
-    """Connect and hang up again and again."""
-    ready()
-    while True:
-        for address in addresses:
-            for link in connected(address, 3):
-                link.close()
-        time.sleep(0.002)
 
 
 def call(folders: list[str]) -> None:
@@ -177,7 +167,7 @@ DEEDS = {
     deed.__name__: deed
     for deed in (
         subscribe, subscribe_with_qos, subscribe_stolen, intrude, idle, flood, babble,
-        half_handshake, hang_up, call,
+        half_handshake, call,
     )
 }  # fmt: skip
 

@@ -13,7 +13,7 @@ import psutil
 
 from campaign.sandbox import Sandbox
 
-from .fault import START_S, Strike
+from .fault import START_S, Missed, Strike, one_of
 
 _PROGRAM = Path(__file__).with_name("stranger.py")
 _READY_S = 30.0
@@ -22,11 +22,11 @@ _READY_S = 30.0
 def deed(*names: str, nobody: bool = False) -> Strike:
     """Return a strike that does one of these deeds on all sockets and ports of the run."""
 
-    def strike(box: Sandbox, chance: random.Random) -> None:
+    def strike(box: Sandbox, _chance: random.Random) -> None:
         box.wait_for(lambda: addresses(box), START_S)
         reached = addresses(box)
         if reached:
-            _start(box, chance.choice(names), reached, nobody=nobody)
+            _start(box, one_of(box, names), reached, nobody=nobody)
 
     return strike
 
@@ -58,6 +58,8 @@ def _start(box: Sandbox, name: str, words: list[str], *, nobody: bool = False) -
     box.helpers.append(helper)
     if helper.stdout is not None:
         select.select([helper.stdout], [], [], _READY_S)
+    if box.orchestrator.poll() == 0:
+        raise Missed
 
 
 def addresses(box: Sandbox) -> list[str]:

@@ -6,17 +6,20 @@ import random
 import subprocess
 import sys
 import time
+from collections import Counter
 
 import pytest
 from campaign import judge as judging
 from campaign.faults import FAULTS, Fault
-from campaign.faults.fault import wait
-from campaign.judge import judge
+from campaign.faults.fault import one_of
+from campaign.judge import Verdict, judge
 from campaign.log_reader import CHAIN, read
 from campaign.recordings.mutations import message_changed, message_dropped
-from campaign.runs import Case, cases, strike
+from campaign.runs import WHOLE, Case, cases, has_struck, strike
 from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS, Scenario
+from campaign.table import RunTable
+from mcap.writer import Writer
 from support.messages.recordings import rewrite
 
 from stepbus_orchestrator.scenario.load import load
@@ -46,7 +49,7 @@ def end(box, code=0, program="", **fields):
 
 
 def broken(box, limit_s=20.0, **fault):
-    row = {"strike": wait, "codes": CODES, "when": ("middle",), **fault}
+    row = {"codes": CODES, "when": ("middle",), **fault}
     box.faulted_at = time.monotonic()
     return judge(box, Fault(**row), limit_s).broken
 
@@ -139,6 +142,20 @@ def test_somebody_is_blamed_whose_step_is_in_the_log(box):
     assert broken(box, blames="hit") == ["wrong blame: the log has step 60 of plant: finished"]
 
 
+def test_what_was_published_on_behalf_of_a_participant_is_not_its_own(tmp_path):
+    with (tmp_path / "run.mcap").open("wb") as file:
+        writer = Writer(file)
+        writer.start()
+        fields = {"participant": "mission", "port": "goal"}
+        channel = writer.register_channel("mission/goal", "msgpack", 0, fields)
+        writer.add_metadata("on_fault", {"participant": "mission", "first": "3", "until": "6"})
+        for step in range(6):
+            writer.add_message(channel, step, b"", step, step)
+        writer.finish()
+    log = read(tmp_path / "run.mcap")
+    assert (log.last_step_of("mission"), log.last_step) == (2, 5)
+
+
 def test_a_hash_that_is_not_that_of_the_recording(box):
     end(box, sha256="0")
     assert broken(box) == ["result.json gives another SHA-256 than the recording has"]
@@ -190,12 +207,23 @@ def test_a_hole_is_wrong_only_where_it_is_not_reported(box, monkeypatch, reports
     assert len(found) == (0 if reports else 1)
 
 
-def test_every_fault_comes_in_turn_and_every_scenario_comes():
-    rows = cases(5 * len(FAULTS), 1)
-    assert {row.fault for row in rows[: len(FAULTS)]} == set(FAULTS)
+@pytest.mark.parametrize("seed", range(5))
+def test_a_whole_campaign_has_every_fault_and_every_scenario(seed):
+    rows = cases(WHOLE, seed)
+    assert Counter(row.fault for row in rows) == {name: row.cases for name, row in FAULTS.items()}
     assert {row.scenario for row in rows} == set(SCENARIOS)
     assert {row.moment for row in rows} == {"start", "middle", "end"}
-    assert rows == cases(5 * len(FAULTS), 1)
+    assert rows == cases(WHOLE, seed) == cases(2 * WHOLE, seed)[:WHOLE]
+
+
+def test_the_cases_of_a_fault_strike_at_all_its_moments_with_all_its_signals(box):
+    rows = [row for row in cases(WHOLE, 1) if row.fault == "kill, terminate or stop the reaper"]
+    assert {row.moment for row in rows} == {"start", "middle"}
+    signals = set()
+    for row in rows:
+        box.notes["turn"] = row.turn
+        signals.add(one_of(box, ("KILL", "TERM", "STOP")))
+    assert signals == {"KILL", "TERM", "STOP"}
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
@@ -208,16 +236,43 @@ def test_the_arguments_of_every_scenario_are_valid(name):
 
 def test_an_undisturbed_run_that_fails_is_a_broken_case_with_its_output(monkeypatch):
     monkeypatch.setitem(SCENARIOS, "two_link", Scenario(duration="7us"))
-    case = Case(number=0, fault="stdout is full", scenario="two_link", moment="start")
+    case = Case(number=0, fault="stdout is a closed pipe", scenario="two_link", moment="start")
     ((_, verdict),) = strike([case], 1, 2.0)
     assert [line.split(":")[0] for line in verdict.broken] == ["the undisturbed run failed"]
     assert "not a whole number" in verdict.broken[0]
 
 
 def test_a_case_that_the_campaign_cannot_judge_is_broken(monkeypatch):
-    case = Case(number=0, fault="stdout is full", scenario="no_such", moment="start")
+    case = Case(number=0, fault="stdout is a closed pipe", scenario="no_such", moment="start")
     ((_, verdict),) = strike([case], 1, 2.0)
     assert "KeyError: 'no_such'" in verdict.broken[0]
+
+
+@pytest.mark.parametrize("name", ["the sockets are removed", "the recording is cut"])
+@pytest.mark.parametrize("is_over", [True, False])
+def test_a_fault_misses_a_run_that_has_ended(box, name, is_over):
+    end(box, program="" if is_over else "import time; time.sleep(60)")
+    (box.temporary / "stepbus-x").mkdir()
+    if is_over:
+        box.process.wait()
+    else:
+        (box.out / "run.mcap").write_bytes(b"not yet whole")
+    assert has_struck(box, FAULTS[name], random.Random(1)) == (not is_over)
+    box.process.kill()
+
+
+def test_what_was_prepared_strikes_a_run_that_has_ended_by_it(box):
+    end(box)
+    box.process.wait()
+    assert has_struck(box, FAULTS["result.json is a folder"], random.Random(1))
+
+
+def test_the_table_says_how_often_a_fault_missed():
+    table = RunTable()
+    case = cases(1, 1)[0]
+    table.add(case, Verdict(0, 0.1, missed=True))
+    table.add(case, Verdict(8, 0.2))
+    assert f"| {case.fault} | 1 | 1 | 0, 8 | 0.2 | 0 |" in table.lines()[2]
 
 
 def test_a_run_that_ended_before_the_fault_is_judged_as_undisturbed(box):
