@@ -94,7 +94,7 @@ class Announcer:
         self.on_block: Callable[[], None] = lambda: None
         self._bus = bus
         self._token = token
-        self._watchdog = Watchdog(limit_s, self._blocked, bus.clock)
+        self._watchdog = Watchdog(limit_s, self._blocked, bus.clock, bus.every)
         self._put_start = self.publisher("start", "Start/1")
         self._put_trigger = self.publisher("trigger", "Trigger/1")
         self._put_stop = self.publisher("stop", "Stop/1")

@@ -1,5 +1,6 @@
 """The interface between stepbus and the transport that carries its messages."""
 
+import threading
 from collections.abc import Callable, Iterable
 from typing import Any, NamedTuple, Protocol
 
@@ -76,6 +77,9 @@ class Bus(Protocol):
     def queue(self) -> Queue:
         """Return a queue for what callbacks get; waiting for it lets the bus work."""
 
+    def every(self, period_s: float, call: Callable[[], None]) -> Callable[[], None]:
+        """Call a function every so often [s], on a thread of the bus; return what ends that."""
+
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it also takes `attachment=` bytes.
 
@@ -102,3 +106,24 @@ class Bus(Protocol):
 
     def close(self) -> None:
         """Close the session; closing it again is harmless."""
+
+
+_JOIN_S = 1.0
+
+
+def every_on_a_thread(period_s: float, call: Callable[[], None]) -> Callable[[], None]:
+    """Call a function every so often [s], on a thread of its own; return what ends that."""
+    is_over = threading.Event()
+
+    def run() -> None:
+        while not is_over.wait(period_s):
+            call()
+
+    thread = threading.Thread(target=run, name="timer", daemon=True)
+    thread.start()
+
+    def end() -> None:
+        is_over.set()
+        thread.join(_JOIN_S)
+
+    return end

@@ -10,7 +10,7 @@ from functools import lru_cache
 from queue import Empty, SimpleQueue
 from typing import Any, Literal
 
-from . import BusError, Clock, Queue, Request, Sample
+from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,8 @@ class LoopbackBus:
         self._publishers: list[Callable[[], None]] = [] if peer is None else peer._publishers
         self._only = peer if is_leaf else None
         self._closed = False
+
+    every = staticmethod(every_on_a_thread)
 
     def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
         """Return a function that publishes bytes; it raises BusError once the bus is closed."""

@@ -13,7 +13,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
-from . import BusError, Clock, Queue, Request, Sample
+from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 from .ticket import Endpoint, private_folder
 
 ONE_THREAD = {
@@ -195,6 +195,8 @@ class ZenohBus:
             cause = _cause(endpoint, "set TMPDIR to a folder with room")
             raise BusError(f"cannot write the credentials: {exc.strerror}; {cause}") from exc
         return name
+
+    every = staticmethod(every_on_a_thread)
 
     def queue(self) -> Queue:
         """Return a queue that Zenoh's thread fills."""

@@ -75,6 +75,9 @@ class HandBus:
     def __init__(self) -> None:
         self.sinks: dict[str, Any] = {}
 
+    def every(self, period_s, call):
+        return lambda: None
+
     def publisher(self, key, encoding, *, remote=False):
         return lambda data, attachment=b"": None
 

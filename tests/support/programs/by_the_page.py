@@ -202,12 +202,12 @@ class Controller:
         self.batch, self.batch_bytes, self.batch_began, self.timing = [], 0, 0.0, []
         self.inbox, self.held = queue.SimpleQueue(), {}
         self.alive = session.liveliness().declare_token(self.prefix + f"alive/{self.name}")
+        self.watched = self.watch()
         self.welcome = self.check_welcome(self.join(ticket.get("join_timeout_s", 10.0)))
         self.inputs = self.welcome["inputs"]
         self.sources = self.make_sources()
         keys = ["start", "trigger", "stop", *(f"out/{source}" for source in self.sources)]
         self.subscribers = [self.subscribe(key) for key in keys]
-        self.subscribers.append(self.watch())
         self.puts = {
             kind: self.publisher(kind, kind.capitalize()) for kind in ("log", "ready", "fault")
         }

@@ -16,7 +16,7 @@ from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import InputSpec, OutputSpec, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import Sample
+from stepbus_participant import Sample, every_on_a_thread
 from stepbus_schemas import Decoder, JointState, Log, Outputs, Ready, Stop, Trigger, encode
 
 TOKEN = "00c0ffee00c0ffee"
@@ -148,6 +148,7 @@ class Bus:
 
     clock = time
     queue = SimpleQueue
+    every = staticmethod(every_on_a_thread)
 
     def __init__(self, scenario, order, dies=None):
         self.processes = {spec.name: FakeProcess() for spec in scenario.participants}
