@@ -11,6 +11,7 @@ from .catalogue import *
 from .codec import *
 from .declaration import *
 from .errors import *
+from .marks import *
 from .messages import *
 from .protocol import *
 from .shapes import *

@@ -46,7 +46,8 @@ pub struct Bus {
 }
 
 impl Bus {
-    /// Opens the session and declares that the participant is alive (P4.1).
+    /// Opens the session, declares that the participant is alive (P4.1), and watches the
+    /// orchestrator (P4.4).
     pub fn open(ticket: &Ticket) -> zenoh::Result<Self> {
         let dictionary = write_dictionary(ticket)?;
         let config = config(&ticket.endpoint, dictionary.as_deref());
@@ -61,37 +62,37 @@ impl Bus {
         let out = publisher(&session, format!("{keys}/out/{name}"), "Outputs/1")?;
         let log = publisher(&session, format!("{keys}/log/{name}"), "Log/1")?;
         let (sender, events) = channel();
+        let gone = sender.clone();
+        // Before it asks to join: else it would not hear of an orchestrator that dies meanwhile.
+        let orchestrator = format!("{keys}/alive/orchestrator");
+        let watch = session.liveliness().declare_subscriber(orchestrator).history(true);
+        let watch = watch.callback(move |sample| {
+            if sample.kind() == SampleKind::Delete {
+                let _ = gone.send(Event::Gone);
+            }
+        });
+        let watch = watch.wait()?;
         Ok(Self {
             session,
             keys,
             name,
             out,
             log,
-            subscribers: Vec::new(),
+            subscribers: vec![watch],
             _alive: alive,
             sender,
             events,
         })
     }
 
-    /// Subscribes to the sources, by index, and to the orchestrator (P4.4).
+    /// Subscribes to the sources, by index, and to what the orchestrator says (P4.4).
     pub fn subscribe<'a>(&mut self, sources: impl Iterator<Item = &'a str>) -> zenoh::Result<()> {
         for (index, source) in sources.enumerate() {
             self.on(&format!("out/{source}"), move |bytes| Event::Output(index, bytes))?;
         }
         self.on("start", Event::Start)?;
         self.on("trigger", Event::Trigger)?;
-        self.on("stop", Event::Stop)?;
-        let sender = self.sender.clone();
-        let orchestrator = format!("{}/alive/orchestrator", self.keys);
-        let watch = self.session.liveliness().declare_subscriber(orchestrator).history(true);
-        let watch = watch.callback(move |sample| {
-            if sample.kind() == SampleKind::Delete {
-                let _ = sender.send(Event::Gone);
-            }
-        });
-        self.subscribers.push(watch.wait()?);
-        Ok(())
+        self.on("stop", Event::Stop)
     }
 
     fn on<F>(&mut self, key: &str, event: F) -> zenoh::Result<()>

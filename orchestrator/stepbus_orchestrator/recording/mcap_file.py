@@ -15,7 +15,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_participant import Disk
-from stepbus_schemas import json_schema
+from stepbus_schemas import json_schema, reached
 
 
 class McapFile:
@@ -126,6 +126,7 @@ class McapFile:
         except OSError as exc:
             raise self._failure(exc) from exc
         if changed:
+            reached("a recording was changed or removed")
             raise RecordingFailed(
                 f"the recording {self.path} {changed}: another process changed it while the run "
                 "wrote it; run again, and leave the run's folder alone until it ends"
@@ -142,6 +143,7 @@ class McapFile:
 
     def _refuse(self, exc: OSError) -> RecordingFailed:
         """Return the first failure, which refuses all that comes next."""
+        reached("a recording cannot be written")
         self._refusal = self._refusal or self._failure(exc)
         return self._refusal
 

@@ -125,12 +125,13 @@ class Recorder(Sink):
             self.abort()
 
     def abort(self) -> None:
-        """Write whatever has arrived, in order, and close the file; harmless when repeated."""
+        """Write whatever has arrived, as a `Sink` does, and close the file."""
         if self._file.closed:
             return
-        steps = self.steps()
+        steps = self.whole_steps()
         try:
-            for step in steps:
+            # A chain may be due at a step at which no participant publishes.
+            for step in range(min(self._next, *steps), steps[-1] + 1) if steps else ():
                 self._write_outputs(step, collect=self._collect_what_is_valid)
                 self._write_chain(step, is_last=step == steps[-1])
         finally:
@@ -180,11 +181,13 @@ class Recorder(Sink):
                 if on_event is not None:
                     on_event(name, port, published.step, message)
         except UNDECODABLE as exc:
-            raise self._broken(name, content[number][0], published.step, exc) from exc
+            self.broke(name)
+            raise self._undecodable(name, content[number][0], published.step, exc) from exc
         finally:
             valid = content if number == len(content) else content[:number]
             self._chains[name].extend(published.step, valid)
         if published.fault is not None:
+            self.broke(name)
             raise published.fault
 
     def _write_chain(self, step: int, *, is_last: bool) -> None:
@@ -193,7 +196,7 @@ class Recorder(Sink):
             self._last_chain = encode(Chain(step=step, hashes=hashes))
             self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
 
-    def _broken(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
+    def _undecodable(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
         error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)
         t_s = step * self._step_ns * 1e-9
         return ParticipantFault(

@@ -21,7 +21,7 @@ from stepbus_orchestrator.recording.records import RecordFile
 from stepbus_orchestrator.recording.reserved_file import is_locked
 from stepbus_orchestrator.recording.scanner import Scanner
 from stepbus_participant import Disk, NewFile, irregular, parse_duration
-from stepbus_schemas import StepbusError
+from stepbus_schemas import StepbusError, reached
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -125,6 +125,7 @@ class _Copy:
         records, index = self._scanner.records(), self._scanner.index
         header = next(records, None)
         if not isinstance(header, mcap.Header):
+            reached("a recording holds nothing")
             raise RecordingFailed(
                 f"{self._scanner.file.path} has {self._scanner.size} bytes and no complete record: "
                 "there is nothing to recover"
@@ -146,6 +147,7 @@ class _Copy:
                 else:
                     self._copy(writer, record)
             if self._newest and not index.ends_a_step:
+                reached("a recording ends within a step")
                 self._cut_step = self._newest_step
                 self._newest = [one for one in self._newest if not isinstance(one, mcap.Message)]
             self._copy_newest(writer)

@@ -5,6 +5,8 @@ That is by step, then participant, then port.
 
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from functools import partial
+from itertools import takewhile
 from typing import Protocol
 
 import msgspec
@@ -58,6 +60,7 @@ class Sink:
         self._ports_of = {name: list(own) for name, own in ports.items()}
         self._waiting: dict[str, deque[Outputs]] = {name: deque() for name in ports}
         self._bulk: dict[tuple[str, int, str], bytes] = {}
+        self._broken: set[str] = set()
         self._next = 0
 
     # --- what arrives ---------------------------------------------------------------------
@@ -150,9 +153,25 @@ class Sink:
         self.write_step(closing_step, closing)
 
     def abort(self) -> None:
-        """Write whatever has arrived, in order; harmless when repeated."""
-        for step in self.steps():
+        """Write whatever has arrived, in order and without a hole; harmless when repeated."""
+        for step in self.whole_steps():
             self.write_step(step)
+
+    def whole_steps(self) -> list[int]:
+        """Return the steps that wait, once all is dropped that would come behind a hole.
+
+        That is what a participant has published after something broken, and from the first outputs
+        on whose bulk content is missing.
+        """
+        for name, own in self._waiting.items():
+            whole = takewhile(partial(self._has_bulk, name), own)
+            self._waiting[name] = deque() if name in self._broken else deque(whole)
+        return self.steps()
+
+    def broke(self, name: str) -> None:
+        """Record no more of a participant: it has published something that cannot be recorded."""
+        self._broken.add(name)
+        self._waiting[name].clear()
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step; closing: at the last one, those that do."""

@@ -19,7 +19,7 @@ from stepbus_orchestrator.run.kernel.state import RunPhase
 from stepbus_orchestrator.run.safe_messages import motion_at_end
 from stepbus_orchestrator.scenario.model import Deadlines
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_schemas import Start, encode
+from stepbus_schemas import Start, encode, reached
 
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.participants import ParticipantState, Phase
@@ -208,6 +208,7 @@ def _fall_back(run: Run, failure: RunFailure) -> None:
     """Replace the participant that failed for as long as the scenario says (`on_fault`)."""
     state = run.state
     participant = state.participants[failure.participant or ""]
+    reached("a participant is replaced")
     participant.process.signal(signal.SIGKILL)
     participant.process.wait(LONGEST_TICK_S)
     state.replaced = participant.name
@@ -225,6 +226,7 @@ def _fall_back(run: Run, failure: RunFailure) -> None:
 
 def _after_fallback(failure: RunFailure, run: Run) -> RunFailure:
     """Return the failure of a run that has come to its safe stop."""
+    reached("a run comes to its safe stop")
     first, until = run.safe_stop.replaced_steps
     state = run.state
     rests = motion_at_end(state.scenario, run.descriptions, state.newest)
@@ -234,6 +236,7 @@ def _after_fallback(failure: RunFailure, run: Run) -> RunFailure:
 
 def _failed_in_fallback(failure: RunFailure, other: RunFailure) -> RunFailure:
     """Return the failure of a run in whose fallback something else failed."""
+    reached("something fails while a participant is replaced")
     return _extended(failure, f"while its commands were held: {other}", other)
 
 
@@ -314,8 +317,9 @@ def _patience_s(run: Run, participant: ParticipantState, *, has_failed: bool) ->
 def _check_ends(run: Run, late: list[ParticipantState]) -> None:
     """Raise for a participant that did not end in time, or with another exit code than 0."""
     participants = run.state.participants.values()
-    late = [*late, *(one for one in participants if one.process.late is not None)]
+    late += [one for one in participants if one.process.late is not None or one.name in run.killed]
     if late:
+        reached("a participant is late to end")
         first = late[0]
         raise StopTimeout(
             f"{', '.join(one.who() for one in late)} did not end within "
@@ -327,6 +331,7 @@ def _check_ends(run: Run, late: list[ParticipantState]) -> None:
         )
     for one in participants:
         if one.process.exit_code() != 0:
+            reached("a participant ends with an error after the last step")
             raise ParticipantDied(
                 f"after the last step: {one.who()} {one.process.how_it_ended()} while "
                 f"stopping; the recording is complete; {one.where_it_prints()}",

@@ -15,7 +15,7 @@ from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
 from stepbus_orchestrator.run.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_schemas import Message
+from stepbus_schemas import Message, reached
 
 from .extension import RunExtension, overriding
 from .host import Strategy
@@ -43,7 +43,8 @@ class Run:
     progress. interrupt: ends the run when it is set. extensions: its features.
 
     state: how far it is. messages: takes what participants send. gates: hold steps. descriptions:
-    of all outputs, from the end of the start-up on. ended_at: when the stop was sent, by the
+    of all outputs, from the end of the start-up on. killed: those that read nothing, and blocked
+    all others. ended_at: when the stop was sent, by the
     monotonic clock [s]. is_recorded: whether the recorder has been asked to finish, so that it must
     not be asked to abort.
     """
@@ -89,7 +90,7 @@ class Run:
         self._began = self.clock.monotonic()
         self._checked_at = self._began
         self._ticks = 0
-        self._killed: list[str] = []
+        self.killed: list[str] = []
         self.announcer.on_block = self._kill_blockers
         for extension in extensions:
             extension.attach(self)
@@ -110,6 +111,7 @@ class Run:
         for turn in self._turns:
             turn()
         if self.interrupt.is_set():
+            reached("a run is interrupted")
             raise Interrupted("interrupted by the user", step=self.state.barrier.completed)
         elapsed_s = self.clock.monotonic() - self.state.away_s - self._checked_at
         if elapsed_s < TICK_S and not self.state.is_check_due:
@@ -155,7 +157,7 @@ class Run:
             process = participant.process
             if process.exit_code() is None or name == self.state.replaced:
                 continue
-            if name in self._killed:
+            if name in self.killed:
                 raise took_nothing(self.state, participant)
             if process.late is not None:
                 raise kept_thread(self.state, participant, process.late)
@@ -168,6 +170,7 @@ class Run:
 
         Called on the watchdog's thread, and again while that frees nothing: then it is another.
         """
+        reached("a put is blocked")
         processes = {
             name: participant.process
             for name, participant in self.state.participants.items()
@@ -176,7 +179,7 @@ class Run:
         stopped = [name for name, item in processes.items() if item.activity().is_stopped]
         holders = [name for name in self.state.barrier.holders() if name in processes]
         for name in stopped or holders or processes:
-            self._killed.append(name)
+            self.killed.append(name)
             processes[name].signal(signal.SIGKILL)
 
     # --- releasing steps ------------------------------------------------------------------

@@ -23,6 +23,7 @@ from stepbus_schemas import (
     Welcome,
     encode,
     encoding_of,
+    reached,
 )
 
 from .control import Control
@@ -75,6 +76,7 @@ def join(
         if refusal is not None:
             raise refusal
         bus.clock.sleep(_RETRY_S)
+    reached("no orchestrator answers")
     raise RunError(
         f"{ticket.name}: no orchestrator answered on {ticket.endpoint.connect} within "
         f"{ticket.join_timeout_s} s; is it still running?"

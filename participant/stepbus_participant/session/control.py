@@ -27,6 +27,7 @@ from stepbus_schemas import (
     encode,
     encoding_of,
     explained,
+    reached,
     text_of,
 )
 
@@ -53,10 +54,33 @@ class OrchestratorLost(RunError, ConnectionError):
     """The orchestrator died, or the link to it broke."""
 
 
+class Watch:
+    """Watches whether the orchestrator lives, from before a participant asks to join (P4.4).
+
+    One that looked after its `Welcome` would wait for ever, had the orchestrator died in between.
+    """
+
+    def __init__(self, bus: Bus) -> None:
+        self._is_lost = False
+        self._on_lost: Callable[[], None] = lambda: None
+        bus.watch_alive("alive/orchestrator", self._on_alive)
+
+    def _on_alive(self, _key: str, alive: bool) -> None:
+        if not alive:
+            self._is_lost = True
+            self._on_lost()
+
+    def call(self, on_lost: Callable[[], None]) -> None:
+        """Call a function, maybe twice, once the orchestrator has died or the link to it broke."""
+        self._on_lost = on_lost
+        if self._is_lost:
+            on_lost()
+
+
 class Control:
     """The orchestrator's newest orders, and the answers to its calls.
 
-    wake: queues of a participant that waits for an input. drops: cause → number of dropped
+    watch: of the orchestrator. wake: queues of a participant that waits for an input. drops: cause → number of dropped
     messages, here of those that are malformed or without the run's token (P8.4).
     step_limit: the first step not yet released. started: participant → input → description, once
     the run has started. batches: participant → how many steps it may publish at once. calls: those
@@ -67,7 +91,12 @@ class Control:
     """
 
     def __init__(
-        self, bus: Bus, welcome: Welcome, wake: Iterable[Queue], drops: dict[str, int]
+        self,
+        bus: Bus,
+        welcome: Welcome,
+        watch: Watch,
+        wake: Iterable[Queue],
+        drops: dict[str, int],
     ) -> None:
         self.step_limit = 0
         self.started: Mapping[str, Mapping[str, Description]] | None = None
@@ -86,11 +115,7 @@ class Control:
         for key in _DECODERS:
             where = f"call/{welcome.name}" if key == "call" else key
             bus.subscribe_content(where, partial(self._put, key))
-        bus.watch_alive("alive/orchestrator", self._on_alive)
-
-    def _on_alive(self, _key: str, alive: bool) -> None:
-        if not alive:
-            self._put(_LOST, b"")
+        watch.call(lambda: self._put(_LOST, b""))
 
     def _put(self, key: str, data: bytes) -> None:
         """Queue a message, and wake a participant that waits for an input."""
@@ -129,12 +154,14 @@ class Control:
 
     def _process(self, key: str, data: bytes) -> None:
         if key == _LOST:
+            reached("the orchestrator is lost")
             raise OrchestratorLost("lost the orchestrator; this participant ends too")
         try:
             message: Start | Trigger | Stop | Call | None = _DECODERS[key](data)
         except MessageError:
             message = None
         if message is None or message.token != self._token:
+            reached("an order of another run is dropped")
             self._drops["unauthenticated"] = self._drops.get("unauthenticated", 0) + 1
             return
         match message:

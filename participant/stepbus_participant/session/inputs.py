@@ -22,6 +22,7 @@ from stepbus_schemas import (
     WiringError,
     due_step,
     encode,
+    reached,
     type_name,
 )
 
@@ -100,6 +101,7 @@ class Input:
                 self.value = self._decode(data)
             except UNDECODABLE as exc:
                 where = f"{self.config.source}.{self.config.port} (input {self.name})"
+                reached("a message of a source is not of its type")
                 error = self._decoder.error(exc)
                 raise PeerFault(
                     self.config.source, f"step {source_step}: {where}: {error}"
@@ -181,6 +183,7 @@ class Source:
             if not carries_token(data, self._token):
                 self.drop("malformed")
                 return None
+            reached("the outputs of a source are malformed")
             error = _decode_outputs.error(exc)
             raise PeerFault(
                 self.name, f"after step {self.step}: {self.name} sent {error}"
@@ -228,15 +231,18 @@ class Source:
         if outputs.step <= self._restored:
             return
         if outputs.step > self.step:
+            reached("a source skips a step")
             raise PeerFault(
                 self.name,
                 f"{self.name} skipped from step {self.step} to {outputs.step} "
                 f"(expected {self.step + self.every}); was a message lost or reordered?",
             )
         if outputs.step == self.step and bytes(data) != bytes(self._newest):
+            reached("a source publishes a step twice, otherwise")
             raise PeerFault(
                 self.name, f"{self.name} published step {self.step} twice with different content"
             )
+        reached("a message that comes again is dropped")
         self.drop("duplicate" if outputs.step == self.step else "stale")
 
     def drop(self, cause: str) -> None:

@@ -20,13 +20,14 @@ from stepbus_schemas import (
     encode,
     encoding_of,
     error_text,
+    reached,
     text_of,
     type_name,
     valid_unicode,
 )
 
 from .admission import await_delivery, await_start, join
-from .control import Control, OrchestratorLost, Stopped
+from .control import Control, OrchestratorLost, Stopped, Watch
 from .inputs import Input, PeerFault, make_sources
 from .outbox import Outbox, OutputError
 from .profile import Profiler
@@ -48,11 +49,12 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     Raises StepbusError when this participant cannot continue; the orchestrator knows why.
     """
     bus.declare_alive(f"alive/{ticket.name}")
+    watch = Watch(bus)
     inputs, outputs = (getattr(factory, side, None) for side in ("inputs", "outputs"))
     ports = [*(inputs or {}).values(), *(outputs or {}).values()]
     types = Types.of(item for item in ports if isinstance(item, type))
     welcome = join(bus, ticket, _type_names(inputs), _type_names(outputs), types)
-    Session(factory, ticket, welcome, bus, Types(welcome.types) | types).work()
+    Session(factory, ticket, welcome, bus, watch, Types(welcome.types) | types).work()
 
 
 def _type_names(ports: Mapping[str, PortType] | None) -> dict[str, str] | None:
@@ -71,7 +73,13 @@ class Session:
     """
 
     def __init__(
-        self, factory: Factory, ticket: Ticket, welcome: Welcome, bus: Bus, types: Types
+        self,
+        factory: Factory,
+        ticket: Ticket,
+        welcome: Welcome,
+        bus: Bus,
+        watch: Watch,
+        types: Types,
     ) -> None:
         self._factory = factory
         self._ticket = ticket
@@ -87,7 +95,7 @@ class Session:
             for port, queue in source.bulk_queues.items():
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
-        self._control = Control(bus, welcome, wake, drops)
+        self._control = Control(bus, welcome, watch, wake, drops)
         order = ticket.profile
         self._profiler = None if order is None else Profiler(order, welcome.name)
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox
@@ -111,6 +119,7 @@ class Session:
         except (OrchestratorLost, Terminated):
             raise
         except Exception as exc:
+            reached("a participant raises")
             self._report(exc)
             raise RunError(f"step {self._step}: {text_of(exc)}") from exc
         finally:

@@ -10,7 +10,7 @@ import msgspec
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant, Step, StepsOver
-from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome
+from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome, reached
 
 from .checkpoints import Checkpoints
 from .control import Control, Stopped
@@ -180,6 +180,7 @@ class StepLoop:
                 source.drop("unauthenticated" if stamp is None else "stale")
         content = sample.payload
         if len(content) != size:
+            reached("bulk content is not as long as announced")
             raise PeerFault(
                 source.name,
                 f"step {outputs.step}: {source.name} announced {size} bytes on bulk port "
@@ -201,6 +202,7 @@ class StepLoop:
                 item = queue.get(timeout=timeout)
             except Empty:
                 if timeout == FLUSH_AFTER_S:
+                    reached("a participant says what it waits for")
                     self._outbox.flush(Waiting(step=self.step.index, sources=[source.name]))
                     timeout = 1.0
                 self._control.poll()

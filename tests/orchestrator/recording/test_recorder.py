@@ -101,14 +101,46 @@ def test_a_closed_file_refuses_whatever_is_added(path, add):
     assert path.read_bytes() == content
 
 
-def test_an_aborted_run_keeps_what_is_valid_around_broken_messages(recorder, path):
+def test_an_aborted_run_keeps_what_is_before_a_broken_message(recorder, path):
     for step in range(3):
         recorder.offer("plant", outputs(step, events=b"\xc1" if step == 1 else WARNING))
         recorder.offer("controller", outputs(step, command=command()))
     recorder.abort()
     written = schedule(path)
-    assert "plant/events@1" not in written
-    assert "controller/command@1 plant/events@2 controller/command@2" in written
+    # A message behind it would stand behind a hole.
+    assert "plant/events@0 controller/command@0 controller/command@1" in written
+    assert written.count("plant/events") == 1
+    assert "controller/command@2" in written
+
+
+def test_an_aborted_run_has_every_chain_that_is_due(path):
+    spec = ParticipantSpec(
+        name="mission", exec=("x",), every=4, outputs={"events": OutputSpec(type="Event/1")}
+    )
+    file = McapFile(path)
+    file.attach("scenario.yaml", "text/yaml", b"participants: {mission: {every: 4}}")
+    recorder = Recorder(file, [spec], STEP_NS, None)
+    recorder.open_channels({}, {})
+    # It is ahead of one that has failed: no step is complete.
+    for step in range(0, 73, 4):
+        recorder.offer("mission", outputs(step, events=WARNING))
+    recorder.abort()
+    assert "stepbus/chain@63 mission/events@64" in schedule(path)
+    assert schedule(path).endswith("stepbus/chain@72")
+    assert Recording(path).holes() == []
+
+
+def test_nothing_is_recorded_behind_bulk_content_that_never_came(path):
+    ports = {"events": OutputSpec(type="Event/1", bulk=True)}
+    spec = ParticipantSpec(name="plant", exec=("x",), outputs=ports)
+    recorder = Recorder(McapFile(path), [spec], STEP_NS, None)
+    recorder.open_channels({}, {})
+    for step in range(4):
+        recorder.offer("plant", outputs(step, bulk={"events": len(WARNING)}))
+        if step != 2:
+            recorder.offer_bulk("plant", "events", step, WARNING)
+    recorder.abort()
+    assert schedule(path) == "plant/events@0 plant/events@1 stepbus/chain@1"
 
 
 def test_bulk_content_of_another_length_leaves_no_hole(path):
@@ -130,7 +162,7 @@ def test_bulk_content_of_another_length_leaves_no_hole(path):
     ):
         recorder.write_below(30)
     recorder.abort()
-    assert schedule(path).count("plant/state") == 30
+    assert schedule(path).endswith("plant/state@2 plant/state@3")
     assert Recording(path).holes() == []
 
 

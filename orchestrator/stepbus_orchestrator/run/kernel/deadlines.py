@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_schemas import reached
 
 from .failures import death, late_for_step, late_to_start
 from .participants import PHASE_DEADLINES, Participants, ParticipantState, Phase
@@ -20,14 +21,24 @@ def check_start(state: RunState, elapsed_s: float) -> None:
             continue
         participant.in_phase_s += elapsed_s
         if participant.in_phase_s > participant.limit_s(PHASE_DEADLINES[participant.phase]):
-            stopped = (s for s in _sources(participant, participants) if _is_stopped(s))
-            raise late_to_start(state, next(stopped, participant))
+            # One that publishes to a stopped process may be blocked by it, and hears of no other.
+            near = (*_sources(participant, participants), *_readers(participant, participants))
+            raise late_to_start(state, next(filter(_is_stopped, near), participant))
 
 
 def _sources(participant: ParticipantState, others: Participants) -> list[ParticipantState]:
     """Return what a participant waits for."""
     names = () if participant.waiting is None else participant.waiting.sources
     return [others[name] for name in names if name in others]
+
+
+def _readers(participant: ParticipantState, others: Participants) -> list[ParticipantState]:
+    """Return those that read what a participant publishes."""
+    return [
+        one
+        for one in others.values()
+        if any(item.source == participant.name for item in one.spec.inputs.values())
+    ]
 
 
 def _waits_for_others(participant: ParticipantState, others: Participants) -> bool:
@@ -69,10 +80,12 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
             participant.ended_s += elapsed_s
             # A participant that ended well has sent them, however busy this machine is.
             if participant.ended_s >= (LAST_WORDS_S if code else participant.limit_s("stop")):
+                reached("a process has ended before its closing outputs")
                 raise death(state, participant)
             continue
         participant.hold(end, elapsed_s)
         if participant.holds_s > participant.limit_s("stop"):
+            reached("closing outputs are late")
             raise state.failure(
                 StepTimeout,
                 participant,
@@ -86,6 +99,7 @@ def check_bulk(state: RunState, waited_s: float) -> None:
     """Raise StepTimeout when announced bulk content has not come for the longest stop deadline."""
     limit_s = max(participant.limit_s("stop") for participant in state.participants.values())
     if waited_s > limit_s:
+        reached("bulk content is late")
         raise StepTimeout(
             f"{state.at(state.last_step)}: announced bulk content has not "
             f"arrived for {waited_s:.1f} s; deadline {limit_s:g} s (stop_timeout); was it "

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.errors import ParticipantDied, RunFailure, StartFailed, StepTimeout
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_schemas import reached
 
 from .participants import PHASE_DEADLINES, ParticipantState, Phase
 
@@ -32,17 +33,22 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
     """Return what a participant has not done in time, and what to check."""
     waiting = participant.waiting
     if participant.phase == Phase.READY:
+        reached("a participant that is ready does not answer its peers")
         return "is ready, and does not answer those that connect to it", "does it hang?"
     if phase == "spawn" and participant.external is not None:
         ticket = participant.external.ticket.path
         return "is not there", f"did you start it with `stepbus join {ticket}`?"
     if phase == "spawn":
+        reached("a program has not reached the bus")
         return "has not reached the bus", "does its program take part with stepbus?"
     if phase == "join":
+        reached("a participant has not asked to join")
         return "has reached the bus and not asked to join", "does it hang?"
     if waiting is not None:
+        reached("a participant is not connected to a source")
         sources = ", ".join(waiting.sources)
         return f"is not connected to {sources}, which is up", "can the two reach each other?"
+    reached("a participant is not ready")
     loading = "is its model still loading?"
     if participant.spec.bridge is not None:
         loading += " Does it write its answers to descriptor 4, and flush them?"
@@ -80,15 +86,19 @@ def _holds(state: RunState, participant: ParticipantState) -> str:
     missing = state.barrier.missing(participant.name)
     waiting = participant.waiting
     if participant.process.activity().is_stopped:
+        reached("a stopped participant holds the step")
         return f"has been stopped by a signal or a debugger, and has held the step for {held};"
     if missing:
+        reached("a participant waits for one that owes the step")
         return f"still waits for {', '.join(missing)};"
     if waiting is not None and waiting.sources and _waits_in_held_step(participant):
+        reached("a participant waits for what was published")
         return (
             f"has been waiting for {', '.join(waiting.sources)} for {held}, whose outputs were "
             f"published; was a message lost or dropped? It reports {_drops(participant)};"
         )
     if waiting is not None and participant.missed_trigger:
+        reached("a participant misses a trigger")
         return (
             f"has held the step for {held}: it reports that it waits for the trigger of step "
             f"{waiting.step}, which was sent, and {_drops(participant)}; does it read `step_limit` "
@@ -99,6 +109,7 @@ def _holds(state: RunState, participant: ParticipantState) -> str:
             f"has been waiting for {_worker(participant)}for {held}; inputs arrived; does it "
             "answer every message, and flush the answer?"
         )
+    reached("a participant computes too long")
     drops = f"; it reports {_drops(participant)}" if participant.drops else ""
     return f"has been computing for {held}; inputs arrived{drops};"
 
@@ -112,6 +123,7 @@ def _drops(participant: ParticipantState) -> str:
 
 def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
     """Return the failure of a participant that was killed because it read nothing any more."""
+    reached("a participant reads nothing")
     return state.failure(
         StepTimeout,
         participant,
@@ -139,6 +151,7 @@ def kept_thread(state: RunState, participant: ParticipantState, late: "KeptThrea
 
 def death(state: RunState, participant: ParticipantState) -> RunFailure:
     """Return the failure of a participant whose process has ended (P10.4)."""
+    reached("a process has ended before the run")
     process = participant.process
     problem, output = process.log_problem(), process.last_error()
     words = f'; its last output: "{output}"' if output else ""

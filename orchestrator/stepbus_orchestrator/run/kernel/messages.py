@@ -24,6 +24,7 @@ from stepbus_schemas import (
     Waiting,
     Welcome,
     encode,
+    reached,
 )
 
 from .admission import receive, welcome_of
@@ -120,6 +121,7 @@ class MessageHandler:
             if participant is None:
                 self._state.unauthenticated += 1
                 return
+            reached("a participant is refused")
             raise self._state.failure(StartFailed, participant, -1, f"was refused: {answer.reason}")
         self._state.check_size(f"the params of {hello.name}", encode(answer))
         reply(answer)
@@ -214,6 +216,7 @@ class MessageHandler:
             if problem := wrong(outputs):
                 raise self._broken(participant, problem)
             if not report(name, step):
+                reached("a log is out of order")
                 raise state.failure(
                     ParticipantFault,
                     participant,
@@ -227,6 +230,7 @@ class MessageHandler:
                 state.ask_end(step + 1, f"{name}: {outputs.end}")
 
     def _broken(self, participant: ParticipantState, what: str) -> ParticipantFault:
+        reached("a participant breaks the protocol in its log")
         step = self._state.barrier.next_step(participant.name)
         what = f"{what}; see docs/protocol.md"
         return self._state.failure(ParticipantFault, participant, step, what)
@@ -265,7 +269,9 @@ class MessageHandler:
                 step=fault.step,
             )
             if isinstance(failure, ParticipantFault) and blamed is not participant:
+                reached("a participant reports a fault of another one")
                 failure.witness = participant.name
+            reached("a participant reports a fault")
             raise failure
 
 

@@ -52,6 +52,20 @@ def test_whoever_waits_for_a_source_that_loads_is_not_late():
     assert (participants["controller"].in_phase_s, participants["plant"].in_phase_s) == (0.0, 19.0)
 
 
+def test_one_that_a_stopped_reader_blocks_is_not_to_blame_for_the_start():
+    state = started()
+    participants = state.participants
+    for one in participants.values():
+        one.phase = Phase.READY
+    # It hears of no mission while it publishes to the plant, which is stopped.
+    participants["controller"].phase = Phase.JOINED
+    participants["controller"].waiting = Waiting(step=-1, sources=["mission"])
+    participants["plant"].process.stopped = True
+    with pytest.raises(StartFailed, match="is ready, and does not answer") as failed:
+        check_start(state, 31.0)
+    assert failed.value.participant == "plant"
+
+
 def test_a_participant_that_is_up_and_not_connected_is_late():
     state = started()
     participants = state.participants
