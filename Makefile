@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign clean setup
+.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -15,6 +15,7 @@ help:
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
+	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
 	@echo "make campaign   66 faults from outside, 2,000 damaged recordings, 64 sales, judged (1 h)"
 	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
@@ -73,6 +74,9 @@ docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
 	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs/site -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
+
+simulate: setup
+	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)
 
 campaign: setup
 	@$(PYTHON) -m campaign $(CAMPAIGN)

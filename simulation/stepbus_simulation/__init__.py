@@ -1,0 +1,1 @@
+"""Runs stepbus in simulated time, on a simulated host, with faults that a tape lists."""

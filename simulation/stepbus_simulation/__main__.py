@@ -1,0 +1,128 @@
+"""`python -m stepbus_simulation`: runs tapes of faults, and says what does not hold."""
+
+import argparse
+import re
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
+
+import stepbus_orchestrator
+import stepbus_participant
+
+from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
+from .real import commands
+from .strikes import KINDS
+from .tape import load_tape
+
+_MARK = re.compile(r'\breached\("([^"]+)"\)')
+_EXAMPLES = """examples:
+  python -m stepbus_simulation --runs 10000 --seed 1
+  python -m stepbus_simulation tests/simulation/tapes/log_twice.json"""
+
+
+def main() -> int:
+    """Run what the arguments ask for; return 1 where something did not hold."""
+    parser = argparse.ArgumentParser(
+        prog="python -m stepbus_simulation",
+        description=__doc__.partition(": ")[2] if __doc__ else "",
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("tapes", nargs="*", type=Path, help="tapes to run, each with its trace")
+    parser.add_argument("--runs", type=int, default=10_000, help="how many to draw (10,000)")
+    parser.add_argument("--seed", type=int, default=1, help="what they are drawn from (1)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes beside each other (2)")
+    parser.add_argument("--keep", type=Path, help="folder for the shortest tapes that fail")
+    parser.add_argument("--table", type=Path, help="file for the table, in Markdown")
+    parser.add_argument("--until-first", action="store_true", help="end with the first failure")
+    options = parser.parse_args()
+    if options.tapes:
+        return max(_show(path) for path in options.tapes)
+    return _campaign(options)
+
+
+def _show(path: Path) -> int:
+    execution, problems = execute(load_tape(path), keeps_trace=True)
+    print(*execution.world.trace or (), sep="\n")
+    print(execution.result or execution.refusal or "no result")
+    for command in commands(execution):
+        print(f"on real processes: {command}")
+    for problem in problems:
+        print(f"does not hold: {problem}")
+    return 1 if problems else 0
+
+
+def _campaign(options: argparse.Namespace) -> int:
+    seed, runs, jobs, keep = options.seed, options.runs, options.jobs, options.keep
+    began, total = time.monotonic(), Count()
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True) as progress:
+        task = progress.add_task("simulated runs", total=runs)
+        for count in campaign(seed, runs, jobs):
+            total.add(count)
+            progress.update(task, completed=total.runs)
+            if total.failures and options.until_first:
+                break
+    lasted_s = time.monotonic() - began
+    _print_table(total)
+    if options.table is not None:
+        options.table.write_text("\n".join(_markdown(total)) + "\n", encoding="utf-8")
+    print(
+        f"{total.runs} runs in {lasted_s:.0f} s: {total.runs / lasted_s * 3600:,.0f} an hour, "
+        f"{total.simulated_s / lasted_s:.0f} simulated seconds a second"
+    )
+    codes = ", ".join(f"{code}: {count}" for code, count in sorted(total.codes.items()))
+    print(f"exit codes: {codes}")
+    missing = sorted(all_marks() - total.marks)
+    print(f"marks reached: {len(total.marks)}; never: {'; '.join(missing) or 'none'}")
+    if not total.failures:
+        print("everything held")
+        return 0
+    by_kind: dict[str, list[Failure]] = {}
+    for failure in total.failures:
+        by_kind.setdefault(fingerprint(failure.problem), []).append(failure)
+    print(f"{len(total.failures)} runs in which something did not hold:")
+    for number, failures in enumerate(by_kind.values()):
+        failure = shortest(min(failures, key=lambda one: len(one.tape.faults)))
+        print(f"\n{len(failures)} × {failure.problem}\n    run {failure.number}: {failure.tape}")
+        for command in commands(execute(failure.tape)[0]):
+            print(f"    on real processes: {command}")
+        if keep is not None:
+            keep.mkdir(parents=True, exist_ok=True)
+            failure.tape.save(keep / f"{number}.json")
+    return 1
+
+
+def all_marks() -> set[str]:
+    """Return every mark that stands in the source."""
+    packages = (stepbus_orchestrator, stepbus_participant)
+    files = (file for package in packages for file in Path(package.__path__[0]).rglob("*.py"))
+    return {mark for file in files for mark in _MARK.findall(file.read_text(encoding="utf-8"))}
+
+
+def _print_table(total: Count) -> None:
+    table = Table("fault", "runs drawn", "took effect in")
+    for kind, count in sorted(total.drawn.items()):
+        table.add_row(kind, str(count), str(total.effective[kind]))
+    Console().print(table)
+
+
+def _markdown(total: Count) -> Iterator[str]:
+    """Yield the lines of the table for a page."""
+    yield "| Kind | Fault | Runs it struck | Exit codes |"
+    yield "|---|---|---|---|"
+    for kind, row in KINDS.items():
+        codes = total.codes_of.get(kind, set())
+        numbers = sorted((code for code in codes if code.isdigit()), key=int)
+        words = sorted(code for code in codes if not code.isdigit())
+        struck = f"{total.effective[kind]:,}"
+        yield f"| `{kind}` | {row.what} | {struck} | {', '.join([*numbers, *words])} |"
+
+
+if __name__ == "__main__":
+    sys.exit(main())

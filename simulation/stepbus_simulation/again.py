@@ -1,0 +1,126 @@
+"""What can be done with a recording: run it again, branch it, replay it; nothing goes wrong."""
+
+import dataclasses
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.branch import branch
+from stepbus_orchestrator.replay.execute import replay
+from stepbus_orchestrator.replay.recorded import recorded_end
+from stepbus_orchestrator.replay.rerun import Repeated, rerun
+from stepbus_orchestrator.run import run_scenario
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_schemas import StepbusError
+
+from .execution import Execution
+from .host import SimulatedHost
+from .tape import Knobs, Tape
+
+
+class Again(Execution):
+    """Does something with a recording of a tape. problem: what is not as it has to be.
+
+    complete: how many of its steps are complete. new: the recording that it makes; None where it
+    makes none. difference: between the two.
+    """
+
+    writes_files = True
+    """The scenario and its files are unpacked from the recording."""
+
+    def __init__(self, tape: Tape, recording: Path, out: Path, complete: int) -> None:
+        super().__init__(Tape(tape.scenario, tape.steps, Knobs()), out)
+        self.problem = ""
+        self.new: Path | None = None
+        self.difference = ""
+        self._recording = recording
+        self._complete = complete
+        self._do = AGAIN[tape.then]
+
+    def _orchestrate(self) -> int:
+        try:
+            self.problem = self._do(self)
+        except StepbusError as exc:
+            self.problem = str(exc)
+        return 0
+
+    def run(self) -> None:
+        """Do it; what runs, runs here."""
+        with _hosted(self.host):
+            super().run()
+
+    # --- what can be done -----------------------------------------------------------------
+
+    def rerun(self) -> str:
+        """Run the scenario of the recording again."""
+        again = rerun(self._recording, self.out)
+        return self._unlike(again)
+
+    def branch(self) -> str:
+        """Go on from the midst of the recording, with no change."""
+        return self._branch(self._complete // 2)
+
+    def branch_late(self) -> str:
+        """Go on from the newest step of any participant; where others lack it, that is an error."""
+        try:
+            return self._branch(recorded_end(Recording(self._recording)))
+        except RecordingFailed as exc:
+            return "" if "complete steps" in str(exc) else str(exc)
+
+    def _branch(self, at: int) -> str:
+        return self._unlike(branch(self._recording, self.out, at=at))
+
+    def replay_plant(self) -> str:
+        """Replay the plant."""
+        return self._replay("plant")
+
+    def replay_controller(self) -> str:
+        """Replay the controller."""
+        return self._replay("controller")
+
+    def _replay(self, name: str) -> str:
+        self.host.start_order = [name]
+        result = replay(self._recording, name, recorded=True)
+        return "" if result.equal else f"{name} is not what was recorded: {result.divergence}"
+
+    def _unlike(self, again: Repeated) -> str:
+        self.new = again.result.recording
+        if again.result.exit_code:
+            return again.result.reason
+        found = again.diff()
+        self.difference = "" if found.equal else found.text()
+        return ""
+
+
+AGAIN: dict[str, Callable[[Again], str]] = {
+    "rerun": Again.rerun,
+    "branch": Again.branch,
+    "branch late": Again.branch_late,
+    "replay plant": Again.replay_plant,
+    "replay controller": Again.replay_controller,
+}
+"""Name in a tape → what is done; it returns what is wrong, if anything."""
+
+
+@contextmanager
+def _hosted(host: SimulatedHost) -> Iterator[None]:
+    """Let all that runs from a recording run on a simulated host."""
+
+    def run(scenario: Scenario, options: run_scenario.Options, *more: Any) -> Result:
+        return run_scenario.run(scenario, dataclasses.replace(options, host=host), *more)
+
+    # The package has functions of the same names.
+    modules = (sys.modules[item.__module__] for item in (rerun, branch, replay))
+    of_rerun, of_branch, of_replay = modules
+    with (
+        patch.object(of_rerun, "run", run),
+        patch.object(of_branch, "run", run),
+        patch.object(of_replay, "Processes", lambda **_options: host),
+    ):
+        yield

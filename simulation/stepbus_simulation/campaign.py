@@ -1,0 +1,146 @@
+"""Many simulated runs: in processes beside each other, counted, and what fails shrunk."""
+
+import gc
+import os
+import re
+import shutil
+from collections import Counter
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from stepbus_schemas import reached_marks
+
+from .execution import Execution
+from .judge import FOLDER, judge
+from .memo import memoized
+from .shrink import shrink
+from .swarm import draw_tape
+from .tape import Tape
+
+CHUNK = 250
+"""Runs that a process does before it says how far it is."""
+
+
+@dataclass
+class Failure:
+    """A run in which something did not hold. number: of its tape. tape: the shortest such one."""
+
+    number: int
+    tape: Tape
+    problem: str
+
+
+@dataclass
+class Count:
+    """What happened in some runs.
+
+    drawn, effective: kind → in how many runs. codes: exit code → runs. codes_of: kind → the exit
+    codes of runs that it struck. marks: that were reached. then: what was done with recordings.
+    """
+
+    runs: int = 0
+    simulated_s: float = 0.0
+    drawn: Counter[str] = field(default_factory=Counter)
+    effective: Counter[str] = field(default_factory=Counter)
+    codes: Counter[str] = field(default_factory=Counter)
+    codes_of: dict[str, set[str]] = field(default_factory=dict)
+    marks: set[str] = field(default_factory=set)
+    then: Counter[str] = field(default_factory=Counter)
+    failures: list[Failure] = field(default_factory=list)
+
+    def add(self, other: "Count") -> None:
+        """Add what happened in other runs."""
+        self.runs += other.runs
+        self.simulated_s += other.simulated_s
+        self.drawn += other.drawn
+        self.effective += other.effective
+        self.codes += other.codes
+        for kind, codes in other.codes_of.items():
+            self.codes_of.setdefault(kind, set()).update(codes)
+        self.marks |= other.marks
+        self.then += other.then
+        self.failures += other.failures
+
+
+def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[str]]:
+    """Run a tape; return the run, and what does not hold of it."""
+    # Of the same length in each run, as it stands in what is written.
+    folder = Path(FOLDER) / f"stepbus-sim-{os.getpid():07}"
+    folder.mkdir()
+    try:
+        with memoized():
+            execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
+            execution.run()
+            return execution, list(judge(execution))
+    finally:
+        shutil.rmtree(folder)
+
+
+def fingerprint(problem: str) -> str:
+    """Return what is the same in a problem of the same kind."""
+    return re.sub(r"\S*/\S*|\d+(\.\d+)?", "#", problem)[:60]
+
+
+def run_numbers(seed: int, first: int, count: int) -> Count:
+    """Run the tapes of some numbers."""
+    total = Count()
+    for number in range(first, first + count):
+        tape = draw_tape(seed, number)
+        execution, problems = execute(tape)
+        total.runs += 1
+        total.simulated_s += execution.world.now_ns * 1e-9
+        total.drawn.update({fault.kind for fault in tape.faults})
+        total.effective.update({fault.kind for fault in execution.effective})
+        code = _code(execution)
+        total.codes[code] += 1
+        for fault in execution.effective:
+            total.codes_of.setdefault(fault.kind, set()).add(code)
+        total.then[tape.then or "nothing"] += 1
+        if problems:
+            total.failures.append(Failure(number, tape, problems[0]))
+    gc.collect()
+    total.marks = reached_marks()
+    return total
+
+
+def first_failure(seed: int, runs: int) -> Failure | None:
+    """Return the first of some runs in which something does not hold."""
+    for number in range(runs):
+        tape = draw_tape(seed, number)
+        _, problems = execute(tape)
+        if problems:
+            return Failure(number, tape, problems[0])
+    return None
+
+
+def _code(execution: Execution) -> str:
+    if execution.result is not None:
+        return str(int(execution.result.exit_code))
+    return "refused" if execution.refusal is not None else "killed"
+
+
+def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
+    """Yield what happened, chunk by chunk."""
+    chunks = [(first, min(CHUNK, runs - first)) for first in range(0, runs, CHUNK)]
+    with ProcessPoolExecutor(jobs) as pool:
+        futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
+        try:
+            for future in futures:
+                yield future.result()
+        finally:
+            for future in futures:
+                future.cancel()
+
+
+def shortest(failure: Failure) -> Failure:
+    """Return a failure with the shortest tape that fails in the same way."""
+    kind = fingerprint(failure.problem)
+
+    def fails(tape: Tape) -> bool:
+        return any(fingerprint(problem) == kind for problem in execute(tape)[1])
+
+    tape = shrink(failure.tape, fails)
+    problems = [problem for problem in execute(tape)[1] if fingerprint(problem) == kind]
+    return Failure(failure.number, tape, (problems or [failure.problem])[0])

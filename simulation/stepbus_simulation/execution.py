@@ -1,0 +1,304 @@
+"""Runs a tape: the production code, on a simulated host, with what goes wrong."""
+
+import contextlib
+import io
+import signal
+import threading
+import traceback
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+from stepbus_orchestrator.recording import mcap_file
+from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run import Run
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_participant import Participant
+from stepbus_schemas import StepbusError
+
+from .disk import SimulatedDisk
+from .escapes import Escape, no_escapes
+from .host import SimulatedHost
+from .network import Link, Network
+from .programs import CALLS, scenario
+from .strikes import KINDS, ORCHESTRATOR
+from .tape import Fault, Tape
+from .world import NS, Livelock, Process, World
+
+_REAL_S = 30
+"""A run takes some hundredths of this."""
+_ENDS_NS = 60 * NS
+"""What a run may take beside its deadlines and faults."""
+
+
+class Execution:
+    """One run of a tape.
+
+    out: its folder, which is made. keeps_trace: whether the world keeps a trace.
+
+    result: of the run; None where there is none. refusal: the error that it raised instead, one of
+    ours. crash: the traceback of any other. late: what had not ended in time. effective: the
+    faults that have struck. struck_at: the step that each struck in. watch: of the recording.
+    """
+
+    writes_files = False
+
+    def __init__(self, tape: Tape, out: Path, *, keeps_trace: bool = False) -> None:
+        self.tape = tape
+        self.out = out
+        self.world = World(keeps_trace=keeps_trace)
+        self.network = Network(self.world)
+        self.network.delay_ns = 1000 * tape.knobs.link_us
+        self.network.buffer_bytes = tape.knobs.buffer_bytes
+        self.network.on_link = self._link_is_made
+        self.network.alter = self._altered
+        self.orchestrator = Process(self.world, ORCHESTRATOR, self._orchestrate)
+        self.disk = SimulatedDisk(self.orchestrator)
+        self.host = SimulatedHost(self.network, self.orchestrator, self.disk, self._wrap)
+        self.interrupt = threading.Event()
+        self.result: Result | None = None
+        self.refusal: StepbusError | None = None
+        self.crash = ""
+        self.late: list[str] = []
+        self.effective: list[Fault] = []
+        self.struck_at: dict[Fault, int] = {}
+        self.watch = _Watch()
+        self.printed = io.StringIO()
+        self.is_healed = False
+        self._on_link: dict[str, list[Callable[[Link], None]]] = defaultdict(list)
+        self._on_start: dict[str, list[Callable[[Process], None]]] = defaultdict(list)
+        self.host.started = self._started
+        self._in_step: dict[tuple[str, int], list[Callable[[], None]]] = defaultdict(list)
+        self._alter: dict[tuple[str, str], list[Callable[[bytes], list[bytes]]]] = defaultdict(list)
+
+    # --- what the kinds of faults use -------------------------------------------------------
+
+    @property
+    def is_recorded(self) -> bool:
+        """Return whether the run has begun to close its recording."""
+        return self.watch.is_recorded
+
+    def struck(self, fault: Fault) -> None:
+        """Note that a fault has taken effect."""
+        if fault not in self.effective:
+            self.effective.append(fault)
+            self.struck_at[fault] = self.watch.step
+            self.world.note(f"struck: {fault}")
+
+    def process(self, name: str) -> Process | None:
+        """Return a process that has been started."""
+        if name == ORCHESTRATOR:
+            return self.orchestrator
+        participant = self.host.participants.get(name)
+        return None if participant is None else participant.process
+
+    def when_started(self, name: str, act: Callable[[Process], None]) -> None:
+        """Call a function with a process before it makes its first call."""
+        if name == ORCHESTRATOR:
+            act(self.orchestrator)
+        else:
+            self._on_start[name].append(act)
+
+    def every(self, name: str) -> int:
+        """Return how many steps a participant fires apart."""
+        tape = self.tape
+        return scenario(tape.scenario, tape.steps, tape.knobs).participant(name).every
+
+    def on_link(self, name: str, act: Callable[[Link], None]) -> None:
+        """Call a function with a link, such as `plant>controller`, once it is made."""
+        self._on_link[name].append(act)
+
+    def in_step(self, name: str, step: int, act: Callable[[], None]) -> None:
+        """Call a function when a participant is in the midst of a step."""
+        self._in_step[name, step].append(act)
+
+    def do_in_step(self, name: str, step: int) -> None:
+        """Do what happens to a participant in the midst of a step."""
+        for act in () if self.is_healed else self._in_step.get((name, step), ()):
+            act()
+
+    def alter(self, name: str, what: str, act: Callable[[bytes], list[bytes]]) -> None:
+        """Let a function return what a process sends instead; what: `out`, `log` or other."""
+        self._alter[name, what].append(act)
+
+    # --- how they take effect ---------------------------------------------------------------
+
+    def _link_is_made(self, link: Link) -> None:
+        for act in self._on_link[f"{link.source.process.name}>{link.target.process.name}"]:
+            act(link)
+
+    def _started(self, name: str) -> None:
+        for act in self._on_start[name]:
+            act(self.host.participants[name].process)
+
+    def _altered(self, name: str, key: str, data: bytes) -> list[bytes]:
+        contents = [data]
+        for act in self._alter.get((name, key.partition("/")[0]), ()):
+            contents = [new for content in contents for new in act(content)]
+        return contents
+
+    def _wrap(self, name: str, factory: Any) -> Any:
+        execution, compute_us = self, self.tape.knobs.compute_us
+
+        class Struck(factory):  # type: ignore[misc]
+            def __init__(self, config: Any) -> None:
+                execution.do_in_step(name, -1)
+                super().__init__(config)
+
+            def update(self, step: Any) -> Any:
+                if compute_us:
+                    execution.host.participants[name].process.clock.sleep(compute_us * 1e-6)
+                execution.do_in_step(name, step.index)
+                return super().update(step)
+
+            def output(self, step: Any) -> Any:
+                # An update follows, but at the closing step.
+                if step.index == execution.tape.steps:
+                    execution.do_in_step(name, step.index)
+                return super().output(step)
+
+        if factory.output is Participant.output:
+            del Struck.output
+        return Struck
+
+    def _orchestrate(self) -> int:
+        tape = self.tape
+        calls = [call for call in CALLS.get(tape.scenario, ()) if call.step < tape.steps]
+        options = Options(out=self.out, host=self.host, extensions=[Calls(calls), self.watch])
+        try:
+            self.result = run(
+                scenario(tape.scenario, tape.steps, tape.knobs), options, None, self.interrupt
+            )
+        except StepbusError as exc:
+            self.refusal = exc
+        except (Exception, Escape):  # noqa: BLE001  the judge says so
+            self.crash = traceback.format_exc()
+        return 0
+
+    def run(self) -> None:
+        """Run it until all processes have ended, or should have."""
+        scenario(self.tape.scenario, self.tape.steps, self.tape.knobs)  # reads files
+        chunks = partial(MessageWriter, chunk_size=self.tape.knobs.chunk_bytes)
+        with (
+            contextlib.redirect_stderr(self.printed),
+            patch.object(mcap_file, "MessageWriter", chunks),
+            no_escapes(writes_files=self.writes_files),
+            _real_time_limit(),
+        ):
+            self._run()
+
+    def _run(self) -> None:
+        for fault in self.tape.faults:
+            KINDS[fault.kind].arm(self, fault)
+        if self.tape.knobs.heal_ms:
+            self.world.after(1_000_000 * self.tape.knobs.heal_ms, self._heal)
+        self.orchestrator.start()
+        try:
+            limit_ns = self._limit_ns()
+            self.world.go(lambda: self.orchestrator.is_dead or self.world.now_ns > limit_ns)
+            if self.orchestrator.is_dead:
+                # Nothing holds those up any more that it has left behind.
+                for process in self.world.processes:
+                    process.thaw()
+                until_ns = self.world.now_ns + limit_ns
+                self.world.go(lambda: not self._alive() or self.world.now_ns > until_ns)
+        except Livelock as exc:
+            self.late.append(str(exc))
+        self.late += self._alive()
+        for process in self.world.processes:
+            process.kill()
+        for process in self.world.processes:
+            process.unwind()
+
+    def _alive(self) -> list[str]:
+        return [process.name for process in self.world.processes if not process.is_dead]
+
+    def _heal(self) -> None:
+        """End all that goes on: from here on, nothing keeps the run from its end."""
+        self.world.note("all is healed")
+        self.is_healed = True
+        self.network.heal_all()
+        self.disk.strike = lambda _name, size: size
+        for process in self.world.processes:
+            process.on_call.clear()
+            process.thaw()
+
+    def _limit_ns(self) -> int:
+        knobs = self.tape.knobs
+        longest_ms = knobs.spawn_ms + knobs.join_ms + knobs.ready_ms + knobs.stop_ms
+        longest_ms += 6 * knobs.step_ms
+        healing_ns = 1_000_000 * knobs.heal_ms
+        lasting_ns = sum(f.amount for f in self.tape.faults if KINDS[f.kind].lasts)
+        cut_ns = sum(f.amount for f in self.tape.faults if f.kind == "cut")
+        cut_ns = min(cut_ns, healing_ns) if healing_ns else cut_ns
+        return healing_ns + 1_000_000 * longest_ms + lasting_ns + cut_ns + _ENDS_NS
+
+
+@contextlib.contextmanager
+def _real_time_limit() -> Iterator[None]:
+    """End what goes round and round in no simulated time."""
+
+    def end(_number: int, _frame: Any) -> None:
+        raise Livelock(f"{_REAL_S} s of real time, and no end")
+
+    before = signal.signal(signal.SIGALRM, end)
+    signal.setitimer(signal.ITIMER_REAL, _REAL_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+class _Watch(RunExtension):
+    """Sees how far a run is. written: (time [ns], step) of each recorded step."""
+
+    def __init__(self) -> None:
+        self.is_recorded = False
+        self.written: list[tuple[int, int]] = []
+        self._run: Run | None = None
+
+    @property
+    def replaced(self) -> str:
+        """Return the participant that was replaced; empty where none was."""
+        return (self._run.state.replaced or "") if self._run is not None else ""
+
+    @property
+    def held(self) -> tuple[int, int]:
+        """Return the first step for which a participant was replaced, and the end of the run."""
+        return (0, 0) if self._run is None else self._run.safe_stop.replaced_steps
+
+    @property
+    def first_held(self) -> int:
+        """Return the first step for which a participant was replaced; else one far away."""
+        return self.held[0] if self.replaced else 1 << 60
+
+    @property
+    def step(self) -> int:
+        """Return the step that is not complete yet."""
+        return 0 if self._run is None else self._run.state.barrier.completed
+
+    def attach(self, run: Run) -> None:
+        """Follow the recorder."""
+        self._run = run
+        super().attach(run)
+        recorder, clock = run.recorder, run.clock
+        write_below, finish = recorder.write_below, recorder.finish
+
+        def watched_write_below(step: int) -> None:
+            write_below(step)
+            self.written.append((clock.monotonic_ns(), step))
+
+        def watched_finish(closing_step: int, closing: Any) -> None:
+            finish(closing_step, closing)
+            self.is_recorded = True
+
+        with contextlib.suppress(AttributeError):
+            recorder.write_below = watched_write_below  # type: ignore[method-assign]
+            recorder.finish = watched_finish  # type: ignore[method-assign]

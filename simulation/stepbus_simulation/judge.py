@@ -1,0 +1,317 @@
+"""What must hold of every simulated run, whatever went wrong in it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import NamedTuple
+
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import layout, recover
+from stepbus_orchestrator.recording.recover import Recovery
+from stepbus_schemas import StepbusError
+
+from .again import Again
+from .execution import Execution
+from .programs import scenario
+from .strikes import CRASHES, KINDS, ORCHESTRATOR, culprits, lasting_ns
+from .tape import Fault, Knobs, Tape
+from .world import NS
+
+FOLDER = "/dev/shm"
+_FILES = {"logs", "result.json", "run.mcap", "timing.mcap"}
+_LOSS_NS = int(0.3 * NS)
+"""What a killed orchestrator may lose: 0.25 s, and a turn."""
+
+
+class Row(NamedTuple):
+    """A recorded message."""
+
+    topic: str
+    step: int
+    content: bytes
+
+
+def rows_of(path: Path) -> list[Row]:
+    """Return the messages of a recording in their order, read by the library of MCAP."""
+    topics: dict[int, str] = {}
+    rows = []
+    with path.open("rb") as file:
+        for record in StreamReader(file, record_size_limit=None).records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            elif isinstance(record, Message):
+                if record.channel_id not in topics:
+                    raise ValueError(
+                        f"a message of channel {record.channel_id}, which is not there"
+                    )
+                rows.append(Row(topics[record.channel_id], record.sequence, record.data))
+    return rows
+
+
+class Reference(NamedTuple):
+    """An undisturbed run. rows: what it has recorded. places: topic → its rank within a step."""
+
+    sha256: str
+    rows: Sequence[Row]
+    by_topic: Mapping[str, Sequence[Row]]
+    places: Mapping[str, int]
+
+
+@cache
+def reference(name: str, steps: int) -> Reference:
+    """Return the undisturbed run of a scenario."""
+    with TemporaryDirectory(dir=FOLDER) as folder:
+        execution = Execution(Tape(name, steps), Path(folder) / "run")
+        execution.run()
+        result = execution.result
+        assert result is not None, execution.crash
+        assert result.exit_code == 0, result.reason
+        rows = rows_of(Path(folder) / "run" / "run.mcap")
+    by_topic: dict[str, list[Row]] = {}
+    for row in rows:
+        by_topic.setdefault(row.topic, []).append(row)
+    # A call precedes the outputs of its step.
+    topics = sorted(by_topic, key=layout.CALLS_TOPIC.__ne__)
+    places = {topic: place for place, topic in enumerate(topics)}
+    return Reference(result.messages_sha256, rows, by_topic, places)
+
+
+def judge(execution: Execution) -> Iterator[str]:
+    """Yield what does not hold of a run that has been executed."""
+    if execution.crash:
+        yield f"an error of ours: {execution.crash.strip().splitlines()[-1]}"
+    if execution.late:
+        yield f"not ended in time: {', '.join(execution.late)}"
+    if any(fault.kind in CRASHES for fault in execution.effective):
+        yield from _judge_crash(execution)
+        return
+    yield from _judge_verdict(execution)
+    yield from _judge_recording(execution)
+    yield from _judge_files(execution)
+
+
+# --- the verdict ------------------------------------------------------------------------------
+
+
+def _harmful(execution: Execution) -> list[Fault]:
+    """Return what has struck, and may have done harm."""
+    tape = execution.tape
+    struck = [fault for fault in tape.faults if fault in execution.effective]
+    total_ns = sum(lasting_ns(fault, tape.knobs) for fault in struck)
+    return [f for f in struck if not KINDS[f.kind].is_harmless(f, tape.knobs, total_ns)]
+
+
+def _judge_verdict(execution: Execution) -> Iterator[str]:
+    harmful = _harmful(execution)
+    participants = scenario(execution.tape.scenario, execution.tape.steps, Knobs()).participants
+
+    names = [spec.name for spec in participants]
+
+    def readers(name: str) -> set[str]:
+        return {
+            spec.name
+            for spec in participants
+            if any(item.source == name for item in spec.inputs.values())
+        }
+
+    allowed = {ExitCode.FINISHED, *(code for f in harmful for code in KINDS[f.kind].codes)}
+    blamed = {name for fault in harmful for name in culprits(fault, names, readers)}
+    if execution.refusal is not None:
+        code = getattr(execution.refusal, "code", None)
+        if code not in allowed:
+            yield f"refused with {code}: {execution.refusal}"
+        return
+    result = execution.result
+    if result is None:
+        if not execution.crash:
+            yield "there is no result"
+        return
+    if result.exit_code not in allowed:
+        expected = sorted(map(int, allowed))
+        yield f"exit code {result.exit_code}, not one of {expected}: {result.reason}"
+    elif result.exit_code == 0 and any(KINDS[fault.kind].is_fatal for fault in harmful):
+        yield f"finished, in spite of {', '.join(map(str, harmful))}"
+    if result.participant is not None and result.participant not in blamed:
+        yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
+
+
+# --- what is recorded -------------------------------------------------------------------------
+
+
+def _judge_recording(execution: Execution) -> Iterator[str]:
+    path = execution.out / "run.mcap"
+    if not path.exists():
+        if not any(KINDS[f.kind].codes == {ExitCode.RECORDING} for f in execution.effective):
+            yield "there is no recording"
+        return
+    result = execution.result
+    with TemporaryDirectory(dir=FOLDER) as folder:
+        saved = Path(folder) / "saved.mcap"
+        try:
+            rows = rows_of(path)
+        except (McapError, EOFError, ValueError) as exc:
+            if result is not None and not _on_disk(execution):
+                yield f"the recording cannot be read: {exc!r}"
+            rows = None
+        try:
+            recovery = recover(path, saved)
+        except StepbusError as exc:
+            if not _on_disk(execution):
+                yield f"cannot be recovered: {exc}"
+            return
+        kept = rows_of(saved)
+        is_whole = rows is not None and not recovery.damage
+        has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
+        if is_whole and has_our_chunks and saved.read_bytes() != path.read_bytes():
+            yield "recover has made something else of a whole recording"
+    yield from _judge_recovery(execution, recovery, kept)
+    if rows is not None and kept != rows:
+        yield f"recover kept {len(kept)} messages of {len(rows)}"
+    yield from _judge_rows(execution, kept)
+    yield from _judge_safe_stop(execution, kept)
+    if execution.tape.then and not execution.watch.replaced:
+        yield from _judge_again(execution, kept)
+
+
+def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row]) -> Iterator[str]:
+    """Yield where `recover` says something else than what it has kept."""
+    if not kept:
+        return
+    last = max(row.step for row in kept)
+    said = recovery.messages, recovery.last_step, recovery.planned_steps
+    if said != (len(kept), last, execution.tape.steps):
+        yield f"recover says {said}, and has kept {len(kept)} messages up to step {last}"
+    if recovery.holes:
+        yield f"there is a hole: {'; '.join(recovery.holes)}"
+    if recovery.attachments != 1 or recovery.metadata < 1:
+        yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
+    result = execution.result
+    if result is not None and result.exit_code == 0:
+        lost = recovery.lost_bytes, recovery.cut_step, recovery.missing_steps, recovery.damage
+        if lost != (0, None, 0, ""):
+            yield f"recover says that a whole recording lacks something: {lost}"
+
+
+def _ports(truth: Reference) -> set[str]:
+    """Return the topics of participants."""
+    return truth.by_topic.keys() - {layout.CHAIN_TOPIC, layout.CALLS_TOPIC}
+
+
+def _judge_safe_stop(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
+    """Yield where a run did not come to its safe stop although only one participant was struck."""
+    replaced, (first, until) = execution.watch.replaced, execution.watch.held
+    own = {replaced, f"{replaced}>{ORCHESTRATOR}"}
+    # One that has published nothing leaves nothing to hold.
+    if not replaced or first == 0 or any(fault.target not in own for fault in execution.effective):
+        return
+    # Where only the link to the orchestrator is slow, readers may have what it has never seen.
+    if execution.result is not None and "twice with different" in execution.result.reason:
+        return
+    for topic in _ports(reference(execution.tape.scenario, execution.tape.steps)):
+        newest = max((row.step for row in kept if row.topic == topic), default=-1)
+        every = execution.every(topic.partition("/")[0])
+        if newest < until - every:
+            yield f"{replaced} was replaced up to step {until}; {topic} ends at step {newest}"
+
+
+def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
+    """Do with the recording what its tape says, and yield what is wrong then."""
+    tape = execution.tape
+    truth = reference(tape.scenario, tape.steps)
+    # Of each port all that is recorded is there, up to its last message; see above.
+    lasts = {row.topic: row.step for row in kept if row.topic != layout.CHAIN_TOPIC}
+    complete = min(lasts.get(topic, -1) for topic in _ports(truth))
+    if complete < 2:
+        return
+    again = Again(tape, execution.out / "run.mcap", execution.out.with_name("again"), complete)
+    again.run()
+    result = execution.result
+    if result is not None and result.exit_code == 0 and again.difference:
+        yield f"{tape.then}: {again.difference}"
+    if again.crash or again.late or again.problem:
+        yield f"{tape.then}: {again.crash or again.late or again.problem}"
+        return
+    if again.new is None:
+        return
+    # A call that was not made is not repeated.
+    made = sum(row.topic == layout.CALLS_TOPIC for row in kept)
+    calls = [row.step for row in truth.by_topic.get(layout.CALLS_TOPIC, ())]
+    end = calls[made] if made < len(calls) else tape.steps + 1
+    if [row for row in rows_of(again.new) if row.step < end] != [
+        row for row in truth.rows if row.step < end
+    ]:
+        yield f"{tape.then}: what it has recorded is not the reference"
+
+
+def _on_disk(execution: Execution) -> bool:
+    return any(KINDS[fault.kind].codes == {ExitCode.RECORDING} for fault in execution.effective)
+
+
+def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where what is recorded is no beginning of the reference."""
+    tape, result = execution.tape, execution.result
+    truth = reference(tape.scenario, tape.steps)
+    if result is not None and result.exit_code == 0:
+        if list(rows) != list(truth.rows):
+            yield f"finished, and recorded {len(rows)} messages that are not the reference's"
+        elif result.messages_sha256 != truth.sha256:
+            yield "the hash of the messages is not the reference's"
+        return
+    first_held = execution.watch.first_held
+    counts = dict.fromkeys(truth.by_topic, 0)
+    before = (-1, -1)
+    for row in rows:
+        here = (row.step, truth.places.get(row.topic, -1))
+        if here <= before:
+            yield f"{row.topic} of step {row.step} is recorded behind step {before[0]}"
+        before = here
+        # The hash chain of a cut recording ends with what is there.
+        if row.step >= first_held or row.topic == layout.CHAIN_TOPIC:
+            continue
+        expected = truth.by_topic.get(row.topic, [])
+        number = counts.get(row.topic, 0)
+        counts[row.topic] = number + 1
+        if number >= len(expected) or expected[number] != row:
+            yield f"{row.topic} of step {row.step} is not what the reference has there"
+            return
+
+
+def _judge_crash(execution: Execution) -> Iterator[str]:
+    """Yield what is wrong behind an orchestrator that was killed."""
+    path = execution.out / "run.mcap"
+    if not path.exists():
+        return
+    killed_ns = execution.orchestrator.ended_ns
+    with TemporaryDirectory(dir=FOLDER) as folder:
+        saved = Path(folder) / "saved.mcap"
+        try:
+            recovery = recover(path, saved)
+            rows = rows_of(saved)
+        except StepbusError as exc:
+            if "nothing to recover" not in str(exc) or execution.watch.written:
+                yield f"cannot be recovered: {exc}"
+            return
+    yield from _judge_recovery(execution, recovery, rows)
+    yield from _judge_rows(execution, rows)
+    newest = max((row.step for row in rows), default=-1)
+    # A write that is torn can take with it all that it replaces, up to a chunk.
+    torn = any(fault.kind == "power" for fault in execution.effective)
+    due = [step for at_ns, step in execution.watch.written if at_ns < killed_ns - _LOSS_NS]
+    slept = any(fault.kind in ("sleep", "suspend") for fault in execution.effective)
+    if not (_on_disk(execution) or slept or torn) and newest < max(due, default=0) - 1:
+        yield f"step {newest} is the last that was saved; {max(due)} was complete 0.3 s before"
+
+
+# --- what is left -----------------------------------------------------------------------------
+
+
+def _judge_files(execution: Execution) -> Iterator[str]:
+    if execution.out.exists():
+        left = {path.name for path in execution.out.iterdir()} - _FILES
+        if left:
+            yield f"left behind: {', '.join(sorted(left))}"

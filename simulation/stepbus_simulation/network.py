@@ -1,0 +1,362 @@
+"""The bus of a simulated run: one node a process, one link between any two of them.
+
+It behaves as `ZenohBus` does (docs/protocol.md, P2): what is published before a link is up is
+lost; a link keeps its order; a put blocks where the buffer of a link to a process that reads
+nothing is full; a process that ends loses what it has not sent, and its token goes.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
+from queue import Empty
+from typing import Any
+
+from stepbus_participant import BusError, Clock, Queue, Sample
+
+from .world import NS, Process, SimulatedQueue, World
+
+BUFFER_BYTES = 200_000
+"""What a link holds for a process that reads nothing [bytes]: some 250 messages."""
+_MESSAGE_BYTES = 800
+"""What a message takes of that beside its content [bytes]."""
+DELAY_NS = 30_000
+
+
+@dataclass
+class Link:
+    """From one node to another.
+
+    up_ns: when it begins to carry. is_cut: what is published meanwhile is lost. delay_ns: of every
+    message. changes: number of a message → what becomes of it. struck: is called with that.
+    """
+
+    source: Node
+    target: Node
+    up_ns: int = 0
+    is_cut: bool = False
+    delay_ns: int = DELAY_NS
+    changes: dict[int, tuple[str, int]] = field(default_factory=dict)
+    struck: dict[int, Callable[[], None]] = field(default_factory=dict)
+    count: int = 0
+    bytes: int = 0
+    flying: deque[tuple[int, Callable[[], None]]] = field(default_factory=deque)
+    last_ns: int = 0
+
+    def send(self, size: int, act: Callable[[], None]) -> bool:
+        """Let something happen in the target's process once it has arrived; False: it is lost."""
+        world = self.source.process.world
+        number, self.count = self.count, self.count + 1
+        if self.is_cut or world.now_ns < self.up_ns:
+            return False
+        kind, amount = self.changes.get(number, ("", 0))
+        if kind:
+            self.struck[number]()
+        if kind == "drop":
+            return False
+        self._carry(size, act, amount if kind == "delay" else 0)
+        if kind == "duplicate":
+            self._carry(size, act, amount)
+        return True
+
+    def _carry(self, size: int, act: Callable[[], None], extra_ns: int) -> None:
+        world = self.source.process.world
+        taken = size + _MESSAGE_BYTES
+        self.bytes += taken
+        self.last_ns = max(self.last_ns, world.now_ns + self.delay_ns + extra_ns)
+
+        def arrive() -> None:
+            def take() -> None:
+                self.bytes -= taken
+                self.source.let_go_on()
+                act()
+
+            self.target.process.act(take)
+
+        world.after(self.last_ns - world.now_ns, arrive)
+
+
+class Network:
+    """All nodes of a run, and the links between them."""
+
+    def __init__(self, world: World) -> None:
+        self.world = world
+        self.nodes: dict[str, Node] = {}
+        self.links: dict[tuple[str, str], Link] = {}
+        self.changes = 0
+        """Grows with each change of who reads what."""
+        self.delay_ns = DELAY_NS
+        self.buffer_bytes = BUFFER_BYTES
+        self.up_ns: dict[frozenset[str], int] = {}
+        self.on_link: Callable[[Link], None] = lambda _link: None
+        self.alter: Callable[[str, str, bytes], list[bytes]] = lambda _name, _key, data: [data]
+
+    def link(self, source: Node, target: Node) -> Link:
+        """Return the link from one node to another."""
+        key = source.process.name, target.process.name
+        if (
+            key not in self.links
+            or self.links[key].target is not target
+            or self.links[key].source is not source
+        ):
+            self.links[key] = Link(source, target, delay_ns=self.delay_ns)
+            self.on_link(self.links[key])
+        return self.links[key]
+
+    def cut(self, one: str, other: str) -> bool:
+        """Close the connection of two processes; return whether there was one."""
+        return self._connect(one, other, is_up=False)
+
+    def heal(self, one: str, other: str) -> None:
+        """Open the connection of two processes again."""
+        self._connect(one, other, is_up=True)
+
+    def heal_all(self) -> None:
+        """Open every connection, and let each message through from now on."""
+        for one, other in list(self.links):
+            link = self.links[one, other]
+            link.changes.clear()
+            link.up_ns = 0
+            if link.is_cut:
+                self.heal(one, other)
+        self.alter = lambda _name, _key, data: [data]
+        self.on_link = lambda _link: None
+
+    def _connect(self, one: str, other: str, *, is_up: bool) -> bool:
+        nodes = [self.nodes.get(name) for name in (one, other)]
+        left, right = nodes
+        if left is None or right is None or not (left.is_open and right.is_open):
+            return False
+        for here, there in ((left, right), (right, left)):
+            self.link(here, there).is_cut = not is_up
+            for token in here.tokens:
+                there.hear(token, is_alive=is_up)
+        return True
+
+
+class Node:
+    """A `Bus`: what one process has declared on the network."""
+
+    def __init__(
+        self, network: Network, process: Process, *, is_leaf: bool = False, is_center: bool = False
+    ) -> None:
+        self.network = network
+        self.process = process
+        self.is_leaf, self.is_center = is_leaf, is_center
+        self.subscribers: list[tuple[str, Callable[[Sample], None]]] = []
+        self.answerers: list[tuple[str, Callable[[Any], None]]] = []
+        self.watchers: list[tuple[str, Callable[[str, bool], None]]] = []
+        self.tokens: list[str] = []
+        self.is_open = True
+        self._is_blocked = False
+        self._by_key: dict[tuple[str, bool], list[Node]] = {}
+        self._seen = -1
+        network.nodes[process.name] = self
+        network.changes += 1
+        process.on_end.append(self.close)
+
+    @property
+    def clock(self) -> Clock:
+        """Return the process's clock."""
+        return self.process.clock
+
+    def queue(self) -> Queue:
+        """Return a queue that the network fills."""
+        return SimulatedQueue(self.process)
+
+    def every(self, period_s: float, call: Callable[[], None]) -> Callable[[], None]:
+        """Call a function every so often [s], beside what the process does; return what ends it."""
+        world, period_ns = self.process.world, int(period_s * NS)
+        is_over = False
+
+        def tick() -> None:
+            if not is_over and not self.process.is_dead:
+                if not self.process.is_frozen:
+                    call()
+                world.after(period_ns, tick)
+
+        def end() -> None:
+            nonlocal is_over
+            is_over = True
+
+        world.after(period_ns, tick)
+        return end
+
+    def _readers(self, key: str, *, remote: bool) -> list[Node]:
+        """Return the nodes that subscribe to a key."""
+        if self._seen != self.network.changes:
+            self._seen = self.network.changes
+            self._by_key.clear()
+        if (key, remote) not in self._by_key:
+            self._by_key[key, remote] = [
+                node
+                for node in self._targets(remote=remote)
+                if any(_matches(wanted, key) for wanted, _ in node.subscribers)
+            ]
+        return list(self._by_key[key, remote])
+
+    def _targets(self, *, remote: bool = False) -> Iterator[Node]:
+        for node in list(self.network.nodes.values()):
+            if not node.is_open or (remote and node is self):
+                continue
+            if (
+                node is not self
+                and (self.is_leaf or node.is_leaf)
+                and not (self.is_center or node.is_center)
+            ):
+                continue
+            yield node
+
+    def publisher(self, key: str, encoding: str, *, remote: bool = False) -> Callable[..., None]:
+        """Return a function that publishes bytes; it blocks where a reader reads nothing."""
+
+        def put(data: bytes, attachment: bytes = b"") -> None:
+            self.process.call()
+            if self.process.is_dead:
+                return
+            if not self.is_open:
+                raise BusError(f"{key}: the bus is closed")
+            for content in self.network.alter(self.process.name, key, bytes(data)):
+                sample = Sample(key, content, bytes(attachment), encoding)
+                for node in self._readers(key, remote=remote):
+                    self._send(node, len(content), partial(node.take, sample))
+
+        return put
+
+    def _send(self, node: Node, size: int, act: Callable[[], None]) -> bool:
+        """Let something happen at a node; return whether it will, as far as this one can tell."""
+        if node is self:
+            act()
+            return True
+        link = self.network.link(self, node)
+        while link.bytes > self.network.buffer_bytes and node.is_open and not self.process.is_dead:
+            self._is_blocked = True
+            self.process.wait(None)
+        self._is_blocked = False
+        return node.is_open and not self.process.is_dead and link.send(size, act)
+
+    def let_go_on(self) -> None:
+        """Let a put that is blocked look again."""
+        if self._is_blocked:
+            self.process.wake()
+
+    def take(self, sample: Sample) -> None:
+        """Hand a sample to the subscribers."""
+        if self.is_open:
+            for wanted, sink in list(self.subscribers):
+                if wanted == sample.key or _matches(wanted, sample.key):
+                    sink(sample)
+
+    def subscribe(self, key: str, sink: Callable[[Any], None]) -> None:
+        """Call `sink` with each sample on a key."""
+        self.process.call()
+        self.subscribers.append((key, sink))
+        self.network.changes += 1
+
+    def subscribe_content(self, key: str, sink: Callable[[bytes], None]) -> None:
+        """Call `sink` with the content of each sample on a key."""
+        self.subscribe(key, lambda sample: sink(sample.payload))
+
+    def query(self, key: str, data: bytes, encoding: str, timeout_s: float) -> Iterator[bytes]:
+        """Yield the replies to a query as they arrive, until the time-out."""
+        self.process.call()
+        replies = self.queue()
+        asked = 0
+        (data,) = self.network.alter(self.process.name, key, bytes(data))
+        for node in self._targets(remote=True):
+            for wanted, sink in node.answerers:
+                if _matches(wanted, key):
+                    request = _Request(self, node, bytes(data), replies)
+                    asked += self._send(node, len(data), partial(sink, request))
+        until_ns = self.network.world.now_ns + int(timeout_s * NS)
+        for _ in range(asked):
+            left_s = (until_ns - self.network.world.now_ns) / NS
+            try:
+                yield replies.get(timeout=max(0.0, left_s))
+            except Empty:
+                return
+
+    def answer(self, key: str, sink: Callable[[Any], None]) -> None:
+        """Call `sink` with each query on a key."""
+        self.answerers.append((key, sink))
+
+    def declare_alive(self, key: str) -> None:
+        """Declare a token, which lasts until the node closes."""
+        self.process.call()
+        self.tokens.append(key)
+        self._tell(key, True)
+
+    def _tell(self, key: str, alive: bool) -> None:
+        for node in self._targets():
+            for wanted, sink in list(node.watchers):
+                if _matches(wanted, key):
+                    if node is self:
+                        sink(key, alive)
+                    else:
+                        self._tell_over_link(node, sink, key, alive)
+
+    def hear(self, token: str, *, is_alive: bool) -> None:
+        """Take that a token of another process has come or gone."""
+
+        def tell() -> None:
+            for wanted, sink in list(self.watchers):
+                if self.is_open and _matches(wanted, token):
+                    sink(token, is_alive)
+
+        self.process.act(tell)
+
+    def _tell_over_link(
+        self, node: Node, sink: Callable[[str, bool], None], key: str, alive: bool
+    ) -> None:
+        # The routing of Zenoh tells of tokens once a link is up; nothing of them is lost.
+        link, world = self.network.link(self, node), self.network.world
+        at_ns = max(link.up_ns, link.last_ns, world.now_ns) + link.delay_ns
+
+        def tell() -> None:
+            if node.is_open:
+                sink(key, alive)
+
+        world.after(at_ns - world.now_ns, lambda: node.process.act(tell))
+
+    def watch_alive(self, key: str, sink: Callable[[str, bool], None]) -> None:
+        """Call `sink` with (key, alive) now and whenever a token changes."""
+        self.process.call()
+        self.watchers.append((key, sink))
+        for node in self._targets():
+            for token in node.tokens:
+                if _matches(key, token):
+                    if node is self:
+                        sink(token, True)
+                    else:
+                        node._tell_over_link(self, sink, token, True)
+
+    def close(self) -> None:
+        """Leave the network; harmless when repeated."""
+        if self.is_open:
+            self.is_open = False
+            self.network.changes += 1
+            for token in self.tokens:
+                self._tell(token, False)
+            for node in list(self.network.nodes.values()):
+                node.let_go_on()
+
+
+class _Request:
+    """A query that waits for its reply."""
+
+    def __init__(self, asker: Node, answerer: Node, payload: bytes, replies: Queue) -> None:
+        self._asker, self._answerer = asker, answerer
+        self.payload = payload
+        self._replies = replies
+
+    def reply(self, data: bytes, encoding: str) -> None:
+        """Reply to it."""
+        self._answerer._send(self._asker, len(data), lambda: self._replies.put(bytes(data)))
+
+
+@lru_cache(maxsize=4096)
+def _matches(wanted: str, key: str) -> bool:
+    return re.fullmatch(re.escape(wanted).replace(r"\*", "[^/]+"), key) is not None

@@ -1,0 +1,214 @@
+"""The participants of simulated runs, and their scenarios: small, coupled in a loop, repeatable."""
+
+import math
+from collections.abc import Callable
+from functools import cache
+from typing import Any, ClassVar
+
+import msgspec
+
+from stepbus import Description, Method, Participant, Scenario, Step, load
+from stepbus.messages import Image, JointCommand, JointReference, JointState
+from stepbus_schemas import CallRecord
+
+from .tape import Knobs
+
+_STEP_S = 0.005
+
+
+class Plant(Participant):
+    """A joint that turns under a torque."""
+
+    inputs: ClassVar = {"command": JointCommand}
+    outputs: ClassVar = {"joint_state": JointState}
+
+    def __init__(self, config: Any) -> None:
+        super().__init__(config)
+        self.position, self.velocity = 0.1, 0.0
+
+    def describe(self) -> dict[str, Description]:
+        """Return the joint."""
+        return {"joint_state": Description(names=["hip"])}
+
+    def output(self, _step: Step) -> dict[str, Any]:
+        """Publish its state."""
+        return {"joint_state": JointState(position=[self.position], velocity=[self.velocity])}
+
+    def update(self, step: Step) -> None:
+        """Advance by a step."""
+        command = step.get("command")
+        self.velocity += _STEP_S * (command.values[0] if command is not None else 0.0)
+        self.position += _STEP_S * self.velocity
+
+    def turn_to(self, position: float) -> float:
+        """Put the joint at a position [rad], and return it."""
+        self.position = position
+        return position
+
+    def calls(self) -> dict[str, Method]:
+        """Return what can be called."""
+        return {"turn_to": Method(self.turn_to, "(position [rad])", changes=True)}
+
+
+class Controller(Participant):
+    """A PD law."""
+
+    inputs: ClassVar = {"joint_state": JointState, "reference": JointReference}
+    outputs: ClassVar = {"command": JointCommand}
+
+    def describe(self) -> dict[str, Description]:
+        """Return the joints of the state."""
+        return {"command": Description(like="joint_state")}
+
+    def update(self, step: Step) -> dict[str, Any]:
+        """Command a torque."""
+        state, reference = step.read("joint_state"), step.read("reference")
+        torque = 60.0 * (reference.position[0] - state.position[0]) - 2.0 * state.velocity[0]
+        return {"command": JointCommand(mode="torque", values=[torque])}
+
+
+class Mission(Participant):
+    """A sine."""
+
+    outputs: ClassVar = {"reference": JointReference}
+
+    def describe(self) -> dict[str, Description]:
+        """Return the joint."""
+        return {"reference": Description(names=["hip"])}
+
+    def update(self, step: Step) -> dict[str, Any]:
+        """Publish the reference."""
+        sine, cosine = math.sin(step.t), math.cos(step.t)
+        reference = JointReference(position=[sine], velocity=[cosine], acceleration=[-sine])
+        return {"reference": reference}
+
+
+class Camera(Participant):
+    """Publishes pictures, which travel beside the other messages."""
+
+    inputs: ClassVar = {"joint_state": JointState}
+    outputs: ClassVar = {"picture": Image}
+
+    def update(self, step: Step) -> dict[str, Any]:
+        """Publish a grey picture."""
+        state = step.read("joint_state")
+        grey = int(100 + 50 * math.tanh(state.position[0]))
+        lens = {"focal": (10.0, 10.0), "centre": (4.0, 2.0)}
+        image = Image(width=8, height=4, encoding="rgb8", data=bytes([grey]) * 96, **lens)
+        return {"picture": image}
+
+
+class Viewer(Participant):
+    """Says how bright the pictures are."""
+
+    inputs: ClassVar = {"picture": Image}
+    outputs: ClassVar = {"grey": JointReference}
+
+    def describe(self) -> dict[str, Description]:
+        """Return what it says."""
+        return {"grey": Description(names=["grey"])}
+
+    def update(self, step: Step) -> dict[str, Any]:
+        """Publish the first pixel of the newest picture."""
+        return {"grey": _still(step.read("picture").data[0])}
+
+
+def _still(position: float) -> JointReference:
+    return JointReference(position=[position], velocity=[0.0], acceleration=[0.0])
+
+
+def _part(name: str, **more: Any) -> dict[str, Any]:
+    return {"participant": f"stepbus_simulation.programs:{name}", **more}
+
+
+def _loop() -> dict[str, Any]:
+    return {
+        "plant": _part(
+            "Plant",
+            publishes="first",
+            inputs={"command": "controller.command"},
+            outputs={"joint_state": "JointState/1"},
+        ),
+        "controller": _part(
+            "Controller",
+            inputs={"joint_state": "plant.joint_state", "reference": "mission.reference"},
+            outputs={"command": "JointCommand/1"},
+        ),
+        "mission": _part("Mission", every=4, outputs={"reference": "JointReference/1"}),
+    }
+
+
+def _held() -> dict[str, Any]:
+    parts = _loop()
+    parts["mission"]["on_fault"] = "hold"
+    parts["controller"]["on_fault"] = "hold"
+    return parts
+
+
+def _seen() -> dict[str, Any]:
+    parts = _loop()
+    parts["camera"] = _part(
+        "Camera",
+        every=2,
+        inputs={"joint_state": "plant.joint_state"},
+        outputs={"picture": {"type": "Image/1", "bulk": True}},
+    )
+    parts["viewer"] = _part(
+        "Viewer",
+        every=2,
+        inputs={"picture": "camera.picture"},
+        outputs={"grey": "JointReference/1"},
+    )
+    return parts
+
+
+SCENARIOS: dict[str, Callable[[], dict[str, Any]]] = {
+    "loop": _loop,
+    "held": _held,
+    "seen": _seen,
+    "called": _loop,
+}
+"""Name in a tape → its participants: a loop, plain, held at a fault, seen by a camera, called."""
+
+CALLS = {
+    "called": [
+        CallRecord(step=step, participant="plant", method="turn_to", args=[0.1 * step])
+        for step in (3, 20, 33)
+    ]
+}
+"""Name in a tape → the calls of its run."""
+
+
+_OWN = ("compute_us", "link_us", "buffer_bytes", "chunk_bytes", "heal_ms")
+
+
+def scenario(name: str, steps: int, knobs: Knobs) -> Scenario:
+    """Return a scenario of so many steps, with the knobs of a tape."""
+    defaults = Knobs()
+    # The others are the simulator's.
+    own = {item: getattr(defaults, item) for item in _OWN}
+    return _loaded(name, steps, msgspec.structs.replace(knobs, **own))
+
+
+@cache
+def _loaded(name: str, steps: int, knobs: Knobs) -> Scenario:
+    return load(as_data(name, steps, knobs))
+
+
+def as_data(name: str, steps: int, knobs: Knobs) -> dict[str, Any]:
+    """Return the same as plain data, as a file would have it."""
+    participants = SCENARIOS[name]()
+    limits = {
+        f"{phase}_timeout": f"{getattr(knobs, f'{phase}_ms')}ms"
+        for phase in ("spawn", "join", "ready", "step", "stop")
+    }
+    for row in participants.values():
+        row.update(limits)
+    return {
+        "name": name,
+        "step": "5ms",
+        "duration": f"{5 * steps}ms",
+        "window": knobs.window,
+        **({"batch": knobs.batch} if knobs.batch else {}),
+        "participants": participants,
+    }
