@@ -50,7 +50,7 @@ MENDS = {
         "            self._disk.close(reserve)",
     ),
     "a participant waits for an orchestrator that has died": (
-        f"{_P}/session/session.py", "bus, watch, Types(", "bus, Watch(bus), Types(",
+        f"{_P}/session/session.py", "watch=watch", "watch=Watch(bus)",
     ),
     "a chain is missing where a run was aborted": (
         f"{_O}/recording/recorder.py",

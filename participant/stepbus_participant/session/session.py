@@ -54,7 +54,7 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     ports = [*(inputs or {}).values(), *(outputs or {}).values()]
     types = Types.of(item for item in ports if isinstance(item, type))
     welcome = join(bus, ticket, _type_names(inputs), _type_names(outputs), types)
-    Session(factory, ticket, welcome, bus, watch, Types(welcome.types) | types).work()
+    Session(factory, ticket, welcome, bus, Types(welcome.types) | types, watch=watch).work()
 
 
 def _type_names(ports: Mapping[str, PortType] | None) -> dict[str, str] | None:
@@ -78,8 +78,9 @@ class Session:
         ticket: Ticket,
         welcome: Welcome,
         bus: Bus,
-        watch: Watch,
         types: Types,
+        *,
+        watch: Watch,
     ) -> None:
         self._factory = factory
         self._ticket = ticket
