@@ -20,7 +20,7 @@ PAGES = sorted(
 )
 ROOTS = (
     "api", "benchmarks", "clients", "docs", "examples", "orchestrator", "participant", "scenarios",
-    "schemas", "scripts", "services", "tests", "tools", ".ci",
+    "schemas", "scripts", "services", "simulation", "tests", "tools", ".ci",
     *(f"store/{name}" for name in ("docs", "schemas", "scripts", "stepbus_store", "tests")),
 )  # fmt: skip
 NAMED = re.compile(rf"`((?:{'|'.join(map(re.escape, ROOTS))})/[\w./*-]*)`")

@@ -125,7 +125,7 @@ class Recorder(Sink):
             self.abort()
 
     def abort(self) -> None:
-        """Write whatever has arrived, as a `Sink` does, and close the file."""
+        """Write whatever has arrived, without a hole, and close the file."""
         if self._file.closed:
             return
         steps = self.whole_steps()

@@ -153,8 +153,8 @@ class Sink:
         self.write_step(closing_step, closing)
 
     def abort(self) -> None:
-        """Write whatever has arrived, in order and without a hole; harmless when repeated."""
-        for step in self.whole_steps():
+        """Write whatever has arrived, in order; harmless when repeated."""
+        for step in self.steps():
             self.write_step(step)
 
     def whole_steps(self) -> list[int]:

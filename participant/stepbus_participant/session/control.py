@@ -81,7 +81,7 @@ class Control:
     """The orchestrator's newest orders, and the answers to its calls.
 
     watch: of the orchestrator. wake: queues of a participant that waits for an input. drops: cause
-    → number of dropped messages, here of those that are malformed or without the run's token (P8.4).
+    → number of dropped messages, of those that are malformed or without the run's token (P8.4).
     step_limit: the first step not yet released. started: participant → input → description, once
     the run has started. batches: participant → how many steps it may publish at once. calls: those
     to answer while waiting for the trigger. methods: that can be called, by name.
