@@ -18,7 +18,7 @@ from stepbus_schemas import StepbusError
 from .again import Again
 from .execution import Execution
 from .programs import scenario
-from .strikes import CRASHES, KINDS, ORCHESTRATOR, culprits, lasting_ns
+from .strikes import CRASHES, KINDS, ORCHESTRATOR, UNSEEN, culprits, lasting_ns
 from .tape import Fault, Knobs, Tape
 from .world import NS
 
@@ -190,6 +190,9 @@ def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row
         yield f"there is a hole: {'; '.join(recovery.holes)}"
     if recovery.attachments != 1 or recovery.metadata < 1:
         yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
+    missing = 0 if recovery.only_index_lost else max(0, execution.tape.steps - 1 - last)
+    if recovery.missing_steps != missing:
+        yield f"recover says that {recovery.missing_steps} steps are missing, not {missing}"
     result = execution.result
     if result is not None and result.exit_code == 0:
         lost = recovery.lost_bytes, recovery.cut_step, recovery.missing_steps, recovery.damage
@@ -206,8 +209,10 @@ def _judge_safe_stop(execution: Execution, kept: Sequence[Row]) -> Iterator[str]
     """Yield where a run did not come to its safe stop although only one participant was struck."""
     replaced, (first, until) = execution.watch.replaced, execution.watch.held
     own = {replaced, f"{replaced}>{ORCHESTRATOR}"}
-    # One that has published nothing leaves nothing to hold.
-    if not replaced or first == 0 or any(fault.target not in own for fault in execution.effective):
+    # One that has published nothing leaves nothing to hold, and what it has lost stays lost.
+    if not replaced or first == 0:
+        return
+    if any(one.target not in own or one.kind in UNSEEN for one in execution.effective):
         return
     # Where only the link to the orchestrator is slow, readers may have what it has never seen.
     if execution.result is not None and "twice with different" in execution.result.reason:

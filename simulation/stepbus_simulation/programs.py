@@ -68,9 +68,13 @@ class Controller(Participant):
 
 
 class Mission(Participant):
-    """A sine."""
+    """A sine, whose phase comes from the seed."""
 
     outputs: ClassVar = {"reference": JointReference}
+
+    def __init__(self, config: Any) -> None:
+        super().__init__(config)
+        self.phase = config.seed / (1 << 53)
 
     def describe(self) -> dict[str, Description]:
         """Return the joint."""
@@ -78,7 +82,7 @@ class Mission(Participant):
 
     def update(self, step: Step) -> dict[str, Any]:
         """Publish the reference."""
-        sine, cosine = math.sin(step.t), math.cos(step.t)
+        sine, cosine = math.sin(step.t + self.phase), math.cos(step.t + self.phase)
         reference = JointReference(position=[sine], velocity=[cosine], acceleration=[-sine])
         return {"reference": reference}
 

@@ -126,7 +126,7 @@ class Kind:
         return self.lasts and fault.amount > 0 and 2 * total_ns < knobs.shortest_ns
 
 
-_UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_never", "bulk_short")
+UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_never", "bulk_short")
 """What one publishes that nobody takes: its readers wait, and only they can be seen to."""
 
 
@@ -151,7 +151,12 @@ def culprits(fault: Fault, names: Iterable[str], readers: Callable[[str], set[st
     if fault.kind == "lost_call":
         return {"plant"}
     named = set(fault.target.split(">")) - {ORCHESTRATOR, ""}
-    return named | readers(fault.target) if fault.kind in _UNSEEN else named
+    if fault.kind == "delay" and fault.target.startswith(ORCHESTRATOR):
+        # Its puts block, and it cannot see at which reader.
+        return set(names)
+    # One that was stopped goes on, and those that wait for it are late already.
+    goes_on = fault.kind in ("freeze", "hang") and fault.amount > 0
+    return named | readers(fault.target) if fault.kind in UNSEEN or goes_on else named
 
 
 # --- links ----------------------------------------------------------------------------------
