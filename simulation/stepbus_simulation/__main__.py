@@ -15,8 +15,8 @@ import stepbus_orchestrator
 import stepbus_participant
 
 from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
+from .kinds import KINDS
 from .real import commands
-from .strikes import KINDS
 from .tape import load_tape
 
 _MARK = re.compile(r'\breached\("([^"]+)"\)')

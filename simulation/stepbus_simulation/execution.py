@@ -25,10 +25,10 @@ from stepbus_schemas import StepbusError
 from .disk import SimulatedDisk
 from .escapes import Escape, no_escapes
 from .host import SimulatedHost
+from .kinds import KINDS
 from .network import Link, Network
 from .programs import CALLS, scenario
-from .strikes import KINDS, ORCHESTRATOR
-from .tape import Fault, Tape
+from .tape import ORCHESTRATOR, Fault, Tape
 from .world import NS, Livelock, Process, World
 
 _REAL_S = 30

@@ -17,9 +17,9 @@ from stepbus_schemas import StepbusError
 
 from .again import Again
 from .execution import Execution
+from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
 from .programs import scenario
-from .strikes import CRASHES, KINDS, ORCHESTRATOR, UNSEEN, culprits, lasting_ns
-from .tape import Fault, Knobs, Tape
+from .tape import ORCHESTRATOR, Fault, Knobs, Tape
 from .world import NS
 
 FOLDER = "/dev/shm"

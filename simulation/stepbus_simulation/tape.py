@@ -4,11 +4,17 @@ from pathlib import Path
 
 import msgspec
 
+MS = 1_000_000
+"""A millisecond [ns]."""
+
+ORCHESTRATOR = "orchestrator"
+"""The name of its process."""
+
 
 class Fault(msgspec.Struct, frozen=True, omit_defaults=True):
     """One thing that goes wrong.
 
-    kind: a row of `strikes.KINDS`. target: a process (`plant`), a link (`plant>controller`), or a
+    kind: a row of `kinds.KINDS`. target: a process (`plant`), a link (`plant>controller`), or a
     call of the disk. at: when, in what its kind counts: nanoseconds, messages, steps or calls.
     amount: how long [ns], how much, or which, as its kind has it.
     """

@@ -5,9 +5,10 @@ from random import Random
 
 import pytest
 from stepbus_simulation.campaign import execute
+from stepbus_simulation.kinds import KINDS
 from stepbus_simulation.programs import SCENARIOS, as_data
 from stepbus_simulation.real import real_fault
-from stepbus_simulation.strikes import KINDS, Draw
+from stepbus_simulation.swarm import Draw
 from stepbus_simulation.tape import Knobs, Tape
 from support.paths import CHECKOUT
 
