@@ -44,8 +44,8 @@ class Run:
 
     state: how far it is. messages: takes what participants send. gates: hold steps. descriptions:
     of all outputs, from the end of the start-up on. killed: those that read nothing, and blocked
-    all others. ended_at: when the stop was sent, by the monotonic clock [s]. is_recorded: whether the
-    recorder has been asked to finish, so that it must not be asked to abort.
+    all others. ended_at: when the stop was sent, by the monotonic clock [s]. is_recorded: whether
+    the recorder has been asked to finish, so that it must not be asked to abort.
     """
 
     def __init__(
