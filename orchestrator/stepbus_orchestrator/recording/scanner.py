@@ -39,6 +39,8 @@ class Scanner:
         self.has_end = False
         self.file = file
         self._crc = 0
+        self._done = 0
+        """No step below it comes any more: what has one was left by an earlier write."""
 
     def records(self) -> Iterator[mcap.McapRecord]:
         """Yield all records but those of the index, the messages of a chunk one by one.
@@ -88,7 +90,10 @@ class Scanner:
             # A chunk may be damaged inside: what precedes it is complete.
             if times:
                 index.blocks.append(Block(offset, length, frozenset(channels), min(times)))
-        if opcode == STEP_END or (opcode == Opcode.CHUNK and index.library == layout.LIBRARY):
+        if opcode == Opcode.CHUNK and index.library == layout.LIBRARY:
+            index.ends_a_step = True
+            self._done += 1
+        elif opcode == STEP_END:
             index.ends_a_step = True
         if opcode == Opcode.MESSAGE and index.loose_from is None:
             index.loose_from = offset
@@ -110,6 +115,12 @@ class Scanner:
                 f"a message is of channel {message.channel_id}, which is not described"
             )
         if self.index.is_ours:
+            if message.sequence < self._done:
+                raise DamagedRecord(
+                    f"a message of step {message.sequence} follows the steps below {self._done}: "
+                    "a write over it was cut off"
+                )
+            self._done = message.sequence
             # Written last, it shows that nothing of its step is missing.
             self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
 

@@ -78,3 +78,29 @@ def test_a_kill_between_a_chunk_and_the_cut_behind_it_leaves_no_rubbish(tmp_path
         found = messages(recover(copied, tmp_path / f"fixed{number}.mcap").target)
         assert found == whole[: len(found)]
         assert len(found) > 100
+
+
+def test_what_a_torn_chunk_leaves_behind_it_is_not_returned_twice(tmp_path, monkeypatch):
+    """A failing power supply tears the write of a chunk where an older record begins."""
+    path, copies = tmp_path / "run.mcap", []
+    truncate = os.ftruncate
+
+    def copy(file, length):
+        copies.append((path.read_bytes(), length, ahead[-1]))
+        truncate(file, length)
+
+    whole = messages(fill(path, ()))
+    monkeypatch.setattr("os.ftruncate", copy)
+    ahead = []
+    fill(path, range(0, 2000, 10), lambda _count: ahead.append(path.read_bytes()))
+    torn, length, before = copies[1]
+    edges = [at for at in range(length, len(before)) if before.startswith(b"\x05", at)]
+    path.write_bytes(torn[:length])
+    kept = len(messages(recover(path, tmp_path / "kept.mcap").target))
+    cut = 0
+    for edge in edges:
+        path.write_bytes(torn[:length] + before[edge:])
+        recovery = recover(path, tmp_path / "fixed.mcap", in_place=True)
+        assert messages(recovery.target) == whole[:kept]
+        cut += "a write over it was cut off" in recovery.damage
+    assert cut > 10
