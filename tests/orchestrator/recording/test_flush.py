@@ -103,4 +103,4 @@ def test_what_a_torn_chunk_leaves_behind_it_is_not_returned_twice(tmp_path, monk
         recovery = recover(path, tmp_path / "fixed.mcap", in_place=True)
         assert messages(recovery.target) == whole[:kept]
         cut += "a write over it was cut off" in recovery.damage
-    assert cut > 10
+    assert cut > 2
