@@ -73,10 +73,14 @@ class Sink:
         """Keep the content of a bulk port, before or after the outputs that announce it."""
         self._bulk[name, step, port] = content
 
-    def bulk_complete(self) -> bool:
-        """Return whether all announced bulk content has arrived."""
-        waiting = self._waiting.items()
-        return all(self._has_bulk(name, outputs) for name, own in waiting for outputs in own)
+    def owing_bulk(self) -> dict[str, int]:
+        """Return whose announced bulk content has not arrived → the first step of it."""
+        return {
+            name: outputs.step
+            for name, own in self._waiting.items()
+            for outputs in reversed(own)
+            if not self._has_bulk(name, outputs)
+        }
 
     def _has_bulk(self, name: str, outputs: Outputs) -> bool:
         return all((name, outputs.step, port) in self._bulk for port in outputs.bulk)

@@ -197,8 +197,12 @@ def _await_outputs(run: Run, closing: list[str]) -> None:
 
 def _await_bulk(run: Run) -> None:
     began = run.clock.monotonic()
-    while not run.recorder.bulk_complete():
-        run.turn(lambda _elapsed_s: check_bulk(run.state, run.clock.monotonic() - began))
+    while run.recorder.owing_bulk():
+        run.turn(
+            lambda _elapsed_s: check_bulk(
+                run.state, run.recorder.owing_bulk(), run.clock.monotonic() - began
+            )
+        )
 
 
 # --- fallback -----------------------------------------------------------------------------

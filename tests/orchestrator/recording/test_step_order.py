@@ -47,9 +47,9 @@ def test_a_participant_that_published_nothing_has_its_step_all_the_same():
 
 def test_a_step_waits_for_its_bulk_content():
     found = order(("plant", outputs(0, "state", bulk={"image": 3})), ("plant", outputs(1)))
-    assert (list(found.complete_below(2)), found.bulk_complete()) == ([], False)
+    assert (list(found.complete_below(2)), found.owing_bulk()) == ([], {"plant": 0})
     found.offer_bulk("plant", "image", 0, b"abc")
-    assert (list(found.complete_below(2)), found.bulk_complete()) == ([0, 1], True)
+    assert (list(found.complete_below(2)), found.owing_bulk()) == ([0, 1], {})
 
 
 def test_bulk_content_may_come_before_the_outputs_that_announce_it():

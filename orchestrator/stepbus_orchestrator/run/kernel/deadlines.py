@@ -1,6 +1,6 @@
 """Who is late, measured from outside (P12); the errors are in `failures`."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from stepbus_orchestrator.errors import StepTimeout
 from stepbus_orchestrator.run.kernel.state import RunState
@@ -95,14 +95,19 @@ def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> 
             )
 
 
-def check_bulk(state: RunState, waited_s: float) -> None:
-    """Raise StepTimeout when announced bulk content has not come for the longest stop deadline."""
-    limit_s = max(participant.limit_s("stop") for participant in state.participants.values())
-    if waited_s > limit_s:
-        reached("bulk content is late")
-        raise StepTimeout(
-            f"{state.at(state.last_step)}: announced bulk content has not "
-            f"arrived for {waited_s:.1f} s; deadline {limit_s:g} s (stop_timeout); was it "
-            "published?",
-            step=state.last_step,
-        )
+def check_bulk(state: RunState, owing: Mapping[str, int], waited_s: float) -> None:
+    """Raise StepTimeout when announced bulk content has not come for a stop deadline.
+
+    owing: whose it is → the first step of it.
+    """
+    for name, step in owing.items():
+        participant = state.participants[name]
+        if waited_s > participant.limit_s("stop"):
+            reached("bulk content is late")
+            raise state.failure(
+                StepTimeout,
+                participant,
+                step,
+                f"announced bulk content that has not arrived for {waited_s:.1f} s; deadline "
+                f"{participant.limit('stop')}; was it published?",
+            )

@@ -142,13 +142,15 @@ def test_closing_outputs_that_never_come_are_missed_though_their_process_ended_w
     state = started(steps=0)
     state.participants["plant"].process.code = 0
     with pytest.raises(ParticipantDied, match="exited with code 0"):
-        check_closing(state, ["plant"], 3.1)
+        check_closing(state, {"plant": 2}, 3.1)
 
 
-def test_announced_bulk_content_has_the_longest_stop_deadline():
-    check_bulk(started(), 2.9)
-    with pytest.raises(StepTimeout, match="announced bulk content has not arrived"):
-        check_bulk(started(), 3.1)
+def test_announced_bulk_content_has_the_stop_deadline_of_its_publisher():
+    check_bulk(started(), {"plant": 2}, 2.9)
+    check_bulk(started(), {}, 3.1)
+    with pytest.raises(StepTimeout, match="step 2 .*plant .* announced bulk content") as error:
+        check_bulk(started(), {"plant": 2}, 3.1)
+    assert error.value.participant == "plant"
 
 
 def test_a_step_is_named_with_its_time():
