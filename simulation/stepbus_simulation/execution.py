@@ -16,6 +16,7 @@ from stepbus_orchestrator.recording import mcap_file
 from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.calls import Calls
+from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -28,12 +29,12 @@ from .host import SimulatedHost
 from .kinds import KINDS
 from .network import Link, Network
 from .programs import CALLS, scenario
-from .tape import ORCHESTRATOR, Fault, Tape
+from .tape import MS, ORCHESTRATOR, Fault, Tape
 from .world import NS, Livelock, Process, World
 
 _REAL_S = 30
 """A run takes some hundredths of this."""
-_ENDS_NS = 60 * NS
+_ENDS_NS = NS
 """What a run may take beside its deadlines and faults."""
 
 
@@ -197,16 +198,15 @@ class Execution:
         for fault in self.tape.faults:
             KINDS[fault.kind].arm(self, fault)
         if self.tape.knobs.heal_ms:
-            self.world.after(1_000_000 * self.tape.knobs.heal_ms, self._heal)
+            self.world.after(MS * self.tape.knobs.heal_ms, self._heal)
         self.orchestrator.start()
         try:
-            limit_ns = self._limit_ns()
-            self.world.go(lambda: self.orchestrator.is_dead or self.world.now_ns > limit_ns)
+            self.world.go(lambda: self.orchestrator.is_dead or self._is_late())
             if self.orchestrator.is_dead:
                 # Nothing holds those up any more that it has left behind.
                 for process in self.world.processes:
                     process.thaw()
-                until_ns = self.world.now_ns + limit_ns
+                until_ns = self.world.now_ns + self._limit_ns(MS * self.tape.knobs.starting_ms)
                 self.world.go(lambda: not self._alive() or self.world.now_ns > until_ns)
         except Livelock as exc:
             self.late.append(str(exc))
@@ -229,15 +229,21 @@ class Execution:
             process.on_call.clear()
             process.thaw()
 
-    def _limit_ns(self) -> int:
+    def _is_late(self) -> bool:
+        started_s = self.watch.started_s
+        began_ns = int(NS * started_s) if started_s else MS * self.tape.knobs.starting_ms
+        return self.world.now_ns > self._limit_ns(began_ns)
+
+    def _limit_ns(self, began_ns: int) -> int:
+        """Return when a run has to have ended whose first step began at some time."""
         knobs = self.tape.knobs
-        longest_ms = knobs.spawn_ms + knobs.join_ms + knobs.ready_ms + knobs.stop_ms
-        longest_ms += 6 * knobs.step_ms
-        healing_ns = 1_000_000 * knobs.heal_ms
+        healing_ns = MS * knobs.heal_ms
         lasting_ns = sum(f.amount for f in self.tape.faults if KINDS[f.kind].lasts)
         cut_ns = sum(f.amount for f in self.tape.faults if f.kind == "cut")
         cut_ns = min(cut_ns, healing_ns) if healing_ns else cut_ns
-        return healing_ns + 1_000_000 * longest_ms + lasting_ns + cut_ns + _ENDS_NS
+        deadlines_ns = 2 * MS * (knobs.step_ms + knobs.stop_ms)
+        work_ns = 1000 * self.tape.steps * (3 * knobs.compute_us + 6 * knobs.link_us)
+        return began_ns + work_ns + deadlines_ns + healing_ns + lasting_ns + cut_ns + _ENDS_NS
 
 
 @contextlib.contextmanager
@@ -263,6 +269,17 @@ class _Watch(RunExtension):
         self.is_recorded = False
         self.written: list[tuple[int, int]] = []
         self._run: Run | None = None
+
+    @property
+    def state(self) -> RunState:
+        """Return the state of the run."""
+        assert self._run is not None
+        return self._run.state
+
+    @property
+    def started_s(self) -> float:
+        """Return when the first step began, by the monotonic clock [s]; 0 before."""
+        return self._run.state.started_at if self._run is not None else 0.0
 
     @property
     def replaced(self) -> str:

@@ -1,5 +1,6 @@
 """What must hold of every simulated run, whatever went wrong in it."""
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
@@ -23,6 +24,8 @@ from .tape import ORCHESTRATOR, Fault, Knobs, Tape
 from .world import NS
 
 FOLDER = "/dev/shm"
+_TIME = re.compile(r"step (\d+) \(t = ([\d.]+) s\)")
+_AT_STEP = ("raise", "wrong_message")
 _FILES = {"logs", "result.json", "run.mcap", "timing.mcap"}
 _LOSS_NS = int(0.3 * NS)
 """What a killed orchestrator may lose: 0.25 s, and a turn."""
@@ -136,6 +139,13 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
         yield f"exit code {result.exit_code}, not one of {expected}: {result.reason}"
     elif result.exit_code == 0 and any(KINDS[fault.kind].is_fatal for fault in harmful):
         yield f"finished, in spite of {', '.join(map(str, harmful))}"
+    for step, t_s in _TIME.findall(result.reason):
+        if round(float(t_s) * 1000) != 5 * int(step):
+            yield f"step {step} is not at {t_s} s: {result.reason}"
+    if result.exit_code and len(harmful) == 1 and harmful[0].kind in _AT_STEP:
+        struck = harmful[0].at - harmful[0].at % execution.every(harmful[0].target)
+        if result.at_step != struck:
+            yield f"step {result.at_step} is blamed, not {struck}: {result.reason}"
     if result.participant is not None and result.participant not in blamed:
         yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
 

@@ -109,7 +109,9 @@ def kill(_execution: Execution, fault: Fault, process: Process) -> None:
 
 
 def freeze(execution: Execution, fault: Fault, process: Process) -> None:
-    """Stop a process, for a time or for good."""
+    """Stop a process, for a time or for good: as long as there is an orchestrator to notice."""
+    if execution.orchestrator.is_dead:
+        return
     if fault.amount:
         execution.world.after(fault.amount, process.thaw)
     process.freeze()

@@ -52,9 +52,14 @@ class Knobs(msgspec.Struct, frozen=True, omit_defaults=True):
     heal_ms: int = 0
 
     @property
+    def starting_ms(self) -> int:
+        """Return how long the start may take [ms]."""
+        return self.spawn_ms + self.join_ms + self.ready_ms
+
+    @property
     def shortest_ns(self) -> int:
         """Return the shortest deadline [ns]."""
-        return 1_000_000 * min(
+        return MS * min(
             self.spawn_ms, self.join_ms, self.ready_ms, self.step_ms, self.stop_ms
         )
 

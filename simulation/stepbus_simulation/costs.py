@@ -1,0 +1,52 @@
+"""What undisturbed runs cost: simulated time and messages, the same on every machine."""
+
+from collections import Counter
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from .execution import Execution
+from .judge import FOLDER
+from .programs import SCENARIOS
+from .tape import Knobs, Tape
+
+_KNOBS = {
+    "as it is": Knobs(),
+    "one step in flight": Knobs(window=1),
+    "no batches": Knobs(batch=1, compute_us=100),
+    "slow": Knobs(window=8, compute_us=2_000, link_us=1_000),
+}
+
+
+def costs() -> dict[str, dict[str, Any]]:
+    """Return what a run of each scenario costs: with some knobs each."""
+    return {
+        f"{name}, {what}": _cost(Tape(name, knobs=knobs))
+        for name in SCENARIOS
+        for what, knobs in _KNOBS.items()
+    }
+
+
+def _cost(tape: Tape) -> dict[str, Any]:
+    """Return how long a run takes [µs], who waits and computes how long, and what is put how often.
+
+    A put counts once, however many read it. Sizes of messages are left out: they have paths and
+    versions of this machine.
+    """
+    puts: Counter[str] = Counter()
+
+    def count(name: str, key: str, data: bytes) -> list[bytes]:
+        puts[f"{name}: {key.partition('/')[0]}"] += 1
+        return [data]
+
+    with TemporaryDirectory(dir=FOLDER) as folder:
+        execution = Execution(tape, Path(folder) / "run")
+        execution.network.alter = count
+        execution.run()
+    state = execution.watch.state
+    return {
+        "lasts": execution.orchestrator.ended_ns // 1000,
+        "waited": {name: waited // 1000 for name, waited in sorted(state.waited.items())},
+        "computed": {name: total // 1000 for name, (total, _) in sorted(state.compute.items())},
+        "puts": dict(sorted(puts.items())),
+    }
