@@ -124,7 +124,7 @@ KINDS: dict[str, Kind] = {
     "delay": Kind(
         what="a message comes late, and all behind it",
         draw=lambda d: Fault("delay", d.link(), d.message(), d.lasting()),
-        arm=on_message("delay"), codes=_LATE, lasts=True,
+        arm=on_message("delay"), codes=_LATE | {_DIED}, lasts=True,
     ),
     "drop": Kind(
         what="a message is lost",

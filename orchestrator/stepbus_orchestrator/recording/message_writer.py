@@ -99,7 +99,14 @@ class MessageWriter:
     def add(self, record: mcap.Attachment | mcap.Metadata) -> None:
         """Write an attachment or a metadata record."""
         offset, data = self._output.tell(), _bytes_of(record)
-        self._write(data)
+        at, known = self._unfinished
+        if at == offset and known:
+            # Behind it stands again what it replaces: a kill loses nothing.
+            self._output.write(data, self._chunk.content()[:known] + _STEP_END)
+            self._crc = zlib.crc32(data, self._crc)
+            self._unfinished = (self._output.tell(), known)
+        else:
+            self._write(data)
         if isinstance(record, mcap.Metadata):
             self._add_index(
                 Opcode.METADATA_INDEX, mcap.MetadataIndex(offset, len(data), record.name)

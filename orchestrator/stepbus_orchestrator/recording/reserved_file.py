@@ -67,20 +67,21 @@ class ReservedFile:
         """Return how much has been written [bytes]."""
         return self._position
 
-    def write(self, data: bytes) -> None:
-        """Append all of `data`, or nothing of it."""
-        over = self._ahead - len(data)
+    def write(self, data: bytes, ahead: bytes = b"") -> None:
+        """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
+        new = data + ahead
+        over = self._ahead - len(new)
         # A process that is killed here leaves no rubbish behind `data`, but one private record.
         cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
         try:
-            write_at(self._disk, self._file, data + cover if cover else data, self._position)
+            write_at(self._disk, self._file, new + cover, self._position)
             if cover:
-                self._disk.ftruncate(self._file, self._position + len(data))
+                self._disk.ftruncate(self._file, self._position + len(new))
         except OSError:
             self._disk.ftruncate(self._file, self._position)
-            raise
-        finally:
             self._ahead = 0
+            raise
+        self._ahead = len(ahead)
         self._position += len(data)
         self._sha256.update(data)
 

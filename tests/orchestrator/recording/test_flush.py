@@ -47,6 +47,22 @@ def test_all_that_was_flushed_can_be_recovered(tmp_path):
     assert counts == {count: count for count in range(0, 2000, 102)}
 
 
+def test_metadata_between_two_flushes_takes_nothing_from_the_file(tmp_path):
+    file = McapFile(tmp_path / "run.mcap")
+    channel = file.add_channel("plant/a", "Event/1", {})
+    for step in range(60):
+        file.add(channel, step, b"", step)
+        if step in (10, 20):
+            file.flush()
+        if step == 30:
+            file.add_metadata("on_fault", {"participant": "mission"})
+            assert Recording(file.path)["plant/a"].steps.tolist() == list(range(21))
+    file.flush()
+    assert Recording(file.path)["plant/a"].steps.tolist() == list(range(60))
+    file.close()
+    file.check()
+
+
 def test_a_flush_that_finds_no_room_is_made_up_for_by_the_next_one(tmp_path, monkeypatch):
     def refuse(*_args):
         raise OSError(errno.ENOSPC, "No space left on device")

@@ -22,7 +22,8 @@ def check_start(state: RunState, elapsed_s: float) -> None:
         participant.in_phase_s += elapsed_s
         if participant.in_phase_s > participant.limit_s(PHASE_DEADLINES[participant.phase]):
             # One that publishes to a stopped process may be blocked by it, and hears of no other.
-            near = (*_sources(participant, participants), *_readers(participant, participants))
+            sources = _sources(participant, participants)
+            near = (participant, *sources, *_readers(participant, participants))
             raise late_to_start(state, next(filter(_is_stopped, near), participant))
 
 
@@ -64,8 +65,18 @@ def check_step(state: RunState, elapsed_s: float) -> None:
         participant.hold(state.owed_step(participant), elapsed_s)
     late = [one for one in held_by if one.holds_s > one.limit_s("step")]
     if late:
-        # A publisher to a stopped process may be blocked by it.
-        raise late_for_step(state, [one for one in late if _is_stopped(one)] or late)
+        raise late_for_step(state, _stopped(late, participants) or late)
+
+
+def _stopped(late: Sequence[ParticipantState], others: Participants) -> list[ParticipantState]:
+    """Return which of those that are late are stopped, or else a reader that may block one."""
+    if stopped := [one for one in late if _is_stopped(one)]:
+        return stopped
+    for one in late:
+        for reader in filter(_is_stopped, _readers(one, others)):
+            reader.hold(one.held_step, one.holds_s)
+            return [reader]
+    return []
 
 
 def check_closing(state: RunState, closing: Sequence[str], elapsed_s: float) -> None:

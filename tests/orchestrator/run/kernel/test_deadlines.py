@@ -100,6 +100,25 @@ def test_a_stopped_process_is_blamed_before_those_it_blocks():
     assert "plant" not in str(caught.value)
 
 
+def test_a_stopped_reader_is_blamed_for_the_step_that_it_blocks():
+    # The controller has done its part, and reads nothing any more: the plant cannot publish.
+    state = started(("controller", 0), ("mission", 0))
+    state.participants["controller"].process.stopped = True
+    with pytest.raises(StepTimeout, match=r"step 0 .*controller .* stopped .*3\.1 s") as caught:
+        check_step(state, 3.1)
+    assert caught.value.participant == "controller"
+
+
+def test_one_that_is_stopped_before_it_is_ready_is_blamed_though_its_reader_is_stopped_too():
+    state = started()
+    plant, controller = state.participants["plant"], state.participants["controller"]
+    plant.phase = Phase.JOINED
+    plant.process.stopped = controller.process.stopped = True
+    with pytest.raises(StartFailed) as failed:
+        check_start(state, 31.0)
+    assert failed.value.participant == "plant"
+
+
 def test_a_message_that_was_lost_is_suspected_where_its_source_has_published():
     state = started(("plant", 0), ("mission", 0))
     state.participants["controller"].waiting = Waiting(step=0, sources=["plant"])
