@@ -74,6 +74,7 @@ MENDS = {
 }  # fmt: skip
 """What comes back → the file, and what is changed in it."""
 
+_LEFT_OUT = {"VariableInserter", "VariableReplacer", "RemoveDecorator"}
 MODULES = (
     f"{_O}/run/kernel/barrier.py",
     f"{_O}/run/kernel/deadlines.py",
@@ -84,12 +85,16 @@ MODULES = (
     f"{_P}/session/step_loop.py",
 )
 _RUN = """
-import sys
+import json, sys
 from stepbus_simulation.campaign import first_failure
+from stepbus_simulation.costs import costs
+if costs() != json.load(open(sys.argv[3])):
+    sys.exit("undisturbed runs cost something else")
 failure = first_failure(int(sys.argv[1]), int(sys.argv[2]))
 if failure is not None:
     sys.exit(f"run {failure.number}: {failure.problem}")
 """
+_COSTS = str(ROOT / "tests/simulation/costs.json")
 _SLOWEST_RUN_S = 0.2
 
 
@@ -123,20 +128,23 @@ def drawn(count: int, seed: int) -> list[Mutant]:
         text = (ROOT / path).read_text(encoding="utf-8")
         places: dict[tuple[str, Any], list[tuple[str, int]]] = {}
         for operator_name in operator_names():
-            # A type `A | B` is no operation; RemoveDecorator breaks what is not even called.
+            # A type `A | B` is no operation. Of a decorator or a class, a change is one of style.
             family = operator_name.partition("/")[2].split("_")[0]
-            if "BitOr" in operator_name or family in {"VariableInserter", "VariableReplacer"}:
+            if "BitOr" in operator_name or family in _LEFT_OUT:
                 continue
             operator, number = get_operator(operator_name)(), 0
             for node in ast_nodes(get_ast(text)):
                 for position, _ in operator.mutation_positions(node):
                     places.setdefault((family, position), []).append((operator_name, number))
                     number += 1
+        lines = [line.strip() for line in text.splitlines()]
         for (_, position), choices in places.items():
+            line = lines[position[0] - 1]
+            if line.startswith(("@", "class ")):
+                continue
             operator_name, number = random.choice(choices)
             mutated = mutate_code(text, get_operator(operator_name)(), number)
             if mutated and mutated != text:
-                line = text.splitlines()[position[0] - 1].strip()
                 name = f"{path.rpartition('/')[2]}:{position[0]} {operator_name[5:]}: {line}"
                 mutants.append(Mutant(name, path, mutated))
     return random.sample(mutants, min(count, len(mutants)))
@@ -161,7 +169,7 @@ class Trials:
         paths = [str(self._own.copy / package) for package in _PACKAGES]
         try:
             done = subprocess.run(
-                [sys.executable, "-B", "-c", _RUN, str(self._seed), str(self._runs)],
+                [sys.executable, "-B", "-c", _RUN, str(self._seed), str(self._runs), _COSTS],
                 env={**os.environ, "PYTHONPATH": os.pathsep.join(paths)},
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.PIPE,

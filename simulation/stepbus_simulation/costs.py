@@ -1,5 +1,9 @@
-"""What undisturbed runs cost: simulated time and messages, the same on every machine."""
+"""What undisturbed runs cost: simulated time and messages, the same on every machine.
 
+`python -m stepbus_simulation.costs > tests/simulation/costs.json` keeps what they cost now.
+"""
+
+import json
 from collections import Counter
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -50,3 +54,7 @@ def _cost(tape: Tape) -> dict[str, Any]:
         "computed": {name: total // 1000 for name, (total, _) in sorted(state.compute.items())},
         "puts": dict(sorted(puts.items())),
     }
+
+
+if __name__ == "__main__":
+    print(json.dumps(costs(), indent=1))

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from stepbus_orchestrator.recording import mcap_file
+from stepbus_orchestrator.recording import mcap_file, recover
 from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions.calls import Calls
@@ -69,7 +69,7 @@ class Execution:
         self.late: list[str] = []
         self.effective: list[Fault] = []
         self.struck_at: dict[Fault, int] = {}
-        self.watch = _Watch()
+        self.watch = _Watch(out / "run.mcap")
         self.printed = io.StringIO()
         self.is_healed = False
         self._on_link: dict[str, list[Callable[[Link], None]]] = defaultdict(list)
@@ -262,11 +262,26 @@ def _real_time_limit() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-class _Watch(RunExtension):
-    """Sees how far a run is. written: (time [ns], step) of each recorded step."""
+def _recovered_while_written(path: Path) -> str:
+    """Return what recover says when it is to replace a recording that is being written."""
+    try:
+        recover(path, path, in_place=True)
+    except (StepbusError, Escape) as exc:
+        return str(exc)
+    return "has replaced it"
 
-    def __init__(self) -> None:
+
+class _Watch(RunExtension):
+    """Sees how far a run is.
+
+    written: (time [ns], step) of each recorded step. live: what recover has said of the recording
+    while it was written.
+    """
+
+    def __init__(self, path: Path) -> None:
         self.is_recorded = False
+        self.live = ""
+        self._path = path
         self.written: list[tuple[int, int]] = []
         self._run: Run | None = None
 
@@ -305,11 +320,13 @@ class _Watch(RunExtension):
         """Follow the recorder."""
         self._run = run
         super().attach(run)
-        recorder, clock = run.recorder, run.clock
+        recorder, clock, path = run.recorder, run.clock, self._path
         write_below, finish = recorder.write_below, recorder.finish
 
         def watched_write_below(step: int) -> None:
             write_below(step)
+            if not self.written:
+                self.live = _recovered_while_written(path)
             self.written.append((clock.monotonic_ns(), step))
 
         def watched_finish(closing_step: int, closing: Any) -> None:

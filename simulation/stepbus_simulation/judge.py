@@ -14,6 +14,7 @@ from mcap.stream_reader import StreamReader
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import layout, recover
 from stepbus_orchestrator.recording.recover import Recovery
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import StepbusError
 
 from .again import Again
@@ -139,6 +140,13 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
         yield f"exit code {result.exit_code}, not one of {expected}: {result.reason}"
     elif result.exit_code == 0 and any(KINDS[fault.kind].is_fatal for fault in harmful):
         yield f"finished, in spite of {', '.join(map(str, harmful))}"
+    yield from _judge_step(execution, result, harmful)
+    if result.participant is not None and result.participant not in blamed:
+        yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
+
+
+def _judge_step(execution: Execution, result: Result, harmful: Sequence[Fault]) -> Iterator[str]:
+    """Yield where an error names a step wrongly."""
     for step, t_s in _TIME.findall(result.reason):
         if round(float(t_s) * 1000) != 5 * int(step):
             yield f"step {step} is not at {t_s} s: {result.reason}"
@@ -146,8 +154,6 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
         struck = harmful[0].at - harmful[0].at % execution.every(harmful[0].target)
         if result.at_step != struck:
             yield f"step {result.at_step} is blamed, not {struck}: {result.reason}"
-    if result.participant is not None and result.participant not in blamed:
-        yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
 
 
 # --- what is recorded -------------------------------------------------------------------------
@@ -175,6 +181,7 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
                 yield f"cannot be recovered: {exc}"
             return
         kept = rows_of(saved)
+        yield from _judge_in_place(execution, path, saved)
         is_whole = rows is not None and not recovery.damage
         has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
         if is_whole and has_our_chunks and saved.read_bytes() != path.read_bytes():
@@ -186,6 +193,16 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
+
+
+def _judge_in_place(execution: Execution, path: Path, saved: Path) -> Iterator[str]:
+    copied = saved.with_name("copied.mcap")
+    copied.write_bytes(path.read_bytes())
+    recover(copied, copied, in_place=True)
+    if copied.read_bytes() != saved.read_bytes():
+        yield "recover has made something else in place"
+    if execution.watch.written and "is still being written" not in execution.watch.live:
+        yield f"while it was written, recover {execution.watch.live}"
 
 
 def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row]) -> Iterator[str]:

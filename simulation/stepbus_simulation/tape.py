@@ -59,9 +59,7 @@ class Knobs(msgspec.Struct, frozen=True, omit_defaults=True):
     @property
     def shortest_ns(self) -> int:
         """Return the shortest deadline [ns]."""
-        return MS * min(
-            self.spawn_ms, self.join_ms, self.ready_ms, self.step_ms, self.stop_ms
-        )
+        return MS * min(self.spawn_ms, self.join_ms, self.ready_ms, self.step_ms, self.stop_ms)
 
 
 class Tape(msgspec.Struct, frozen=True, omit_defaults=True):

@@ -1,5 +1,6 @@
 """The simulator itself: it repeats, lets nothing escape, and finds what is broken."""
 
+import json
 import random
 import threading
 import time
@@ -7,6 +8,7 @@ from random import Random
 
 import pytest
 from stepbus_simulation.campaign import execute, fingerprint, run_numbers
+from stepbus_simulation.costs import costs
 from stepbus_simulation.escapes import Escape, no_escapes
 from stepbus_simulation.kinds import KINDS
 from stepbus_simulation.programs import SCENARIOS
@@ -33,6 +35,11 @@ def test_the_same_tape_twice_is_the_same_run(number):
     assert one.world.trace == other.world.trace
     assert one.world.now_ns == other.world.now_ns
     assert one.disk.log == other.disk.log
+
+
+def test_undisturbed_runs_cost_what_they_did():
+    """`python -m stepbus_simulation.costs` prints what they cost; keep it where that is meant."""
+    assert costs() == json.loads((CHECKOUT / "tests/simulation/costs.json").read_text())
 
 
 def test_what_is_drawn_holds():
