@@ -71,6 +71,18 @@ MENDS = {
     "something is recorded behind bulk content that never came": (
         f"{_O}/recording/sink.py", "takewhile(partial(self._has_bulk, name), own)", "own",
     ),
+    "what a torn write leaves behind it is read again": (
+        f"{_O}/recording/scanner.py", "if message.sequence < self._done:", "if False:",
+    ),
+    "the note of a fallback takes what is written ahead from the file": (
+        f"{_O}/recording/message_writer.py", "if at == offset and known:", "if False:",
+    ),
+    "one is blamed in a step that a stopped reader blocks": (
+        f"{_O}/run/kernel/deadlines.py", "_readers(one, others)", "()",
+    ),
+    "a stopped reader is blamed for one that is stopped too": (
+        f"{_O}/run/kernel/deadlines.py", "near = (participant, *sources", "near = (*sources",
+    ),
 }  # fmt: skip
 """What comes back → the file, and what is changed in it."""
 

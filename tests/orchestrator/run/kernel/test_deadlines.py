@@ -167,7 +167,7 @@ def test_closing_outputs_that_never_come_are_missed_though_their_process_ended_w
 def test_announced_bulk_content_has_the_stop_deadline_of_its_publisher():
     check_bulk(started(), {"plant": 2}, 2.9)
     check_bulk(started(), {}, 3.1)
-    with pytest.raises(StepTimeout, match="step 2 .*plant .* announced bulk content") as error:
+    with pytest.raises(StepTimeout, match=r"step 2 .*plant .* announced bulk content") as error:
         check_bulk(started(), {"plant": 2}, 3.1)
     assert error.value.participant == "plant"
 
