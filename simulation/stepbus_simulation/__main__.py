@@ -7,6 +7,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import msgspec
 from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
@@ -22,6 +23,8 @@ from .tape import load_tape
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
 _EXAMPLES = """examples:
   python -m stepbus_simulation --runs 10000 --seed 1
+  python -m stepbus_simulation --runs 1000000 --seed 1 --count million.json  # can be interrupted
+  python -m stepbus_simulation --runs 1000000 --count all.json  # interrupt it, and call it again
   python -m stepbus_simulation tests/simulation/tapes/log_twice.json"""
 
 
@@ -39,6 +42,14 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes beside each other (2)")
     parser.add_argument("--keep", type=Path, help="folder for the shortest tapes that fail")
     parser.add_argument("--table", type=Path, help="file for the table, in Markdown")
+    parser.add_argument(
+        "--count",
+        type=Path,
+        help="file that keeps what was counted; a run of it goes on from there",
+    )
+    parser.add_argument(
+        "--count", type=Path, help="file for what was counted; where it exists, runs are added"
+    )
     parser.add_argument("--until-first", action="store_true", help="end with the first failure")
     options = parser.parse_args()
     if options.tapes:
@@ -58,24 +69,43 @@ def _show(path: Path) -> int:
 
 
 def _campaign(options: argparse.Namespace) -> int:
-    seed, runs, jobs, keep = options.seed, options.runs, options.jobs, options.keep
-    began, total = time.monotonic(), Count()
-    console = Console(stderr=True)
-    with Progress(console=console, transient=True) as progress:
-        task = progress.add_task("simulated runs", total=runs)
-        for count in campaign(seed, runs, jobs):
+    began, total = time.monotonic(), _kept(options.count)
+    before = total.runs, total.simulated_s
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        task = progress.add_task("simulated runs", total=options.runs)
+        for count in campaign(options.seed, options.runs, options.jobs, total.runs):
             total.add(count)
+            if options.count is not None:
+                _keep(options.count, total)
             progress.update(task, completed=total.runs)
             if total.failures and options.until_first:
                 break
     lasted_s = time.monotonic() - began
+    runs, simulated_s = total.runs - before[0], total.simulated_s - before[1]
     _print_table(total)
     if options.table is not None:
         options.table.write_text("\n".join(_markdown(total)) + "\n", encoding="utf-8")
     print(
-        f"{total.runs} runs in {lasted_s:.0f} s: {total.runs / lasted_s * 3600:,.0f} an hour, "
-        f"{total.simulated_s / lasted_s:.0f} simulated seconds a second"
+        f"{runs} runs in {lasted_s:.0f} s: {runs / lasted_s * 3600:,.0f} an hour, "
+        f"{simulated_s / lasted_s:.0f} simulated seconds a second; {total.runs} in all"
     )
+    return _print_failures(total, options.keep)
+
+
+def _kept(path: Path | None) -> Count:
+    if path is None or not path.exists():
+        return Count()
+    return msgspec.json.decode(path.read_bytes(), type=Count)
+
+
+def _keep(path: Path, total: Count) -> None:
+    new = path.with_name(f".{path.name}.new")
+    new.write_bytes(msgspec.json.encode(total))
+    new.replace(path)
+
+
+def _print_failures(total: Count, keep: Path | None) -> int:
+    """Print what happened, and did not hold; return 1 where something did not."""
     codes = ", ".join(f"{code}: {count}" for code, count in sorted(total.codes.items()))
     print(f"exit codes: {codes}")
     missing = sorted(all_marks() - total.marks)
@@ -122,6 +152,14 @@ def _markdown(total: Count) -> Iterator[str]:
         words = sorted(code for code in codes if not code.isdigit())
         struck = f"{total.effective[kind]:,}"
         yield f"| `{kind}` | {row.what} | {struck} | {', '.join([*numbers, *words])} |"
+    yield ""
+    yield "Runs by exit code: " + _listed({f"{code}": n for code, n in sorted(total.codes.items())})
+    yield "What was done with the recordings: " + _listed(dict(sorted(total.then.items())))
+    yield "Marks that were reached: " + ", ".join(f"`{mark}`" for mark in sorted(total.marks)) + "."
+
+
+def _listed(counts: dict[str, int]) -> str:
+    return ", ".join(f"{name}: {count:,}" for name, count in counts.items()) + "."
 
 
 if __name__ == "__main__":

@@ -42,25 +42,23 @@ class Count:
 
     runs: int = 0
     simulated_s: float = 0.0
-    drawn: Counter[str] = field(default_factory=Counter)
-    effective: Counter[str] = field(default_factory=Counter)
-    codes: Counter[str] = field(default_factory=Counter)
+    drawn: dict[str, int] = field(default_factory=Counter)
+    effective: dict[str, int] = field(default_factory=Counter)
+    codes: dict[str, int] = field(default_factory=Counter)
     codes_of: dict[str, set[str]] = field(default_factory=dict)
     marks: set[str] = field(default_factory=set)
-    then: Counter[str] = field(default_factory=Counter)
+    then: dict[str, int] = field(default_factory=Counter)
     failures: list[Failure] = field(default_factory=list)
 
     def add(self, other: "Count") -> None:
         """Add what happened in other runs."""
         self.runs += other.runs
         self.simulated_s += other.simulated_s
-        self.drawn += other.drawn
-        self.effective += other.effective
-        self.codes += other.codes
+        for name in ("drawn", "effective", "codes", "then"):
+            setattr(self, name, Counter(getattr(self, name)) + Counter(getattr(other, name)))
         for kind, codes in other.codes_of.items():
             self.codes_of.setdefault(kind, set()).update(codes)
         self.marks |= other.marks
-        self.then += other.then
         self.failures += other.failures
 
 
@@ -89,17 +87,19 @@ def run_numbers(seed: int, first: int, count: int) -> Count:
     for number in range(first, first + count):
         tape = draw_tape(seed, number)
         execution, problems = execute(tape)
-        total.runs += 1
-        total.simulated_s += execution.world.now_ns * 1e-9
-        total.drawn.update({fault.kind for fault in tape.faults})
-        total.effective.update({fault.kind for fault in execution.effective})
+        struck = {fault.kind for fault in execution.effective}
         code = _code(execution)
-        total.codes[code] += 1
-        for fault in execution.effective:
-            total.codes_of.setdefault(fault.kind, set()).add(code)
-        total.then[tape.then or "nothing"] += 1
-        if problems:
-            total.failures.append(Failure(number, tape, problems[0]))
+        one = Count(
+            runs=1,
+            simulated_s=execution.world.now_ns * 1e-9,
+            drawn=dict.fromkeys({fault.kind for fault in tape.faults}, 1),
+            effective=dict.fromkeys(struck, 1),
+            codes={code: 1},
+            codes_of={kind: {code} for kind in struck},
+            then={tape.then or "nothing": 1},
+            failures=[Failure(number, tape, problems[0])] if problems else [],
+        )
+        total.add(one)
     gc.collect()
     total.marks = reached_marks()
     return total
@@ -121,9 +121,9 @@ def _code(execution: Execution) -> str:
     return "refused" if execution.refusal is not None else "killed"
 
 
-def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
-    """Yield what happened, chunk by chunk."""
-    chunks = [(first, min(CHUNK, runs - first)) for first in range(0, runs, CHUNK)]
+def campaign(seed: int, runs: int, jobs: int, first: int = 0) -> Iterator[Count]:
+    """Yield what happened, chunk by chunk, in order. first: the number of the first run."""
+    chunks = [(number, min(CHUNK, runs - number)) for number in range(first, runs, CHUNK)]
     with ProcessPoolExecutor(jobs) as pool:
         futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
         try:
