@@ -23,7 +23,6 @@ from .tape import load_tape
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
 _EXAMPLES = """examples:
   python -m stepbus_simulation --runs 10000 --seed 1
-  python -m stepbus_simulation --runs 1000000 --seed 1 --count million.json  # can be interrupted
   python -m stepbus_simulation --runs 1000000 --count all.json  # interrupt it, and call it again
   python -m stepbus_simulation tests/simulation/tapes/log_twice.json"""
 
@@ -42,11 +41,6 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes beside each other (2)")
     parser.add_argument("--keep", type=Path, help="folder for the shortest tapes that fail")
     parser.add_argument("--table", type=Path, help="file for the table, in Markdown")
-    parser.add_argument(
-        "--count",
-        type=Path,
-        help="file that keeps what was counted; a run of it goes on from there",
-    )
     parser.add_argument(
         "--count", type=Path, help="file for what was counted; where it exists, runs are added"
     )
