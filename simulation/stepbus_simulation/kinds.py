@@ -17,6 +17,7 @@ from .strikes import (
     at_time,
     compute_long,
     cut,
+    deaf,
     end_process,
     field,
     folder,
@@ -25,6 +26,7 @@ from .strikes import (
     in_step,
     interrupt,
     kill,
+    last_words,
     late_link,
     lie,
     linger,
@@ -315,6 +317,15 @@ KINDS: dict[str, Kind] = {
         what="a participant is stopped between two of its calls of the machine",
         draw=lambda d: Fault("hang", d.name(), d.call(), d.random.choice([0, d.lasting()])),
         arm=at_call(freeze), codes=_LATE, lasts=True,
+    ),
+    "last_words": Kind(
+        what="a participant is killed, and the log that it has just sent comes late",
+        draw=lambda d: Fault("last_words", d.name(), d.message(), d.random.randrange(MS, 600 * MS)),
+        arm=last_words, codes=frozenset({_START, _DIED, _FAULT}),
+    ),
+    "deaf": Kind(
+        what="a participant is stopped once it is asked to end",
+        draw=lambda d: Fault("deaf", d.name()), arm=deaf, codes=frozenset({_STEP, _STOP}),
     ),
     "no_triggers": Kind(
         what="a participant reads no triggers from some step on",

@@ -12,7 +12,7 @@ import msgspec
 from stepbus_schemas import Batch, Outputs, encode
 
 from .network import Link
-from .tape import Fault
+from .tape import ORCHESTRATOR, Fault
 from .world import Process
 
 if TYPE_CHECKING:
@@ -115,6 +115,40 @@ def freeze(execution: Execution, fault: Fault, process: Process) -> None:
     if fault.amount:
         execution.world.after(fault.amount, process.thaw)
     process.freeze()
+
+
+def last_words(execution: Execution, fault: Fault) -> None:
+    """Kill a process behind a log that it sends, which comes late."""
+    network, count = execution.network, 0
+
+    def alter(data: bytes) -> list[bytes]:
+        nonlocal count
+        count += 1
+        if count - 1 == fault.at:
+            execution.struck(fault)
+            nodes = network.nodes
+            link = network.link(nodes[fault.target], nodes[ORCHESTRATOR])
+            link.changes[link.count] = "delay", fault.amount
+            link.struck[link.count] = lambda: None
+            process = nodes[fault.target].process
+            process.on_call[process.calls + 1] = process.kill
+            execution.world.after(1, process.kill)
+        return [data]
+
+    execution.alter(fault.target, "log", alter)
+
+
+def deaf(execution: Execution, fault: Fault) -> None:
+    """Stop a process once it is asked to end."""
+
+    def alter(data: bytes) -> list[bytes]:
+        process = execution.process(fault.target)
+        if process is not None and not process.is_dead and not process.is_frozen:
+            execution.struck(fault)
+            freeze(execution, fault, process)
+        return [data]
+
+    execution.alter(ORCHESTRATOR, "stop", alter)
 
 
 def slow_start(execution: Execution, fault: Fault) -> None:
