@@ -1,5 +1,6 @@
 """What must hold of every simulated run, whatever went wrong in it."""
 
+import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
@@ -7,6 +8,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
+import msgspec
 from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
@@ -15,7 +17,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import layout, recover
 from stepbus_orchestrator.recording.recover import Recovery
 from stepbus_orchestrator.run.result import Result
-from stepbus_schemas import StepbusError
+from stepbus_schemas import CHAIN_EVERY, StepbusError
 
 from .again import Again
 from .execution import Execution
@@ -60,7 +62,6 @@ def rows_of(path: Path) -> list[Row]:
 class Reference(NamedTuple):
     """An undisturbed run. rows: what it has recorded. places: topic → its rank within a step."""
 
-    sha256: str
     rows: Sequence[Row]
     by_topic: Mapping[str, Sequence[Row]]
     places: Mapping[str, int]
@@ -82,7 +83,7 @@ def reference(name: str, steps: int) -> Reference:
     # A call precedes the outputs of its step.
     topics = sorted(by_topic, key=layout.CALLS_TOPIC.__ne__)
     places = {topic: place for place, topic in enumerate(topics)}
-    return Reference(result.messages_sha256, rows, by_topic, places)
+    return Reference(rows, by_topic, places)
 
 
 def judge(execution: Execution) -> Iterator[str]:
@@ -190,6 +191,7 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
     if rows is not None and kept != rows:
         yield f"recover kept {len(kept)} messages of {len(rows)}"
     yield from _judge_rows(execution, kept)
+    yield from _judge_chains(execution, kept)
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
@@ -291,8 +293,8 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
     if result is not None and result.exit_code == 0:
         if list(rows) != list(truth.rows):
             yield f"finished, and recorded {len(rows)} messages that are not the reference's"
-        elif result.messages_sha256 != truth.sha256:
-            yield "the hash of the messages is not the reference's"
+        elif result.messages_sha256 != hashlib.sha256(rows[-1].content).hexdigest():
+            yield "the hash of the messages is not that of the last chain"
         return
     first_held = execution.watch.first_held
     counts = dict.fromkeys(truth.by_topic, 0)
@@ -313,6 +315,34 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
             return
 
 
+def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where a hash chain is not what P13.3 says, computed here anew.
+
+    Each participant has one port. One that is blamed may have published what cannot be recorded.
+    """
+    blamed = execution.result.participant if execution.result is not None else None
+    values: dict[str, bytes] = {}
+    last = max((row.step for row in rows), default=-1)
+    for row in rows:
+        name, _, port = row.topic.partition("/")
+        if row.topic == layout.CALLS_TOPIC:
+            continue
+        if row.topic != layout.CHAIN_TOPIC:
+            head = values.get(name, bytes(32)) + row.step.to_bytes(8, "little", signed=True)
+            parts = head + port.encode() + row.content
+            values[name] = hashlib.sha256(parts).digest()
+            continue
+        if (row.step + 1) % CHAIN_EVERY and row.step != last:
+            yield f"there is a chain at step {row.step}"
+        for one, value in msgspec.msgpack.decode(row.content)["hashes"].items():
+            if one != blamed and value != values.get(one, bytes(32)).hex():
+                yield f"the chain of {one} is wrong at step {row.step}"
+    chains = {row.step for row in rows if row.topic == layout.CHAIN_TOPIC}
+    for step in range(CHAIN_EVERY - 1, last, CHAIN_EVERY):
+        if step not in chains:
+            yield f"there is no chain at step {step}"
+
+
 def _judge_crash(execution: Execution) -> Iterator[str]:
     """Yield what is wrong behind an orchestrator that was killed."""
     path = execution.out / "run.mcap"
@@ -330,6 +360,7 @@ def _judge_crash(execution: Execution) -> Iterator[str]:
             return
     yield from _judge_recovery(execution, recovery, rows)
     yield from _judge_rows(execution, rows)
+    yield from _judge_chains(execution, rows)
     newest = max((row.step for row in rows), default=-1)
     # A write that is torn can take with it all that it replaces, up to a chunk.
     torn = any(fault.kind == "power" for fault in execution.effective)

@@ -166,13 +166,22 @@ def _seen() -> dict[str, Any]:
     return parts
 
 
+def _twins() -> dict[str, Any]:
+    parts = _loop()
+    # Another one that publishes first, and owes closing outputs.
+    parts["twin"] = {**parts["plant"]}
+    return parts
+
+
 SCENARIOS: dict[str, Callable[[], dict[str, Any]]] = {
     "loop": _loop,
     "held": _held,
     "seen": _seen,
     "called": _loop,
+    "twins": _twins,
 }
-"""Name in a tape → its participants: a loop, plain, held at a fault, seen by a camera, called."""
+"""Name in a tape → its participants: a loop, plain, held at a fault, seen by a camera, called, with
+two plants."""
 
 CALLS = {
     "called": [
