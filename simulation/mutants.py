@@ -98,10 +98,15 @@ MODULES = (
 )
 _RUN = """
 import json, sys
-from stepbus_simulation.campaign import first_failure
+from pathlib import Path
+from stepbus_simulation.campaign import execute, first_failure
 from stepbus_simulation.costs import costs
 if costs() != json.load(open(sys.argv[3])):
     sys.exit("undisturbed runs cost something else")
+from stepbus_simulation.tape import load_tape
+for path in sorted(Path(sys.argv[3]).parent.glob("tapes/*.json")):
+    for problem in execute(load_tape(path))[1]:
+        sys.exit(f"{path.stem}: {problem}")
 failure = first_failure(int(sys.argv[1]), int(sys.argv[2]))
 if failure is not None:
     sys.exit(f"run {failure.number}: {failure.problem}")

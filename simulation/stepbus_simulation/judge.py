@@ -22,8 +22,8 @@ from stepbus_schemas import CHAIN_EVERY, StepbusError
 from .again import Again
 from .execution import Execution
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
-from .programs import scenario
-from .tape import ORCHESTRATOR, Fault, Knobs, Tape
+from .programs import STEP_NS, scenario
+from .tape import MS, ORCHESTRATOR, Fault, Knobs, Tape
 from .world import NS
 
 FOLDER = "/dev/shm"
@@ -55,6 +55,8 @@ def rows_of(path: Path) -> list[Row]:
                     raise ValueError(
                         f"a message of channel {record.channel_id}, which is not there"
                     )
+                if record.log_time != STEP_NS * record.sequence:
+                    raise ValueError(f"a message of step {record.sequence} is of another time")
                 rows.append(Row(topics[record.channel_id], record.sequence, record.data))
     return rows
 
@@ -149,7 +151,7 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
 def _judge_step(execution: Execution, result: Result, harmful: Sequence[Fault]) -> Iterator[str]:
     """Yield where an error names a step wrongly."""
     for step, t_s in _TIME.findall(result.reason):
-        if round(float(t_s) * 1000) != 5 * int(step):
+        if round(float(t_s) * 1000) != int(step) * STEP_NS // MS:
             yield f"step {step} is not at {t_s} s: {result.reason}"
     if result.exit_code and len(harmful) == 1 and harmful[0].kind in _AT_STEP:
         struck = harmful[0].at - harmful[0].at % execution.every(harmful[0].target)
@@ -192,6 +194,7 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
         yield f"recover kept {len(kept)} messages of {len(rows)}"
     yield from _judge_rows(execution, kept)
     yield from _judge_chains(execution, kept)
+    yield from _judge_last_outputs(execution, kept)
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
@@ -313,6 +316,21 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
         if number >= len(expected) or expected[number] != row:
             yield f"{row.topic} of step {row.step} is not what the reference has there"
             return
+
+
+def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where a run that failed did not record what had arrived of those that did not."""
+    result = execution.result
+    # A run that comes to its end, or to a safe stop, ends before what some had published already.
+    if result is None or result.exit_code in (0, ExitCode.INTERRUPTED, ExitCode.STOP_TIMEOUT):
+        return
+    if execution.watch.replaced or _on_disk(execution):
+        return
+    newest = {row.topic.partition("/")[0]: row.step for row in rows}
+    spared = {result.participant, "camera"}
+    for name, step in execution.watch.state.barrier.reported.items():
+        if name not in spared and newest.get(name, -1) < step:
+            yield f"{name} had reported step {step}, and is recorded up to {newest.get(name)}"
 
 
 def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:

@@ -11,9 +11,10 @@ from stepbus import Description, Method, Participant, Scenario, Step, load
 from stepbus.messages import Image, JointCommand, JointReference, JointState
 from stepbus_schemas import CallRecord
 
-from .tape import Knobs
+from .tape import MS, Knobs
 
-_STEP_S = 0.005
+STEP_NS = 5 * MS
+_STEP_S = 1e-9 * STEP_NS
 
 
 class Plant(Participant):
