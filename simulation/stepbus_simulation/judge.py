@@ -3,6 +3,7 @@
 import hashlib
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -13,7 +14,7 @@ from mcap.exceptions import McapError
 from mcap.records import Channel, Message
 from mcap.stream_reader import StreamReader
 
-from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.recording import layout, recover
 from stepbus_orchestrator.recording.recover import Recovery
 from stepbus_orchestrator.run.result import Result
@@ -30,6 +31,7 @@ FOLDER = "/dev/shm"
 _TIME = re.compile(r"step (\d+) \(t = ([\d.]+) s\)")
 _AT_STEP = ("raise", "wrong_message")
 _FILES = {"logs", "result.json", "run.mcap", "timing.mcap"}
+_DATA_END = b"\x0f\x04\0\0\0\0\0\0\0"
 _LOSS_NS = int(0.3 * NS)
 """What a killed orchestrator may lose: 0.25 s, and a turn."""
 
@@ -203,6 +205,9 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
 def _judge_in_place(execution: Execution, path: Path, saved: Path) -> Iterator[str]:
     copied = saved.with_name("copied.mcap")
     copied.write_bytes(path.read_bytes())
+    with suppress(OutputExists):
+        recover(copied, saved)
+        yield "recover has overwritten a file unasked"
     recover(copied, copied, in_place=True)
     if copied.read_bytes() != saved.read_bytes():
         yield "recover has made something else in place"
@@ -220,8 +225,13 @@ def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row
         yield f"recover says {said}, and has kept {len(kept)} messages up to step {last}"
     if recovery.holes:
         yield f"there is a hole: {'; '.join(recovery.holes)}"
-    if recovery.attachments != 1 or recovery.metadata < 1:
+    # What the orchestrator and each participant run on; a note that one was replaced.
+    names = execution.watch.state.participants
+    count = 1 + len(names) + bool(execution.watch.replaced)
+    if recovery.attachments != 1 or not count - 1 <= recovery.metadata <= count:
         yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
+    if recovery.only_index_lost != (_DATA_END in recovery.source.read_bytes()):
+        yield f"recover says that only the index is lost: {recovery.only_index_lost}"
     missing = 0 if recovery.only_index_lost else max(0, execution.tape.steps - 1 - last)
     if recovery.missing_steps != missing:
         yield f"recover says that {recovery.missing_steps} steps are missing, not {missing}"
