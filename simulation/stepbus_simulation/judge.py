@@ -230,7 +230,9 @@ def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row
     count = 1 + len(names) + bool(execution.watch.replaced)
     if recovery.attachments != 1 or not count - 1 <= recovery.metadata <= count:
         yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
-    if recovery.only_index_lost != (_DATA_END in recovery.source.read_bytes()):
+    is_torn = any(fault.kind == "power" for fault in execution.effective)
+    has_end = _DATA_END in recovery.source.read_bytes()
+    if recovery.only_index_lost != has_end and not (is_torn and has_end):
         yield f"recover says that only the index is lost: {recovery.only_index_lost}"
     missing = 0 if recovery.only_index_lost else max(0, execution.tape.steps - 1 - last)
     if recovery.missing_steps != missing:
