@@ -112,6 +112,8 @@ if failure is not None:
     sys.exit(f"run {failure.number}: {failure.problem}")
 """
 _COSTS = str(ROOT / "tests/simulation/costs.json")
+_REASONS = ROOT / "simulation/survivors.json"
+"""Why some are not shown: name, without the line, → the reason."""
 _SLOWEST_RUN_S = 0.2
 
 
@@ -201,6 +203,12 @@ class Trials:
         return (text or [f"exit code {done.returncode}"])[-1] if done.returncode else ""
 
 
+def _without_line(name: str) -> str:
+    """Return the name of a mutant without the number of its line, which any change moves."""
+    file, _, rest = name.partition(":")
+    return f"{file} {rest.partition(' ')[2]}"
+
+
 def main() -> int:
     """Try the mutants; return how many were not shown."""
     parser = argparse.ArgumentParser(
@@ -211,18 +219,22 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=10_000, help="of each (10,000)")
     parser.add_argument("--seed", type=int, default=1, help="of the changes and the runs (1)")
     parser.add_argument("--jobs", type=int, default=2, help="beside each other (2)")
+    parser.add_argument("--again", type=Path, help="only those of such a file that were not shown")
     parser.add_argument("--out", type=Path, help="a file to add the outcomes to, a JSON a line")
     options = parser.parse_args()
     mutants = drawn(options.drawn, options.seed) if options.drawn else list(mends(options.mends))
+    if options.again:
+        rows = map(json.loads, options.again.read_text(encoding="utf-8").splitlines())
+        missed = {name for name, shown in rows if not shown}
+        mutants = [mutant for mutant in mutants if mutant.name in missed]
+    reasons = json.loads(_REASONS.read_text(encoding="utf-8"))
     survivors = 0
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         trials = Trials(Path(folder), options.runs, options.seed)
         for mutant, shown in zip(mutants, pool.map(trials.try_one, mutants), strict=True):
             survivors += not shown
-            print(
-                f"{'shown  ' if shown else 'MISSED '} {mutant.name}\n        {shown[:150]}",
-                flush=True,
-            )
+            why = shown[:150] or reasons.get(_without_line(mutant.name), "")
+            print(f"{'shown  ' if shown else 'MISSED '} {mutant.name}\n        {why}", flush=True)
             if options.out:
                 with options.out.open("a", encoding="utf-8") as file:
                     file.write(json.dumps([mutant.name, shown]) + "\n")

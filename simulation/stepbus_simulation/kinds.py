@@ -27,6 +27,7 @@ from .strikes import (
     interrupt,
     kill,
     last_words,
+    late_bulk,
     late_link,
     lie,
     linger,
@@ -82,7 +83,7 @@ class Kind:
         return self.lasts and fault.amount > 0 and 2 * total_ns < knobs.shortest_ns
 
 
-UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_never", "bulk_short")
+UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_never", "bulk_short", "bulk_late")
 """What one publishes that nobody takes: its readers wait, and only they can be seen to."""
 
 
@@ -242,6 +243,11 @@ KINDS: dict[str, Kind] = {
         what="bulk content is shorter than announced",
         draw=lambda d: Fault("bulk_short", "camera", d.message()),
         arm=on_key("bulk", lambda data, _amount: [data[:-1]]), codes=frozenset({_FAULT}),
+    ),
+    "bulk_late": Kind(
+        what="bulk content comes late, behind all but other bulk content",
+        draw=lambda d: Fault("bulk_late", "camera", d.message(), d.lasting()),
+        arm=late_bulk, codes=_LATE, lasts=True,
     ),
     "bulk_never": Kind(
         what="bulk content is lost",

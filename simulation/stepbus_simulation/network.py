@@ -57,6 +57,10 @@ class Link:
             self.struck[number]()
         if kind == "drop":
             return False
+        if kind == "late":
+            # It is overtaken, as by what has another key.
+            world.after(self.delay_ns + amount, lambda: self.target.process.act(act))
+            return True
         self._carry(size, act, amount if kind == "delay" else 0)
         if kind == "duplicate":
             self._carry(size, act, amount)

@@ -15,6 +15,8 @@ from .tape import MS, Knobs
 
 STEP_NS = 5 * MS
 _STEP_S = 1e-9 * STEP_NS
+ENDS_AT = 40
+"""The step at which a mission asks for the end, in the scenario that has such a one."""
 
 
 class Plant(Participant):
@@ -86,6 +88,16 @@ class Mission(Participant):
         sine, cosine = math.sin(step.t + self.phase), math.cos(step.t + self.phase)
         reference = JointReference(position=[sine], velocity=[cosine], acceleration=[-sine])
         return {"reference": reference}
+
+
+class Ending(Mission):
+    """Ends the run."""
+
+    def update(self, step: Step) -> dict[str, Any]:
+        """Publish the reference, and ask for the end."""
+        if step.index == ENDS_AT:
+            step.end("done")
+        return super().update(step)
 
 
 class Camera(Participant):
@@ -174,15 +186,22 @@ def _twins() -> dict[str, Any]:
     return parts
 
 
+def _ended() -> dict[str, Any]:
+    parts = _loop()
+    parts["mission"] |= _part("Ending")
+    return parts
+
+
 SCENARIOS: dict[str, Callable[[], dict[str, Any]]] = {
     "loop": _loop,
     "held": _held,
     "seen": _seen,
     "called": _loop,
     "twins": _twins,
+    "ended": _ended,
 }
 """Name in a tape → its participants: a loop, plain, held at a fault, seen by a camera, called, with
-two plants."""
+two plants, ended by its mission."""
 
 CALLS = {
     "called": [

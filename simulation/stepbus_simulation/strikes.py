@@ -34,6 +34,25 @@ def on_message(what: str) -> Callable[[Execution, Fault], None]:
     return arm
 
 
+def late_bulk(execution: Execution, fault: Fault) -> None:
+    """Let bulk content come late, behind all but other bulk content."""
+    world, network, count, until_ns = execution.world, execution.network, 0, 0
+
+    def alter(data: bytes) -> list[bytes]:
+        nonlocal count, until_ns
+        count += 1
+        if count - 1 == fault.at:
+            execution.struck(fault)
+            until_ns = world.now_ns + fault.amount
+        for (source, _), link in network.links.items():
+            if source == fault.target and world.now_ns < until_ns:
+                link.changes[link.count] = "late", until_ns - world.now_ns
+                link.struck[link.count] = lambda: None
+        return [data]
+
+    execution.alter(fault.target, "bulk", alter)
+
+
 def late_link(execution: Execution, fault: Fault) -> None:
     """Let the connection of two processes, which carries both ways, come up late."""
 

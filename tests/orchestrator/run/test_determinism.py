@@ -8,6 +8,7 @@ import pytest
 from support.runs.joints import run_joints, write_scenario
 
 from stepbus_orchestrator.run.hosts import Processes
+from stepbus_orchestrator.run.kernel.admission import participant_seed
 
 OPTIONS = [("window=1", "batch=1"), ("bus.transport=tcp",)]
 MORE = [
@@ -98,3 +99,8 @@ def test_the_schemas_do_not_depend_on_how_python_optimises():
         for options in ([], ["-O"], ["-OO"])
     }
     assert len(printed) == 1
+
+
+def test_the_seed_of_a_participant_is_published_arithmetic():
+    """53 bits of the SHA-256 of `<seed of the run>/<name>`: old recordings are run again with it."""
+    assert participant_seed(7, "mission") == 7906202399376919
