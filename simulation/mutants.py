@@ -219,15 +219,18 @@ def main() -> int:
     parser.add_argument("--runs", type=int, default=10_000, help="of each (10,000)")
     parser.add_argument("--seed", type=int, default=1, help="of the changes and the runs (1)")
     parser.add_argument("--jobs", type=int, default=2, help="beside each other (2)")
-    parser.add_argument("--again", type=Path, help="only those of such a file that were not shown")
+    parser.add_argument(
+        "--again", type=Path, help="only those of such a file without a reason why not"
+    )
     parser.add_argument("--out", type=Path, help="a file to add the outcomes to, a JSON a line")
     options = parser.parse_args()
     mutants = drawn(options.drawn, options.seed) if options.drawn else list(mends(options.mends))
+    reasons = json.loads(_REASONS.read_text(encoding="utf-8"))
     if options.again:
         rows = map(json.loads, options.again.read_text(encoding="utf-8").splitlines())
         missed = {name for name, shown in rows if not shown}
+        missed = {name for name in missed if _without_line(name) not in reasons}
         mutants = [mutant for mutant in mutants if mutant.name in missed]
-    reasons = json.loads(_REASONS.read_text(encoding="utf-8"))
     survivors = 0
     with tempfile.TemporaryDirectory() as folder, ThreadPoolExecutor(options.jobs) as pool:
         trials = Trials(Path(folder), options.runs, options.seed)
