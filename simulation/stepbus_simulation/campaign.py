@@ -13,8 +13,9 @@ from pathlib import Path
 from stepbus_schemas import reached_marks
 
 from .execution import Execution
-from .judge import FOLDER, judge
+from .judge import judge
 from .memo import memoized
+from .reference import FOLDER
 from .shrink import shrink
 from .swarm import draw_tape
 from .tape import Tape

@@ -10,8 +10,8 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from .execution import Execution
-from .judge import FOLDER
 from .programs import SCENARIOS
+from .reference import FOLDER
 from .tape import Knobs, Tape
 
 _KNOBS = {

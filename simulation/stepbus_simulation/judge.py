@@ -1,93 +1,34 @@
 """What must hold of every simulated run, whatever went wrong in it."""
 
-import hashlib
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import NamedTuple
 
-import msgspec
 from mcap.exceptions import McapError
-from mcap.records import Channel, Message
-from mcap.stream_reader import StreamReader
 
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.recording import layout, recover
 from stepbus_orchestrator.recording.recover import Recovery
 from stepbus_orchestrator.run.result import Result
-from stepbus_schemas import CHAIN_EVERY, StepbusError
+from stepbus_schemas import StepbusError
 
 from .again import Again
 from .execution import Execution
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
+from .messages import judge_messages, on_disk
 from .programs import STEP_NS, scenario
-from .tape import MS, ORCHESTRATOR, Fault, Knobs, Tape
+from .reference import FOLDER, Reference, Row, reference, rows_of
+from .tape import MS, ORCHESTRATOR, Fault, Knobs
 from .world import NS
 
-FOLDER = "/dev/shm"
 _TIME = re.compile(r"step (\d+) \(t = ([\d.]+) s\)")
 _AT_STEP = ("raise", "wrong_message")
 _FILES = {"logs", "result.json", "run.mcap", "timing.mcap"}
 _DATA_END = b"\x0f\x04\0\0\0\0\0\0\0"
 _LOSS_NS = int(0.3 * NS)
 """What a killed orchestrator may lose: 0.25 s, and a turn."""
-
-
-class Row(NamedTuple):
-    """A recorded message."""
-
-    topic: str
-    step: int
-    content: bytes
-
-
-def rows_of(path: Path) -> list[Row]:
-    """Return the messages of a recording in their order, read by the library of MCAP."""
-    topics: dict[int, str] = {}
-    rows = []
-    with path.open("rb") as file:
-        for record in StreamReader(file, record_size_limit=None).records:
-            if isinstance(record, Channel):
-                topics[record.id] = record.topic
-            elif isinstance(record, Message):
-                if record.channel_id not in topics:
-                    raise ValueError(
-                        f"a message of channel {record.channel_id}, which is not there"
-                    )
-                if record.log_time != STEP_NS * record.sequence:
-                    raise ValueError(f"a message of step {record.sequence} is of another time")
-                rows.append(Row(topics[record.channel_id], record.sequence, record.data))
-    return rows
-
-
-class Reference(NamedTuple):
-    """An undisturbed run. rows: what it has recorded. places: topic → its rank within a step."""
-
-    rows: Sequence[Row]
-    by_topic: Mapping[str, Sequence[Row]]
-    places: Mapping[str, int]
-
-
-@cache
-def reference(name: str, steps: int) -> Reference:
-    """Return the undisturbed run of a scenario."""
-    with TemporaryDirectory(dir=FOLDER) as folder:
-        execution = Execution(Tape(name, steps), Path(folder) / "run")
-        execution.run()
-        result = execution.result
-        assert result is not None, execution.crash
-        assert result.exit_code == 0, result.reason
-        rows = rows_of(Path(folder) / "run" / "run.mcap")
-    by_topic: dict[str, list[Row]] = {}
-    for row in rows:
-        by_topic.setdefault(row.topic, []).append(row)
-    # A call precedes the outputs of its step.
-    topics = sorted(by_topic, key=layout.CALLS_TOPIC.__ne__)
-    places = {topic: place for place, topic in enumerate(topics)}
-    return Reference(rows, by_topic, places)
 
 
 def judge(execution: Execution) -> Iterator[str]:
@@ -176,13 +117,13 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
         try:
             rows = rows_of(path)
         except (McapError, EOFError, ValueError) as exc:
-            if result is not None and not _on_disk(execution):
+            if result is not None and not on_disk(execution):
                 yield f"the recording cannot be read: {exc!r}"
             rows = None
         try:
             recovery = recover(path, saved)
         except StepbusError as exc:
-            if not _on_disk(execution):
+            if not on_disk(execution):
                 yield f"cannot be recovered: {exc}"
             return
         kept = rows_of(saved)
@@ -194,9 +135,7 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
     yield from _judge_recovery(execution, recovery, kept)
     if rows is not None and kept != rows:
         yield f"recover kept {len(kept)} messages of {len(rows)}"
-    yield from _judge_rows(execution, kept)
-    yield from _judge_chains(execution, kept)
-    yield from _judge_last_outputs(execution, kept)
+    yield from judge_messages(execution, kept)
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
@@ -297,88 +236,6 @@ def _judge_again(execution: Execution, kept: Sequence[Row]) -> Iterator[str]:
         yield f"{tape.then}: what it has recorded is not the reference"
 
 
-def _on_disk(execution: Execution) -> bool:
-    return any(KINDS[fault.kind].codes == {ExitCode.RECORDING} for fault in execution.effective)
-
-
-def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield where what is recorded is no beginning of the reference."""
-    tape, result = execution.tape, execution.result
-    truth = reference(tape.scenario, tape.steps)
-    if result is not None and result.exit_code == 0:
-        if list(rows) != list(truth.rows):
-            yield f"finished, and recorded {len(rows)} messages that are not the reference's"
-        elif result.messages_sha256 != hashlib.sha256(rows[-1].content).hexdigest():
-            yield "the hash of the messages is not that of the last chain"
-        return
-    first_held = execution.watch.first_held
-    ends_early = truth.rows[-1].step < tape.steps
-    counts = dict.fromkeys(truth.by_topic, 0)
-    before = (-1, -1)
-    for row in rows:
-        here = (row.step, truth.places.get(row.topic, -1))
-        if here <= before:
-            yield f"{row.topic} of step {row.step} is recorded behind step {before[0]}"
-        before = here
-        # The hash chain of a cut recording ends with what is there; behind the end that one asked
-        # for, some are ahead.
-        is_ahead = ends_early and row.step >= truth.rows[-1].step
-        if row.step >= first_held or is_ahead or row.topic == layout.CHAIN_TOPIC:
-            continue
-        expected = truth.by_topic.get(row.topic, [])
-        number = counts.get(row.topic, 0)
-        counts[row.topic] = number + 1
-        if number >= len(expected) or expected[number] != row:
-            yield f"{row.topic} of step {row.step} is not what the reference has there"
-            return
-
-
-def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield where a run that failed did not record what had arrived of those that did not."""
-    result = execution.result
-    # A run that comes to its end, or to a safe stop, ends before what some had published already.
-    if result is None or result.exit_code in (0, ExitCode.INTERRUPTED, ExitCode.STOP_TIMEOUT):
-        return
-    if execution.watch.replaced or _on_disk(execution):
-        return
-    newest = {row.topic.partition("/")[0]: row.step for row in rows}
-    spared = {result.participant, "camera"}
-    state = execution.watch.state
-    for name, reported in state.barrier.reported.items():
-        # The run may have been asked to end while some were ahead.
-        step = min(reported, state.last_step - 1)
-        if name not in spared and newest.get(name, -1) < step:
-            yield f"{name} had reported step {step}, and is recorded up to {newest.get(name)}"
-
-
-def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
-    """Yield where a hash chain is not what P13.3 says, computed here anew.
-
-    Each participant has one port. One that is blamed may have published what cannot be recorded.
-    """
-    blamed = execution.result.participant if execution.result is not None else None
-    values: dict[str, bytes] = {}
-    last = max((row.step for row in rows), default=-1)
-    for row in rows:
-        name, _, port = row.topic.partition("/")
-        if row.topic == layout.CALLS_TOPIC:
-            continue
-        if row.topic != layout.CHAIN_TOPIC:
-            head = values.get(name, bytes(32)) + row.step.to_bytes(8, "little", signed=True)
-            parts = head + port.encode() + row.content
-            values[name] = hashlib.sha256(parts).digest()
-            continue
-        if (row.step + 1) % CHAIN_EVERY and row.step != last:
-            yield f"there is a chain at step {row.step}"
-        for one, value in msgspec.msgpack.decode(row.content)["hashes"].items():
-            if one != blamed and value != values.get(one, bytes(32)).hex():
-                yield f"the chain of {one} is wrong at step {row.step}"
-    chains = {row.step for row in rows if row.topic == layout.CHAIN_TOPIC}
-    for step in range(CHAIN_EVERY - 1, last, CHAIN_EVERY):
-        if step not in chains:
-            yield f"there is no chain at step {step}"
-
-
 def _judge_crash(execution: Execution) -> Iterator[str]:
     """Yield what is wrong behind an orchestrator that was killed."""
     path = execution.out / "run.mcap"
@@ -395,14 +252,13 @@ def _judge_crash(execution: Execution) -> Iterator[str]:
                 yield f"cannot be recovered: {exc}"
             return
     yield from _judge_recovery(execution, recovery, rows)
-    yield from _judge_rows(execution, rows)
-    yield from _judge_chains(execution, rows)
+    yield from judge_messages(execution, rows)
     newest = max((row.step for row in rows), default=-1)
     # A write that is torn can take with it all that it replaces, up to a chunk.
     torn = any(fault.kind == "power" for fault in execution.effective)
     due = [step for at_ns, step in execution.watch.written if at_ns < killed_ns - _LOSS_NS]
     slept = any(fault.kind in ("sleep", "suspend") for fault in execution.effective)
-    if not (_on_disk(execution) or slept or torn) and newest < max(due, default=0) - 1:
+    if not (on_disk(execution) or slept or torn) and newest < max(due, default=0) - 1:
         yield f"step {newest} is the last that was saved; {max(due)} was complete 0.3 s before"
 
 

@@ -11,39 +11,38 @@ from typing import TYPE_CHECKING
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run import LONGEST_TICK_S
 
-from .strikes import (
+from .failing_disk import folder, power, raising, short
+from .forged import (
     HELLOS,
+    field,
+    last_words,
+    late_bulk,
+    on_key,
+    on_outputs,
+    other_type,
+    with_fields,
+    wrong_hello,
+)
+from .strikes import (
     at_call,
     at_time,
     compute_long,
     cut,
     deaf,
     end_process,
-    field,
-    folder,
     freeze,
     ignore_triggers,
     in_step,
     interrupt,
     kill,
-    last_words,
-    late_bulk,
     late_link,
     lie,
     linger,
-    on_key,
     on_message,
-    on_outputs,
-    other_type,
-    power,
     raise_error,
-    raising,
-    short,
     sleep,
     slow_start,
     wall,
-    with_fields,
-    wrong_hello,
 )
 from .tape import MS, ORCHESTRATOR, Fault, Knobs
 

@@ -1,0 +1,104 @@
+"""What the messages of a recorded run must be, whatever went wrong in it."""
+
+import hashlib
+from collections.abc import Iterator, Sequence
+
+import msgspec
+
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.recording import layout
+from stepbus_schemas import CHAIN_EVERY
+
+from .execution import Execution
+from .kinds import KINDS
+from .reference import Row, reference
+
+
+def judge_messages(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield what does not hold of the messages of a recording, in their order."""
+    yield from _judge_rows(execution, rows)
+    yield from _judge_chains(execution, rows)
+    yield from _judge_last_outputs(execution, rows)
+
+
+def on_disk(execution: Execution) -> bool:
+    """Return whether the disk has failed."""
+    return any(KINDS[fault.kind].codes == {ExitCode.RECORDING} for fault in execution.effective)
+
+
+def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where what is recorded is no beginning of the reference."""
+    tape, result = execution.tape, execution.result
+    truth = reference(tape.scenario, tape.steps)
+    if result is not None and result.exit_code == 0:
+        if list(rows) != list(truth.rows):
+            yield f"finished, and recorded {len(rows)} messages that are not the reference's"
+        elif result.messages_sha256 != hashlib.sha256(rows[-1].content).hexdigest():
+            yield "the hash of the messages is not that of the last chain"
+        return
+    first_held = execution.watch.first_held
+    ends_early = truth.rows[-1].step < tape.steps
+    counts = dict.fromkeys(truth.by_topic, 0)
+    before = (-1, -1)
+    for row in rows:
+        here = (row.step, truth.places.get(row.topic, -1))
+        if here <= before:
+            yield f"{row.topic} of step {row.step} is recorded behind step {before[0]}"
+        before = here
+        # The hash chain of a cut recording ends with what is there; behind the end that one asked
+        # for, some are ahead.
+        is_ahead = ends_early and row.step >= truth.rows[-1].step
+        if row.step >= first_held or is_ahead or row.topic == layout.CHAIN_TOPIC:
+            continue
+        expected = truth.by_topic.get(row.topic, [])
+        number = counts.get(row.topic, 0)
+        counts[row.topic] = number + 1
+        if number >= len(expected) or expected[number] != row:
+            yield f"{row.topic} of step {row.step} is not what the reference has there"
+            return
+
+
+def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where a run that failed did not record what had arrived of those that did not."""
+    result = execution.result
+    # A run that comes to its end, or to a safe stop, ends before what some had published already.
+    if result is None or result.exit_code in (0, ExitCode.INTERRUPTED, ExitCode.STOP_TIMEOUT):
+        return
+    if execution.watch.replaced or on_disk(execution):
+        return
+    newest = {row.topic.partition("/")[0]: row.step for row in rows}
+    spared = {result.participant, "camera"}
+    state = execution.watch.state
+    for name, reported in state.barrier.reported.items():
+        # The run may have been asked to end while some were ahead.
+        step = min(reported, state.last_step - 1)
+        if name not in spared and newest.get(name, -1) < step:
+            yield f"{name} had reported step {step}, and is recorded up to {newest.get(name)}"
+
+
+def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
+    """Yield where a hash chain is not what P13.3 says, computed here anew.
+
+    Each participant has one port. One that is blamed may have published what cannot be recorded.
+    """
+    blamed = execution.result.participant if execution.result is not None else None
+    values: dict[str, bytes] = {}
+    last = max((row.step for row in rows), default=-1)
+    for row in rows:
+        name, _, port = row.topic.partition("/")
+        if row.topic == layout.CALLS_TOPIC:
+            continue
+        if row.topic != layout.CHAIN_TOPIC:
+            head = values.get(name, bytes(32)) + row.step.to_bytes(8, "little", signed=True)
+            parts = head + port.encode() + row.content
+            values[name] = hashlib.sha256(parts).digest()
+            continue
+        if (row.step + 1) % CHAIN_EVERY and row.step != last:
+            yield f"there is a chain at step {row.step}"
+        for one, value in msgspec.msgpack.decode(row.content)["hashes"].items():
+            if one != blamed and value != values.get(one, bytes(32)).hex():
+                yield f"the chain of {one} is wrong at step {row.step}"
+    chains = {row.step for row in rows if row.topic == layout.CHAIN_TOPIC}
+    for step in range(CHAIN_EVERY - 1, last, CHAIN_EVERY):
+        if step not in chains:
+            yield f"there is no chain at step {step}"
