@@ -62,7 +62,8 @@ class Kind:
 
     what: a sentence. draw: one of it. arm: lets it strike. codes: exit codes that it may lead to,
     beside that of a run which it does not harm. lasts: whether `amount` is a time that deadlines
-    are compared with. is_fatal: whether a run that it has struck cannot end well.
+    are compared with. is_fatal: whether a run that it has struck cannot end well. needs: the scenario
+    in which it strikes; empty: any.
     """
 
     what: str
@@ -71,6 +72,7 @@ class Kind:
     codes: frozenset[ExitCode] = frozenset()
     lasts: bool = False
     is_fatal: bool = False
+    needs: str = ""
 
     def is_harmless(self, fault: Fault, knobs: Knobs, total_ns: int) -> bool:
         """Return whether a run has to end as if nothing had happened.
@@ -241,17 +243,17 @@ KINDS: dict[str, Kind] = {
     "bulk_short": Kind(
         what="bulk content is shorter than announced",
         draw=lambda d: Fault("bulk_short", "camera", d.message()),
-        arm=on_key("bulk", lambda data, _amount: [data[:-1]]), codes=frozenset({_FAULT}),
+        arm=on_key("bulk", lambda data, _amount: [data[:-1]]), codes=frozenset({_FAULT}), needs="seen",
     ),
     "bulk_late": Kind(
         what="bulk content comes late, behind all but other bulk content",
         draw=lambda d: Fault("bulk_late", "camera", d.message(), d.lasting()),
-        arm=late_bulk, codes=_LATE, lasts=True,
+        arm=late_bulk, codes=_LATE, lasts=True, needs="seen",
     ),
     "bulk_never": Kind(
         what="bulk content is lost",
         draw=lambda d: Fault("bulk_never", "camera", d.message()),
-        arm=on_key("bulk", lambda _data, _amount: []), codes=_LOST,
+        arm=on_key("bulk", lambda _data, _amount: []), codes=_LOST, needs="seen",
     ),
     "twice": Kind(
         what="outputs are published twice",
@@ -340,17 +342,17 @@ KINDS: dict[str, Kind] = {
     "lost_call": Kind(
         what="a call of a user is lost on its way to the participant",
         draw=lambda d: Fault("lost_call", ORCHESTRATOR, d.few()),
-        arm=on_key("call", lambda _data, _amount: []), codes=frozenset({_STEP}),
+        arm=on_key("call", lambda _data, _amount: []), codes=frozenset({_STEP}), needs="called",
     ),
     "lost_answer": Kind(
         what="the answer to a call is lost",
         draw=lambda d: Fault("lost_answer", "plant", d.few()),
-        arm=on_key("called", lambda _data, _amount: []), codes=frozenset({_STEP}),
+        arm=on_key("called", lambda _data, _amount: []), codes=frozenset({_STEP}), needs="called",
     ),
     "answer_twice": Kind(
         what="the answer to a call comes twice",
         draw=lambda d: Fault("answer_twice", "plant", d.few()),
-        arm=on_key("called", lambda data, _amount: [data, data]),
+        arm=on_key("called", lambda data, _amount: [data, data]), needs="called",
     ),
     "power": Kind(
         what="the power fails: the last write is torn, or the last rename is lost",

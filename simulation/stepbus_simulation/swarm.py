@@ -87,9 +87,10 @@ class Draw:
 def draw_tape(seed: int, number: int) -> Tape:
     """Return a tape; the same one for the same numbers."""
     random = Random(f"{seed}/{number}")
-    name = random.choice(list(SCENARIOS))
     steps = random.choice([50, 50, 50, 80, 120])
     kinds = random.sample(list(KINDS), random.choice([1, 1, 2, 3, 5]))
+    needed = [KINDS[kind].needs for kind in kinds if KINDS[kind].needs]
+    name = random.choice(needed or list(SCENARIOS))
     preferred = random.choice(["", random.choice(_NAMES[name])])
     knobs = _knobs(random)
     names = _NAMES[name]
