@@ -62,8 +62,8 @@ class Kind:
 
     what: a sentence. draw: one of it. arm: lets it strike. codes: exit codes that it may lead to,
     beside that of a run which it does not harm. lasts: whether `amount` is a time that deadlines
-    are compared with. is_fatal: whether a run that it has struck cannot end well. needs: the scenario
-    in which it strikes; empty: any.
+    are compared with. is_fatal: whether a run that it has struck cannot end well. needs: the
+    scenario in which it strikes; empty: any.
     """
 
     what: str
@@ -243,7 +243,8 @@ KINDS: dict[str, Kind] = {
     "bulk_short": Kind(
         what="bulk content is shorter than announced",
         draw=lambda d: Fault("bulk_short", "camera", d.message()),
-        arm=on_key("bulk", lambda data, _amount: [data[:-1]]), codes=frozenset({_FAULT}), needs="seen",
+        arm=on_key("bulk", lambda data, _amount: [data[:-1]]), codes=frozenset({_FAULT}),
+        needs="seen",
     ),
     "bulk_late": Kind(
         what="bulk content comes late, behind all but other bulk content",
