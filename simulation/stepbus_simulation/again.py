@@ -67,11 +67,16 @@ class Again(Execution):
         return self._branch(self._complete // 2)
 
     def branch_late(self) -> str:
-        """Go on from the newest step of any participant; where others lack it, that is an error."""
+        """Go on from the newest step of any participant.
+
+        That is an error where others lack it, or where it is behind the end that one asks for.
+        """
         try:
-            return self._branch(recorded_end(Recording(self._recording)))
+            problem = self._branch(recorded_end(Recording(self._recording)))
         except RecordingFailed as exc:
-            return "" if "complete steps" in str(exc) else str(exc)
+            problem = str(exc)
+        allowed = ("complete steps", "the recording goes on there")
+        return "" if any(text in problem for text in allowed) else problem
 
     def _branch(self, at: int) -> str:
         return self._unlike(branch(self._recording, self.out, at=at))
