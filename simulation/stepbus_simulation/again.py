@@ -76,7 +76,9 @@ class Again(Execution):
         except RecordingFailed as exc:
             problem = str(exc)
         allowed = ("complete steps", "the recording goes on there")
-        return "" if any(text in problem for text in allowed) else problem
+        if any(text in problem for text in allowed):
+            self.new, problem = None, ""
+        return problem
 
     def _branch(self, at: int) -> str:
         return self._unlike(branch(self._recording, self.out, at=at))
