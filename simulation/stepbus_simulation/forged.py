@@ -137,19 +137,22 @@ def last_words(execution: Execution, fault: Fault) -> None:
 
 
 def late_bulk(execution: Execution, fault: Fault) -> None:
-    """Let bulk content come late, behind all but other bulk content."""
+    """Let bulk content come late over a link, behind all but other bulk content; 0: never."""
     world, network, count, until_ns = execution.world, execution.network, 0, 0
+    source, target = fault.target.split(">")
 
     def alter(data: bytes) -> list[bytes]:
         nonlocal count, until_ns
+        link = network.link(network.nodes[source], network.nodes[target])
         count += 1
         if count - 1 == fault.at:
             execution.struck(fault)
             until_ns = world.now_ns + fault.amount
-        for (source, _), link in network.links.items():
-            if source == fault.target and world.now_ns < until_ns:
-                link.changes[link.count] = "late", until_ns - world.now_ns
-                link.struck[link.count] = lambda: None
+            if not fault.amount:
+                link.changes[link.count] = "drop", 0
+        if world.now_ns < until_ns:
+            link.changes[link.count] = "late", until_ns - world.now_ns
+        link.struck.setdefault(link.count, lambda: None)
         return [data]
 
-    execution.alter(fault.target, "bulk", alter)
+    execution.alter(source, "bulk", alter)

@@ -84,7 +84,7 @@ class Kind:
         return self.lasts and fault.amount > 0 and 2 * total_ns < knobs.shortest_ns
 
 
-UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_never", "bulk_short", "bulk_late")
+UNSEEN = ("never", "other_run", "other_step", "garbage", "bulk_short")
 """What one publishes that nobody takes: its readers wait, and only they can be seen to."""
 
 
@@ -248,13 +248,13 @@ KINDS: dict[str, Kind] = {
     ),
     "bulk_late": Kind(
         what="bulk content comes late, behind all but other bulk content",
-        draw=lambda d: Fault("bulk_late", "camera", d.message(), d.lasting()),
+        draw=lambda d: Fault("bulk_late", d.bulk_link(), d.message(), d.lasting()),
         arm=late_bulk, codes=_LATE, lasts=True, needs="seen",
     ),
     "bulk_never": Kind(
         what="bulk content is lost",
-        draw=lambda d: Fault("bulk_never", "camera", d.message()),
-        arm=on_key("bulk", lambda _data, _amount: []), codes=_LOST, needs="seen",
+        draw=lambda d: Fault("bulk_never", d.bulk_link(), d.message()), arm=late_bulk,
+        codes=_LOST, needs="seen",
     ),
     "twice": Kind(
         what="outputs are published twice",

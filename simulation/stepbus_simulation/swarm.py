@@ -55,6 +55,10 @@ class Draw:
         other = self.random.choice([name for name in [*self.names, ORCHESTRATOR] if name != one])
         return f"{other}>{one}"
 
+    def bulk_link(self) -> str:
+        """Return a link that carries bulk content."""
+        return self.random.choice([f"camera>{ORCHESTRATOR}", "camera>viewer"])
+
     def time(self) -> int:
         """Return a time at which something strikes [ns]."""
         return self.random.randrange(self.random.choice([1, 1, 5]) * _LATEST_NS)
