@@ -88,6 +88,12 @@ def other_type(_ports: Any) -> Any:
     return {port: {"position": "a word", "values": 7} for port in _ports}
 
 
+def wrong_newest(entries: list[Any] | None) -> list[Any]:
+    """Return the outputs of a log, with content of another type in the newest."""
+    *before, newest = entries or [None]
+    return [] if newest is None else [*before, {**newest, "ports": other_type(newest["ports"])}]
+
+
 def _steps(data: bytes) -> list[int]:
     """Return the steps of what is published on `out/<name>`."""
     try:

@@ -22,6 +22,7 @@ from .forged import (
     other_type,
     with_fields,
     wrong_hello,
+    wrong_newest,
 )
 from .strikes import (
     at_call,
@@ -224,6 +225,11 @@ KINDS: dict[str, Kind] = {
         draw=lambda d: Fault("wrong_log", d.name(), d.message()),
         arm=on_key("log", field("outputs", lambda rows: [*(rows or ()), {"step": "x"}])),
         codes=frozenset({_FAULT, _START}),
+    ),
+    "wrong_entry": Kind(
+        what="a log has outputs that are not of their type",
+        draw=lambda d: Fault("wrong_entry", d.name(), d.message()),
+        arm=on_key("log", field("outputs", wrong_newest)), codes=frozenset({_FAULT}),
     ),
     "lost_log": Kind(
         what="a log is lost",
