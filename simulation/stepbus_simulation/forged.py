@@ -149,6 +149,8 @@ def late_bulk(execution: Execution, fault: Fault) -> None:
 
     def alter(data: bytes) -> list[bytes]:
         nonlocal count, until_ns
+        if target not in network.nodes:
+            return [data]
         link = network.link(network.nodes[source], network.nodes[target])
         count += 1
         if count - 1 == fault.at:

@@ -81,7 +81,8 @@ def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
 
     Each participant has one port. One that is blamed may have published what cannot be recorded.
     """
-    blamed = execution.result.participant if execution.result is not None else None
+    struck = {fault.target for fault in execution.effective if fault.kind.startswith("wrong")}
+    blamed = {execution.result.participant if execution.result is not None else None, *struck}
     values: dict[str, bytes] = {}
     last = max((row.step for row in rows), default=-1)
     for row in rows:
@@ -96,7 +97,7 @@ def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
         if (row.step + 1) % CHAIN_EVERY and row.step != last:
             yield f"there is a chain at step {row.step}"
         for one, value in msgspec.msgpack.decode(row.content)["hashes"].items():
-            if one != blamed and value != values.get(one, bytes(32)).hex():
+            if one not in blamed and value != values.get(one, bytes(32)).hex():
                 yield f"the chain of {one} is wrong at step {row.step}"
     chains = {row.step for row in rows if row.topic == layout.CHAIN_TOPIC}
     for step in range(CHAIN_EVERY - 1, last, CHAIN_EVERY):
