@@ -17,8 +17,9 @@ import stepbus_participant
 
 from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
 from .kinds import KINDS
+from .programs import SCENARIOS
 from .real import commands
-from .tape import load_tape
+from .tape import Tape, load_tape
 
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
 _EXAMPLES = """examples:
@@ -46,13 +47,24 @@ def main() -> int:
     )
     parser.add_argument("--until-first", action="store_true", help="end with the first failure")
     options = parser.parse_args()
-    if options.tapes:
-        return max(_show(path) for path in options.tapes)
-    return _campaign(options)
+    try:
+        tapes = [load_tape(path) for path in options.tapes]
+        total = _kept(options.count)
+    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as exc:
+        parser.error(
+            f"{exc}; a tape, or what --count names, is a file that this program has written"
+        )
+    named = {fault.kind for tape in tapes for fault in tape.faults} - KINDS.keys()
+    named |= {tape.scenario for tape in tapes} - SCENARIOS.keys()
+    if named:
+        parser.error(f"no kind of fault, or scenario, is called {', '.join(sorted(named))}")
+    if tapes:
+        return max(map(_show, tapes))
+    return _campaign(options, total)
 
 
-def _show(path: Path) -> int:
-    execution, problems = execute(load_tape(path), keeps_trace=True)
+def _show(tape: Tape) -> int:
+    execution, problems = execute(tape, keeps_trace=True)
     print(*execution.world.trace or (), sep="\n")
     print(execution.result or execution.refusal or "no result")
     for command in commands(execution):
@@ -62,8 +74,8 @@ def _show(path: Path) -> int:
     return 1 if problems else 0
 
 
-def _campaign(options: argparse.Namespace) -> int:
-    began, total = time.monotonic(), _kept(options.count)
+def _campaign(options: argparse.Namespace, total: Count) -> int:
+    began = time.monotonic()
     before = total.runs, total.simulated_s
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("simulated runs", total=options.runs)
@@ -147,7 +159,7 @@ def _markdown(total: Count) -> Iterator[str]:
         struck = f"{total.effective[kind]:,}"
         yield f"| `{kind}` | {row.what} | {struck} | {', '.join([*numbers, *words])} |"
     yield ""
-    yield "Runs by exit code: " + _listed({f"{code}": n for code, n in sorted(total.codes.items())})
+    yield "Runs by exit code: " + _listed(dict(sorted(total.codes.items())))
     yield "What was done with the recordings: " + _listed(dict(sorted(total.then.items())))
     yield "Marks that were reached: " + ", ".join(f"`{mark}`" for mark in sorted(total.marks)) + "."
 

@@ -16,8 +16,8 @@ from stepbus_schemas import StepbusError
 
 from .again import Again
 from .execution import Execution
+from .judge_messages import judge_messages, on_disk
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
-from .messages import judge_messages, on_disk
 from .programs import STEP_NS, scenario
 from .reference import FOLDER, Reference, Row, reference, rows_of
 from .tape import MS, ORCHESTRATOR, Fault, Knobs

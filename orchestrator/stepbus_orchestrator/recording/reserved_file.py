@@ -78,8 +78,8 @@ class ReservedFile:
             if cover:
                 self._disk.ftruncate(self._file, self._position + len(new))
         except OSError:
-            self._disk.ftruncate(self._file, self._position)
             self._ahead = 0
+            self._disk.ftruncate(self._file, self._position)
             raise
         self._ahead = len(ahead)
         self._position += len(data)

@@ -117,8 +117,8 @@ class Scanner:
         if self.index.is_ours:
             if message.sequence < self._done:
                 raise DamagedRecord(
-                    f"a message of step {message.sequence} follows the steps below {self._done}: "
-                    "a write over it was cut off"
+                    f"a message of step {message.sequence} comes after later ones: the write that "
+                    "was to replace it was cut off"
                 )
             self._done = message.sequence
             # Written last, it shows that nothing of its step is missing.
