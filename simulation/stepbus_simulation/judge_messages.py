@@ -58,6 +58,11 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
             return
 
 
+def _broken(execution: Execution) -> set[str]:
+    """Return who may have published what cannot be recorded."""
+    return {fault.target for fault in execution.effective if fault.kind.startswith("wrong")}
+
+
 def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
     """Yield where a run that failed did not record what had arrived of those that did not."""
     result = execution.result
@@ -67,7 +72,7 @@ def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[s
     if execution.watch.replaced or on_disk(execution):
         return
     newest = {row.topic.partition("/")[0]: row.step for row in rows}
-    spared = {result.participant, "camera"}
+    spared = {result.participant, "camera", *_broken(execution)}
     state = execution.watch.state
     for name, reported in state.barrier.reported.items():
         # The run may have been asked to end while some were ahead.
@@ -81,8 +86,8 @@ def _judge_chains(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
 
     Each participant has one port. One that is blamed may have published what cannot be recorded.
     """
-    struck = {fault.target for fault in execution.effective if fault.kind.startswith("wrong")}
-    blamed = {execution.result.participant if execution.result is not None else None, *struck}
+    result = execution.result
+    blamed = {None if result is None else result.participant, *_broken(execution)}
     values: dict[str, bytes] = {}
     last = max((row.step for row in rows), default=-1)
     for row in rows:
