@@ -59,6 +59,12 @@ MENDS = {
     "a branch counts steps that only some have done": (
         f"{_O}/replay/branch_change.py", " or planned is None or end < planned", "",
     ),
+    "a branch counts steps whose bulk content is missing": (
+        f"{_O}/replay/branch_change.py", " or has_failed", "",
+    ),
+    "one is replaced for a message that the recorder found": (
+        f"{_O}/run/phases.py", "run.recorder.has_broken(exc.participant) or ", "",
+    ),
     "a participant hears nothing of an orchestrator that died at its welcome": (
         f"{_P}/session/control.py", "        if self._is_lost:\n            on_lost()\n", "",
     ),

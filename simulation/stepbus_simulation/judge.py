@@ -16,10 +16,10 @@ from stepbus_schemas import StepbusError
 
 from .again import Again
 from .execution import Execution
-from .judge_messages import judge_messages, on_disk
+from .judge_messages import judge_incomplete, judge_messages, on_disk
 from .kinds import CRASHES, KINDS, UNSEEN, culprits, lasting_ns
 from .programs import STEP_NS, scenario
-from .reference import FOLDER, Reference, Row, reference, rows_of
+from .reference import FOLDER, Reference, Row, metadata_of, reference, rows_of
 from .tape import MS, ORCHESTRATOR, Fault, Knobs
 from .world import NS
 
@@ -127,15 +127,17 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
                 yield f"cannot be recovered: {exc}"
             return
         kept = rows_of(saved)
+        incomplete = metadata_of(saved).get(layout.INCOMPLETE_METADATA, {})
         yield from _judge_in_place(execution, path, saved)
         is_whole = rows is not None and not recovery.damage
         has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
         if is_whole and has_our_chunks and saved.read_bytes() != path.read_bytes():
             yield "recover has made something else of a whole recording"
-    yield from _judge_recovery(execution, recovery, kept)
+    yield from _judge_recovery(execution, recovery, kept, has_incomplete=bool(incomplete))
     if rows is not None and kept != rows:
         yield f"recover kept {len(kept)} messages of {len(rows)}"
     yield from judge_messages(execution, kept)
+    yield from judge_incomplete(execution, kept, incomplete)
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
@@ -154,7 +156,9 @@ def _judge_in_place(execution: Execution, path: Path, saved: Path) -> Iterator[s
         yield f"while it was written, recover {execution.watch.live}"
 
 
-def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row]) -> Iterator[str]:
+def _judge_recovery(
+    execution: Execution, recovery: Recovery, kept: Sequence[Row], *, has_incomplete: bool
+) -> Iterator[str]:
     """Yield where `recover` says something else than what it has kept."""
     if not kept:
         return
@@ -164,9 +168,9 @@ def _judge_recovery(execution: Execution, recovery: Recovery, kept: Sequence[Row
         yield f"recover says {said}, and has kept {len(kept)} messages up to step {last}"
     if recovery.holes:
         yield f"there is a hole: {'; '.join(recovery.holes)}"
-    # What the orchestrator and each participant run on; a note that one was replaced.
+    # What each process runs on; that one was replaced, or what lacks.
     names = execution.watch.state.participants
-    count = 1 + len(names) + bool(execution.watch.replaced)
+    count = 1 + len(names) + bool(execution.watch.replaced) + has_incomplete
     if recovery.attachments != 1 or not count - 1 <= recovery.metadata <= count:
         yield f"recover kept {recovery.attachments} attachments, {recovery.metadata} metadata"
     is_torn = any(fault.kind == "power" for fault in execution.effective)
@@ -247,11 +251,12 @@ def _judge_crash(execution: Execution) -> Iterator[str]:
         try:
             recovery = recover(path, saved)
             rows = rows_of(saved)
+            has_incomplete = layout.INCOMPLETE_METADATA in metadata_of(saved)
         except StepbusError as exc:
             if "nothing to recover" not in str(exc) or execution.watch.written:
                 yield f"cannot be recovered: {exc}"
             return
-    yield from _judge_recovery(execution, recovery, rows)
+    yield from _judge_recovery(execution, recovery, rows, has_incomplete=has_incomplete)
     yield from judge_messages(execution, rows)
     newest = max((row.step for row in rows), default=-1)
     # A write that is torn can take with it all that it replaces, up to a chunk.

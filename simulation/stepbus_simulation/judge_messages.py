@@ -1,7 +1,7 @@
 """What the messages of a recorded run must be, whatever went wrong in it."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import msgspec
 
@@ -19,6 +19,28 @@ def judge_messages(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
     yield from _judge_rows(execution, rows)
     yield from _judge_chains(execution, rows)
     yield from _judge_last_outputs(execution, rows)
+
+
+def judge_incomplete(
+    execution: Execution, rows: Sequence[Row], incomplete: Mapping[str, str]
+) -> Iterator[str]:
+    """Yield where a run that failed says otherwise than its messages what is not recorded.
+
+    Each participant has one port.
+    """
+    tape = execution.tape
+    if rows and not execution.is_recorded and not incomplete and not on_disk(execution):
+        yield "the recording of a run that failed does not say what lacks"
+    if execution.watch.replaced:
+        return
+    truth = reference(tape.scenario, tape.steps).rows
+    for name, step in incomplete.items():
+        recorded = [row.step for row in rows if row.topic.startswith(f"{name}/")]
+        own = [row.step for row in truth if row.topic.startswith(f"{name}/")]
+        # Where the run was to end early, some were ahead.
+        known = [item for item in recorded if item <= own[-1]]
+        if recorded[-1:] >= [int(step)] or known != [item for item in own if item < int(step)]:
+            yield f"{name} is said to be incomplete from {step} on, and is not"
 
 
 def on_disk(execution: Execution) -> bool:
@@ -60,7 +82,8 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
 
 def _broken(execution: Execution) -> set[str]:
     """Return who may have published what cannot be recorded."""
-    return {fault.target for fault in execution.effective if fault.kind.startswith("wrong")}
+    wrong = ("wrong", "bulk_short")
+    return {fault.target for fault in execution.effective if fault.kind.startswith(wrong)}
 
 
 def _judge_last_outputs(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:

@@ -230,8 +230,6 @@ KINDS: dict[str, Kind] = {
         what="a log has outputs that are not of their type",
         draw=lambda d: Fault("wrong_entry", d.name(), d.message()),
         arm=on_key("log", field("outputs", wrong_newest)), codes=frozenset({_FAULT}),
-        # In "held" it leaves a hole, which is known and not mended (docs/faults.md).
-        needs="twins",
     ),
     "lost_log": Kind(
         what="a log is lost",

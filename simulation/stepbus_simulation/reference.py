@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from mcap.records import Channel, Message
+from mcap.records import Channel, Message, Metadata
 from mcap.stream_reader import StreamReader
 
 from stepbus_orchestrator.recording import layout
@@ -43,6 +43,13 @@ def rows_of(path: Path) -> list[Row]:
                     raise ValueError(f"a message of step {record.sequence} is of another time")
                 rows.append(Row(topics[record.channel_id], record.sequence, record.data))
     return rows
+
+
+def metadata_of(path: Path) -> dict[str, dict[str, str]]:
+    """Return the metadata of a recording, read by the library of MCAP."""
+    with path.open("rb") as file:
+        records = StreamReader(file, record_size_limit=None).records
+        return {item.name: item.metadata for item in records if isinstance(item, Metadata)}
 
 
 class Reference(NamedTuple):

@@ -36,6 +36,8 @@ FAULTS_METADATA = "faults"
 FALLBACK_METADATA = "on_fault"
 BRANCH_METADATA = "branch"
 """Participant → the step from which its outputs are its own, where it was changed by a branch."""
+INCOMPLETE_METADATA = "incomplete"
+"""Participant → the first step whose outputs are not all recorded, where the run failed."""
 DESCRIPTION_KEY = "description"
 """Metadata of a channel: its `Description` as JSON."""
 

@@ -98,9 +98,10 @@ class McapFile:
         if self._refusal is None:
             self._writer.write_unfinished()
 
-    def close(self) -> None:
-        """Write what is left and the index; harmless when repeated.
+    def close(self, name: str = "", content: Mapping[str, str] | None = None) -> None:
+        """Write what is left, a last metadata record and the index; harmless when repeated.
 
+        The metadata record is written only where all messages are.
         On a full disk they go into the room that was set aside. Raises RecordingFailed when they
         cannot be written all the same.
         """
@@ -109,9 +110,11 @@ class McapFile:
         self.closed = True
         self._file.release()
         try:
+            last = None if content is None else mcap.Metadata(name, dict(content))
             if self._refusal is not None:
                 self._writer.drop_chunk()
-            self._writer.finish()
+                last = None
+            self._writer.finish(last)
         except OSError as exc:
             raise self._refuse(exc) from exc
         finally:

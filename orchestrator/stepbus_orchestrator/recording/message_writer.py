@@ -180,9 +180,11 @@ class MessageWriter:
         """Forget the messages that are not in the file yet."""
         self._chunk = _Chunk()
 
-    def finish(self) -> None:
-        """Write the last chunk, and the index behind it."""
+    def finish(self, last: mcap.Metadata | None = None) -> None:
+        """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
+        if last is not None:
+            self.add(last)
         self._output.write(_bytes_of(mcap.DataEnd(self._crc)))
         self._summary[Opcode.STATISTICS] += _bytes_of(self._statistics())
         chunk_indexes = self._summary[Opcode.CHUNK_INDEX] + self._index_packer.flush()

@@ -64,6 +64,7 @@ class Recorder(Sink):
         self._chains = {spec.name: HashChain() for spec in order}
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
         self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
+        self._missing = dict.fromkeys(self._specs, 0)
         self._chain_channel: int | None = None
         self._last_chain = b""
         self._calls_channel: int | None = None
@@ -121,11 +122,13 @@ class Recorder(Sink):
         """Write what is left, with the last chain, and close the file."""
         try:
             super().finish(closing_step, closing)
-        finally:
+        except BaseException:
             self.abort()
+            raise
+        self._file.close()
 
     def abort(self) -> None:
-        """Write whatever has arrived, without a hole, and close the file."""
+        """Write whatever has arrived, without a hole, and what has not; close the file."""
         if self._file.closed:
             return
         steps = self.whole_steps()
@@ -135,7 +138,9 @@ class Recorder(Sink):
                 self._write_outputs(step, collect=self._collect_what_is_valid)
                 self._write_chain(step, is_last=step == steps[-1])
         finally:
-            self._file.close()
+            missing = {name: str(step) for name, step in self._missing.items()}
+            has_begun = self._chain_channel is not None
+            self._file.close(layout.INCOMPLETE_METADATA, missing if has_begun else None)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
@@ -187,8 +192,8 @@ class Recorder(Sink):
             valid = content if number == len(content) else content[:number]
             self._chains[name].extend(published.step, valid)
         if published.fault is not None:
-            self.broke(name)
             raise published.fault
+        self._missing[name] = published.step + self._specs[name].every
 
     def _write_chain(self, step: int, *, is_last: bool) -> None:
         if self._chain_channel is not None and (is_last or layout.has_chain(step)):

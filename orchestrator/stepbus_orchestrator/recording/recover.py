@@ -114,6 +114,7 @@ class _Copy:
         self._newest: list[mcap.McapRecord] = []
         """The messages of the newest step, and whatever stands behind the first of them."""
         self._cut_step: int | None = None
+        self._last: mcap.Metadata | None = None
 
     @cached_property
     def _holes(self) -> Holes:
@@ -151,7 +152,7 @@ class _Copy:
                 self._cut_step = self._newest_step
                 self._newest = [one for one in self._newest if not isinstance(one, mcap.Message)]
             self._copy_newest(writer)
-            writer.finish()
+            writer.finish(self._last)
 
     def _copy_newest(self, writer: MessageWriter) -> None:
         for record in self._newest:
@@ -168,6 +169,9 @@ class _Copy:
                 self._channels[record.id] = writer.register(copied)
             case mcap.Schema() if record.id not in self._schemas:
                 self._schemas[record.id] = writer.register(record)
+            case mcap.Metadata(name=layout.INCOMPLETE_METADATA):
+                self._counts[mcap.Metadata] += 1
+                self._last = record
             case mcap.Attachment() | mcap.Metadata():
                 self._counts[type(record)] += 1
                 writer.add(record)

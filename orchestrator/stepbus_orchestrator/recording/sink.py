@@ -123,6 +123,7 @@ class Sink:
                         participant=name,
                         step=step,
                     )
+                    self.broke(name)
                     return Published(participant=name, step=step, content=content, fault=fault)
                 content.append((port, data))
         return Published(participant=name, step=step, content=content)
@@ -176,6 +177,10 @@ class Sink:
         """Record no more of a participant: it has published something that cannot be recorded."""
         self._broken.add(name)
         self._waiting[name].clear()
+
+    def has_broken(self, name: str | None) -> bool:
+        """Return whether a participant has published something that cannot be recorded."""
+        return name in self._broken
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step; closing: at the last one, those that do."""

@@ -84,8 +84,8 @@ class Change:
         if holes := recording.holes():
             raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
         end, at = recorded_end(recording), self.at
-        planned = self._recorded.steps
-        if recording.cut_short or planned is None or end < planned:
+        planned, has_failed = self._recorded.steps, layout.INCOMPLETE_METADATA in recording.metadata
+        if recording.cut_short or has_failed or planned is None or end < planned:
             # Where a run fails, some participants are ahead of others.
             names = (spec.name for spec in self._recorded.participants)
             end = min(replayable_steps(recording, self._recorded, name) for name in names)

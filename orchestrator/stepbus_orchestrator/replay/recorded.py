@@ -10,6 +10,7 @@ from stepbus_orchestrator.recording import Recording, upgraded
 from stepbus_orchestrator.recording.layout import (
     BRANCH_METADATA,
     CHAIN_TOPIC,
+    INCOMPLETE_METADATA,
     topic_of,
 )
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -131,9 +132,13 @@ def recorded_end(recording: Recording) -> int:
 def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
     """Return the first step at which outputs of a participant may be missing; None: unknown.
 
-    One that has published at every step it fires at, up to some step, was cut off there; one that
-    publishes now and then may have had nothing more to say.
+    A run that failed has recorded it. Otherwise, one that has published at every step it fires at,
+    up to some step, was cut off there; one that publishes now and then may have had nothing more
+    to say.
     """
+    missing = recording.metadata.get(INCOMPLETE_METADATA, {}).get(spec.name, "")
+    if missing.isdecimal():
+        return int(missing)
     topics = [topic_of(spec.name, port) for port in spec.outputs]
     ports = [recording[topic] for topic in topics if topic in recording]
     count, last = 0, -spec.every

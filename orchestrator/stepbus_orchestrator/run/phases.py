@@ -64,7 +64,8 @@ def _until_shutdown(run: Run) -> RunFailure | None:
         try:
             _step(run)
         except RunFailure as exc:
-            if not run.safe_stop.can_handle(exc):
+            # Behind what cannot be recorded, safe messages would leave a hole.
+            if run.recorder.has_broken(exc.participant) or not run.safe_stop.can_handle(exc):
                 raise
             failure = exc
             run.state.enter(RunPhase.FALLBACK)
