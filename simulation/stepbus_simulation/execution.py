@@ -36,6 +36,7 @@ _REAL_S = 30
 """A run takes some hundredths of this."""
 _ENDS_NS = NS
 """What a run may take beside its deadlines and faults."""
+_THAW_NS = 100 * MS
 
 
 class Execution:
@@ -205,9 +206,10 @@ class Execution:
         try:
             self.world.go(lambda: self.orchestrator.is_dead or self._is_late())
             if self.orchestrator.is_dead:
-                # Nothing holds those up any more that it has left behind.
+                # Soon nothing holds those up any more that it has left behind; what one hears first,
+                # after that, is that it has gone.
                 for process in self.world.processes:
-                    process.thaw()
+                    self.world.after(_THAW_NS, process.thaw)
                 until_ns = self.world.now_ns + self._longest_ns()
                 until_ns += MS * self.tape.knobs.starting_ms
                 self.world.go(lambda: not self._alive() or self.world.now_ns > until_ns)

@@ -70,6 +70,8 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
         }
 
     allowed = {ExitCode.FINISHED, *(code for f in harmful for code in KINDS[f.kind].codes)}
+    if any(_is_behind_end(execution, fault) for fault in harmful):
+        allowed.add(ExitCode.DIED)
     blamed = {name for fault in harmful for name in culprits(fault, names, readers)}
     if execution.refusal is not None:
         code = getattr(execution.refusal, "code", None)
@@ -91,12 +93,24 @@ def _judge_verdict(execution: Execution) -> Iterator[str]:
         yield f"{result.participant} is blamed, not one of {sorted(blamed)}: {result.reason}"
 
 
+def _is_behind_end(execution: Execution, fault: Fault) -> bool:
+    """Return whether a participant was ahead of the end that another one, or itself, asked for."""
+    tape = execution.tape
+    end = reference(tape.scenario, tape.steps).rows[-1].step
+    return fault.kind in _AT_STEP and end < tape.steps and fault.at >= end
+
+
 def _judge_step(execution: Execution, result: Result, harmful: Sequence[Fault]) -> Iterator[str]:
     """Yield where an error names a step wrongly."""
     for step, t_s in _TIME.findall(result.reason):
         if round(float(t_s) * 1000) != int(step) * STEP_NS // MS:
             yield f"step {step} is not at {t_s} s: {result.reason}"
-    if result.exit_code and len(harmful) == 1 and harmful[0].kind in _AT_STEP:
+    if (
+        result.exit_code
+        and len(harmful) == 1
+        and harmful[0].kind in _AT_STEP
+        and not _is_behind_end(execution, harmful[0])
+    ):
         struck = harmful[0].at - harmful[0].at % execution.every(harmful[0].target)
         if result.at_step != struck:
             yield f"step {result.at_step} is blamed, not {struck}: {result.reason}"

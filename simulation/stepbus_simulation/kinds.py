@@ -335,7 +335,7 @@ KINDS: dict[str, Kind] = {
     "last_words": Kind(
         what="a participant is killed, and the log that it has just sent comes late",
         draw=lambda d: Fault("last_words", d.name(), d.message(), d.random.randrange(MS, 600 * MS)),
-        arm=last_words, codes=frozenset({_START, _DIED, _FAULT}),
+        arm=last_words, codes=frozenset({_START, _DIED, _FAULT}), needs="held",
     ),
     "deaf": Kind(
         what="a participant is stopped once it is asked to end",

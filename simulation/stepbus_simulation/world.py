@@ -105,6 +105,7 @@ class Process:
         self.exit_code: int | None = None
         self.ended_ns = 0
         self.is_frozen = False
+        self._is_cut_off = False
         self.calls = 0
         self.on_call: dict[int, Callable[[], None]] = {}
         self.on_end: list[Callable[[], None]] = []
@@ -167,14 +168,21 @@ class Process:
         """Stop it, as SIGSTOP does."""
         self.is_frozen = True
         if getcurrent() is self.thread:
-            self._held.append(self._resume)
+            self._is_cut_off = True
             self.world.switch_to_hub()
             self.check()
 
     def thaw(self) -> None:
-        """Let it go on, as SIGCONT does."""
+        """Let it go on, as SIGCONT does.
+
+        Where its own code was stopped between two calls, that goes on before or behind what has
+        arrived meanwhile, which other threads of a real process take.
+        """
         self.is_frozen = False
         held, self._held = self._held, []
+        if self._is_cut_off:
+            held.insert(len(held) if self.calls % 2 else 0, self._resume)
+            self._is_cut_off = False
         for what in held:
             self.act(what)
 
