@@ -206,8 +206,8 @@ class Execution:
         try:
             self.world.go(lambda: self.orchestrator.is_dead or self._is_late())
             if self.orchestrator.is_dead:
-                # Soon nothing holds those up any more that it has left behind; what one hears first,
-                # after that, is that it has gone.
+                # Soon nothing holds those up any more that it has left behind; some hear that it
+                # has gone before they go on.
                 for process in self.world.processes:
                     self.world.after(_THAW_NS, process.thaw)
                 until_ns = self.world.now_ns + self._longest_ns()

@@ -10,7 +10,12 @@ from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end, replayable_steps
+from stepbus_orchestrator.replay.recorded import (
+    counts_from_of,
+    recorded_end,
+    replayable_steps,
+    step_in,
+)
 from stepbus_orchestrator.scenario.faults import format_fault
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import suggest, whole_steps
@@ -91,11 +96,12 @@ class Change:
             end = min(replayable_steps(recording, self._recorded, name) for name in names)
         if not 0 <= at <= end:
             raise RecordingFailed(f"{recording.path} has {end} complete steps; none is step {at}")
-        held = recording.metadata.get(layout.FALLBACK_METADATA)
-        if held is not None and at > int(held["first"]):
+        first = step_in(recording, layout.FALLBACK_METADATA, "first")
+        if first is not None and at > first:
+            who = recording.metadata[layout.FALLBACK_METADATA].get("participant", "a participant")
             raise RecordingFailed(
-                f"{recording.path}: {held['participant']} had failed and was replaced from step "
-                f"{held['first']} on; branch there or before"
+                f"{recording.path}: {who} had failed and was replaced from step {first} on; branch "
+                "there or before"
             )
         latest = max(counts_from_of(recording).values(), default=0)
         if at < latest:

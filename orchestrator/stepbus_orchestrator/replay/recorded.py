@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 import msgspec
 import numpy as np
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, upgraded
 from stepbus_orchestrator.recording.layout import (
     BRANCH_METADATA,
@@ -97,8 +98,25 @@ def recorded_descriptions(recording: Recording) -> dict[str, dict[str, Descripti
 
 def counts_from_of(recording: Recording) -> dict[str, int]:
     """Return what the branch that made a recording changed: participant → from which step."""
-    rows = recording.metadata.get(BRANCH_METADATA, {})
-    return {name: int(step) for name, step in rows.items()}
+    steps = {
+        name: step_in(recording, BRANCH_METADATA, name)
+        for name in recording.metadata.get(BRANCH_METADATA, {})
+    }
+    return {name: step for name, step in steps.items() if step is not None}
+
+
+def step_in(recording: Recording, record: str, key: str) -> int | None:
+    """Return a step of a metadata record; None where it is not there.
+
+    Raises RecordingFailed for what is no step.
+    """
+    text = recording.metadata.get(record, {}).get(key)
+    if text is not None and not text.isdecimal():
+        raise RecordingFailed(
+            f"{recording.path}: its metadata record {record!r} has {text!r} for {key}, which is no "
+            "step: something else than stepbus wrote it"
+        )
+    return None if text is None else int(text)
 
 
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:
@@ -136,9 +154,8 @@ def _reach(recording: Recording, spec: ParticipantSpec) -> int | None:
     up to some step, was cut off there; one that publishes now and then may have had nothing more
     to say.
     """
-    missing = recording.metadata.get(INCOMPLETE_METADATA, {}).get(spec.name, "")
-    if missing.isdecimal():
-        return int(missing)
+    if (missing := step_in(recording, INCOMPLETE_METADATA, spec.name)) is not None:
+        return missing
     topics = [topic_of(spec.name, port) for port in spec.outputs]
     ports = [recording[topic] for topic in topics if topic in recording]
     count, last = 0, -spec.every

@@ -4,6 +4,8 @@ import random
 import textwrap
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
@@ -289,3 +291,52 @@ def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
         RecordingFailed, match="controller had failed and was replaced from step 60"
     ):
         branch(held.recording, tmp_path / "c", at=62)
+
+
+def test_a_failed_run_says_what_lacks(tmp_path):
+    failed = run_joints(tmp_path, fault("controller", "raise", 60))
+    assert failed.exit_code == ExitCode.FAULT
+    with failed.recording.open("rb") as file:
+        reader = make_reader(file)
+        records = {item.name: item.metadata for item in reader.iter_metadata()}
+        ends = {channel.topic: one.sequence for _, channel, one in reader.iter_messages()}
+    assert records["incomplete"] == {
+        "plant": str(ends["plant/joint_state"] + 1),
+        "controller": "60",
+        "mission": str(ends["mission/reference"] + 4),
+    }
+
+
+@pytest.mark.parametrize(
+    ("name", "content"),
+    [
+        ("on_fault", {"participant": "controller", "first": "x"}),
+        ("branch", {"plant": "-1"}),
+        ("incomplete", {"controller": "²"}),
+    ],
+)
+def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):
+    path = tmp_path / "other.mcap"
+    with recorded.open("rb") as source, path.open("wb") as target:
+        reader, writer = make_reader(source), Writer(target)
+        writer.start()
+        for item in reader.iter_attachments():
+            writer.add_attachment(0, 0, item.name, item.media_type, item.data)
+        writer.add_metadata(name, content)
+        channels = {}
+        for schema, channel, message in reader.iter_messages():
+            if channel.id not in channels:
+                number = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.id] = writer.register_channel(
+                    channel.topic, channel.message_encoding, number, channel.metadata
+                )
+            writer.add_message(
+                channels[channel.id],
+                message.log_time,
+                message.data,
+                message.log_time,
+                message.sequence,
+            )
+        writer.finish()
+    with pytest.raises(RecordingFailed, match=f"metadata record '{name}' has .*no step"):
+        branch(path, tmp_path / "b", at=43)
