@@ -273,6 +273,12 @@ def _judge_crash(execution: Execution) -> Iterator[str]:
     yield from _judge_recovery(execution, recovery, rows, has_incomplete=has_incomplete)
     yield from judge_messages(execution, rows)
     newest = max((row.step for row in rows), default=-1)
+    if all(fault.kind in CRASHES for fault in execution.effective):
+        tape = execution.tape
+        own = [row for row in rows if row.step == newest and row.topic != layout.CHAIN_TOPIC]
+        whole = [row for row in reference(tape.scenario, tape.steps).rows if row.step == newest]
+        if own != [row for row in whole if row.topic != layout.CHAIN_TOPIC]:
+            yield f"step {newest} was saved in part: {', '.join(row.topic for row in own)}"
     # A write that is torn can take with it all that it replaces, up to a chunk.
     torn = any(fault.kind == "power" for fault in execution.effective)
     due = [step for at_ns, step in execution.watch.written if at_ns < killed_ns - _LOSS_NS]
