@@ -93,6 +93,7 @@ class GoalExecutor:
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
             self._avoidance.hurry(t)
+        jam = self._parts.arm.jam(now.q, now.effort, t)
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
@@ -101,11 +102,18 @@ class GoalExecutor:
             self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
         active = goals.active
         if active is None:
-            self.reports.warn(str(collision) if collision is not None else "", lost)
+            self.reports.warn(str(collision) if collision is not None else "", lost, jam)
             return
         if not active.is_reported:
             active.is_reported = True
             self.reports.status(active.goal.id, "running")
+        if jam and active.part != "all":
+            goals.returning = None
+            if active.part != "arm":
+                goals.rest(t)
+            goals.end(active, Outcome(state="failed", cause=Cause.JAMMED, text=jam))
+            return
+        self.reports.warn(jam)
         if goals.companion is not None:
             outcome = self._beside.outcome(goals.companion, ends["arm"], now, t)
         else:

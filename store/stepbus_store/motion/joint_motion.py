@@ -69,6 +69,14 @@ class JointMotion:
         """Return whether any joint moves or accelerates."""
         return bool(self.velocity.any() or self.acceleration.any())
 
+    def without(self, stuck: Vector, q: Vector) -> JointMotion:
+        """Return the motion with some joints at rest; stuck: which, shape (n,). q: where [rad]."""
+        return JointMotion(
+            position=np.where(stuck, q, self.position),
+            velocity=np.where(stuck, 0.0, self.velocity),
+            acceleration=np.where(stuck, 0.0, self.acceleration),
+        )
+
     def scaled(self, rate: float) -> JointMotion:
         """Return the same motion with its time running `rate` times as fast."""
         return JointMotion(
