@@ -111,7 +111,7 @@ class GoalExecutor:
             goals.returning = None
             if active.part != "arm":
                 goals.rest(t)
-            goals.end(active, Outcome(state="failed", cause=Cause.JAMMED, text=jam))
+            goals.end(active, Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam))
             return
         self.reports.warn(jam)
         if goals.companion is not None:

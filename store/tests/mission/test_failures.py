@@ -290,7 +290,13 @@ def test_with_an_item_the_arm_goes_back_to_where_it_carries_it():
     assert (goal.position, goal.touches) == ((0.45, 0.0, 0.6), ["cola_a1_2"])
 
 
-@pytest.mark.parametrize(("cause", "recovers"), [("jammed", True), ("no_plan", False)])
+def test_with_a_jammed_arm_nothing_is_tried_again():
+    store = FakeStore(shelf_a(*GOODS), fails={("down", 1): "arm_jammed"})
+    assert "failed while moving down: arm jammed, as the test wants it" in failed(store)
+    assert [goal.type for goal in store.goals][-2:] == ["move_linear", "stop"]
+
+
+@pytest.mark.parametrize(("cause", "recovers"), [("jammed", True), ("arm_jammed", False), ("no_plan", False)])
 def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers):
     result = sell(FakeStore(shelf_a(*GOODS), fails={("drive", 1): cause}), recover=True)
     assert ("back_to_rest" in [goal.type for goal in result.goals]) is recovers

@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from stepbus_kinematics import RobotModel, Vector
+from stepbus_store.motion.joint_motion import JointMotion
 
 _FULL = 0.95
 """Share of the effort limit from which a motor gives all that it has."""
@@ -13,17 +14,18 @@ _FULL = 0.95
 class JamWatch:
     """Compares what was commanded with what was measured a step later.
 
-    lag: a joint that is further behind is jammed, or something holds it [rad, m].
+    lag: a joint that is further behind is jammed, or something holds it [rad, m]. period: between
+    two commands [s].
     """
 
-    def __init__(self, robot: RobotModel, lag: float) -> None:
+    def __init__(self, robot: RobotModel, lag: float, period: float) -> None:
         self._robot = robot
-        self._lag = lag
+        self._lag, self._period = lag, period
         self._sent: Vector | None = None
 
-    def command(self, position: Vector) -> None:
-        """Take what is commanded, shape (n,) [rad, m]."""
-        self._sent = position
+    def command(self, sent: JointMotion) -> None:
+        """Take what is commanded, and leads to the next measurement."""
+        self._sent = sent.position + self._period * sent.velocity
 
     def stuck(self, q: Vector) -> Vector:
         """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""

@@ -78,7 +78,7 @@ class Manipulator:
             collisions=collisions,
         )
         self._queries = PlannerQueries(options.plan_timeout)
-        self._jam = JamWatch(robot, options.jam_lag)
+        self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
         self._tip = options.tip
         self._verdict: Outcome | None = None
@@ -132,7 +132,7 @@ class Manipulator:
     def at(self, t: float) -> JointMotion:
         """Return what to command at a time [s]."""
         command = self._player.command(t)
-        self._jam.command(command.position)
+        self._jam.command(command)
         return command
 
     @property
