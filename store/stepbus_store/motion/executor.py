@@ -107,13 +107,8 @@ class GoalExecutor:
         if not active.is_reported:
             active.is_reported = True
             self.reports.status(active.goal.id, "running")
-        if jam and active.part != "all":
-            goals.returning = None
-            if active.part != "arm":
-                goals.rest(t)
-            goals.end(active, Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam))
+        if self._ends_jammed(active, jam, t):
             return
-        self.reports.warn(jam)
         if goals.companion is not None:
             outcome = self._beside.outcome(goals.companion, ends["arm"], now, t)
         else:
@@ -125,6 +120,17 @@ class GoalExecutor:
                 self._avoidance.join(active.goal, active.part)
         if outcome is not None:
             goals.end(active, outcome)
+
+    def _ends_jammed(self, active: Active, jam: str, t: float) -> bool:
+        """End the goal under way where a joint of the arm is jammed; a stop goes on."""
+        if not jam or active.part == "all":
+            self.reports.warn(jam)
+            return False
+        self._goals.returning = None
+        if active.part != "arm":
+            self._goals.rest(t)
+        self._goals.end(active, Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam))
+        return True
 
     def _outcome(
         self,
