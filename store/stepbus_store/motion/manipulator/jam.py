@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_store.motion.joint_motion import JointMotion
@@ -27,7 +28,7 @@ class JamWatch:
         """Take what is commanded, and leads to the next measurement."""
         self._sent = sent.position + self._period * sent.velocity
 
-    def stuck(self, q: Vector) -> Vector:
+    def stuck(self, q: Vector) -> NDArray[np.bool_]:
         """Return which joints do not follow, shape (n,) of bool; q: measured, shape (n,)."""
         if self._sent is None:
             return np.zeros(len(q), dtype=bool)
