@@ -25,8 +25,16 @@ def type_name(cls: type[msgspec.Struct]) -> str:
     return _NAMES.get(cls) or getattr(cls, "TYPE", "") or f"{cls.__name__}/1"
 
 
-encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder().encode
-"""Return the MessagePack map of a message."""
+def _plain(value: Any) -> Any:
+    """Return a number or an array of NumPy, which is not imported here, as Python has it."""
+    if type(value).__module__ == "numpy":
+        return value.tolist()
+    name = f"{type(value).__module__}.{type(value).__qualname__}".removeprefix("builtins.")
+    raise TypeError(f"Encoding objects of type {name} is unsupported")
+
+
+encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder(enc_hook=_plain).encode
+"""Return the MessagePack map of a message; numbers and arrays of NumPy are numbers and lists."""
 
 
 def encoding_of(name: str) -> str:
@@ -126,8 +134,7 @@ def _unencodable(text: str) -> str:
     match = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
     if not match:
         return text
-    hint = "; write `.tolist()`" if match[1].startswith("numpy.") else ""
-    return f"has a value of type {match[1]}, which no message can carry{hint}"
+    return f"has a value of type {match[1]}, which no message can carry"
 
 
 def _meaning(text: str, cls: Any, path: str) -> str:

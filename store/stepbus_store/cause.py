@@ -7,6 +7,7 @@ class Cause(StrEnum):
     """A cause, as it stands in `GoalStatus.cause`, in `Plan.cause` and in the mission's report."""
 
     # Of a goal, from motion.
+    ARM_JAMMED = "arm_jammed"
     BAD_PLAN = "bad_plan"
     BLOCKED = "blocked"
     COLLISION = "collision"

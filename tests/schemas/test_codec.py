@@ -1,7 +1,8 @@
 from contextlib import suppress
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -133,3 +134,22 @@ def test_the_encoding_names_the_type() -> None:
 def test_a_message_cannot_be_changed() -> None:
     with pytest.raises(AttributeError, match="immutable"):
         JointState(position=[1.0]).position = [2.0]
+
+
+@pytest.mark.parametrize(
+    ("position", "expected"),
+    [
+        ([np.float64(0.25)], [0.25]),
+        (np.array([1.0, -2.0]), [1.0, -2.0]),
+        ([np.float32(0.5), np.int64(3)], [0.5, 3.0]),
+    ],
+)
+def test_numbers_of_numpy_are_numbers(position: Any, expected: list[float]) -> None:
+    data = encode(JointState(position=position))
+    assert Decoder(JointState)(data).position == expected
+
+
+def test_what_no_message_can_carry_is_named() -> None:
+    with pytest.raises(TypeError) as error:
+        encode(JointState(position=np.array([1j])))
+    assert explained(error.value) == "has a value of type complex, which no message can carry"

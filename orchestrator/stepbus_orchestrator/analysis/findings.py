@@ -22,7 +22,7 @@ _ASKING = frozenset(
 
 _TOLERANCE = 1e-6
 _FULL_TURN = 2 * math.pi + 1e-3
-_PERMANENT = 0.5
+_PERMANENT = 0.1
 _FAR = 20
 """How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
 

@@ -180,7 +180,7 @@ class _Execution:
                 strategy,
                 self._recorder,
                 self._timing,
-                out=self._options.out,
+                out=self._out,
                 observer=self._observer,
                 interrupt=self._interrupt,
                 extensions=self._options.extensions,

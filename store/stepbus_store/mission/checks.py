@@ -13,8 +13,8 @@ Check = Callable[[StoreState], Outcome | None]
 """Returns the outcome of a state, or None while the state continues."""
 
 HOPELESS = (
-    Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN, Cause.NOT_DONE,
-    Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.UNREACHABLE,
+    Cause.ARM_JAMMED, Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN,
+    Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.UNREACHABLE,
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
 
@@ -300,7 +300,7 @@ def at_rest(store: StoreState) -> Outcome | None:
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
         store.rest = "everything is at rest"
         cause = store.problem.cause if store.problem is not None else ""
-        recovers = store.settings.recover and cause not in _LOST
+        recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED)
         return Outcome(name="recover" if recovers else "rest")
     if store.elapsed < waits.halt:
         return None

@@ -276,7 +276,7 @@ class StoreMission(Participant):
             store.log.append(("error", self._failure))
         else:
             orders = len(self._settings.orders)
-            text = f"{self.config.name}: {len(store.results)} of {orders} sales are done"
+            text = f"{len(store.results)} of {orders} sales are done"
             unsold = "; ".join(f"no {row.order}: {row.reason}" for row in store.unsold)
             step.end(f"{text}; {unsold}" if unsold else text)
 

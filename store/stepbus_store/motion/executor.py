@@ -93,6 +93,7 @@ class GoalExecutor:
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
             self._avoidance.hurry(t)
+        jam = self._parts.arm.jam(now.q, now.effort, t)
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
@@ -101,11 +102,13 @@ class GoalExecutor:
             self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
         active = goals.active
         if active is None:
-            self.reports.warn(str(collision) if collision is not None else "", lost)
+            self.reports.warn(str(collision) if collision is not None else "", lost, jam)
             return
         if not active.is_reported:
             active.is_reported = True
             self.reports.status(active.goal.id, "running")
+        if self._ends_jammed(active, jam, t):
+            return
         if goals.companion is not None:
             outcome = self._beside.outcome(goals.companion, ends["arm"], now, t)
         else:
@@ -117,6 +120,17 @@ class GoalExecutor:
                 self._avoidance.join(active.goal, active.part)
         if outcome is not None:
             goals.end(active, outcome)
+
+    def _ends_jammed(self, active: Active, jam: str, t: float) -> bool:
+        """End the goal under way where a joint of the arm is jammed; a stop goes on."""
+        if not jam or active.part == "all":
+            self.reports.warn(jam)
+            return False
+        self._goals.returning = None
+        if active.part != "arm":
+            self._goals.rest(t)
+        self._goals.end(active, Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam))
+        return True
 
     def _outcome(
         self,

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import ruckig
+from numpy.typing import NDArray
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import JointCommand
@@ -68,6 +69,14 @@ class JointMotion:
     def is_moving(self) -> bool:
         """Return whether any joint moves or accelerates."""
         return bool(self.velocity.any() or self.acceleration.any())
+
+    def without(self, stuck: NDArray[np.bool_], q: Vector) -> JointMotion:
+        """Return the motion with some joints at rest; stuck: which, shape (n,). q: where [rad]."""
+        return JointMotion(
+            position=np.where(stuck, q, self.position),
+            velocity=np.where(stuck, 0.0, self.velocity),
+            acceleration=np.where(stuck, 0.0, self.acceleration),
+        )
 
     def scaled(self, rate: float) -> JointMotion:
         """Return the same motion with its time running `rate` times as fast."""

@@ -206,7 +206,7 @@ def test_a_sale_fails_only_after_all_approaches():
 def test_an_order_that_is_sold_out_is_left_out_and_the_others_are_sold():
     result = sell(FakeStore(shelf_a(*GOODS)), orders=["cola", "cola", "cola", "water"])
     reason = "shelf empty, no cola is left; 2 sold, 0 missing"
-    assert result.end == f"mission: 3 of 4 sales are done; no cola: {reason}"
+    assert result.end == f"3 of 4 sales are done; no cola: {reason}"
     (warning,) = [event.text for event in result.events if event.level == "warning"]
     assert f"sale 3 (cola): {reason}" in warning.splitlines()
     rows = [line.split()[:2] for line in result.summary.splitlines()[1:5]]
@@ -232,7 +232,7 @@ def test_an_item_that_others_move_fails_no_sale(column, by):
         pushes={("down", 1): (f"water_a1_{column}", by)},
     )
     result = sell(store)
-    assert result.end == "mission: 1 of 1 sales are done"
+    assert result.end == "1 of 1 sales are done"
     text = f"water_a1_{column} was moved by {by * 1e3:.1f} mm, not by the robot"
     assert [event.text for event in result.events if event.level == "warning"] == [text]
     assert "other items moved up to 0.0 mm" in result.summary
@@ -290,7 +290,15 @@ def test_with_an_item_the_arm_goes_back_to_where_it_carries_it():
     assert (goal.position, goal.touches) == ((0.45, 0.0, 0.6), ["cola_a1_2"])
 
 
-@pytest.mark.parametrize(("cause", "recovers"), [("jammed", True), ("no_plan", False)])
+def test_with_a_jammed_arm_nothing_is_tried_again():
+    store = FakeStore(shelf_a(*GOODS), fails={("down", 1): "arm_jammed"})
+    assert "failed while moving down: arm jammed, as the test wants it" in failed(store)
+    assert [goal.type for goal in store.goals][-2:] == ["move_linear", "stop"]
+
+
+@pytest.mark.parametrize(
+    ("cause", "recovers"), [("jammed", True), ("arm_jammed", False), ("no_plan", False)]
+)
 def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers):
     result = sell(FakeStore(shelf_a(*GOODS), fails={("drive", 1): cause}), recover=True)
     assert ("back_to_rest" in [goal.type for goal in result.goals]) is recovers

@@ -35,7 +35,7 @@ def test_a_sale_passes_through_the_states_of_the_main_flow():
 
 def test_the_item_stands_in_the_outlet_in_the_end():
     store = FakeStore(shelf_a(*GOODS))
-    assert sell(store).end == "mission: 1 of 1 sales are done"
+    assert sell(store).end == "1 of 1 sales are done"
     thing = store.things["cola_a1_2"]
     assert (thing.x, thing.y, thing.z) == pytest.approx((0.15, 0.65, 0.35 + 0.0575))
 
@@ -43,7 +43,7 @@ def test_the_item_stands_in_the_outlet_in_the_end():
 def test_several_orders_stand_in_a_row():
     store = FakeStore(shelf_a(*GOODS))
     result = sell(store, orders=["water", {"type": "cola"}, {"item": "juice_a1_5"}])
-    assert result.end == "mission: 3 of 3 sales are done"
+    assert result.end == "3 of 3 sales are done"
     xs = [store.things[name].x for name in ("water_a1_4", "cola_a1_2", "juice_a1_5")]
     assert xs == pytest.approx([0.03, 0.15, 0.27])
 
@@ -55,7 +55,7 @@ def test_what_is_ordered_by_a_call_stands_beside_the_others():
         answers.extend(calls["order"].function(kind) for kind in ("water", "juice"))
 
     result = sell(store, orders=["cola"], ask=ask)
-    assert result.end == "mission: 3 of 3 sales are done"
+    assert result.end == "3 of 3 sales are done"
     assert answers == [2, 3]
     xs = [store.things[name].x for name in ("cola_a1_2", "water_a1_4", "juice_a1_5")]
     assert xs == pytest.approx([0.15, 0.27, 0.03])
@@ -80,7 +80,7 @@ def test_ten_orders_stand_in_two_rows_the_one_at_the_back_first():
     store = FakeStore(shelf_a(*goods))
     outlet = {"position": [0.15, 0.65, 0.35], "pitch": 0.1, "rows": 2}
     result = sell(store, orders=["cola", "juice"] * 5, outlet=outlet)
-    assert result.end == "mission: 10 of 10 sales are done"
+    assert result.end == "10 of 10 sales are done"
     rows = sorted((round(t.y, 3), round(t.x, 3)) for t in store.things.values())
     xs = [-0.05, 0.05, 0.15, 0.25, 0.35]
     assert rows == [*((0.58, x) for x in xs), *((0.72, x) for x in xs)]
@@ -225,7 +225,7 @@ def test_a_grasp_that_fails_is_told_and_tried_again_with_another_look():
     told = "sale 1 (cola_a1_2): attempt 1 of 2 failed while grasping: not held, width 0.000 m"
     assert result.errors == [told]
     assert result.summary.splitlines()[1].split()[2] == "2"
-    assert result.end == "mission: 1 of 1 sales are done"
+    assert result.end == "1 of 1 sales are done"
 
 
 def test_an_item_that_slips_once_is_fetched_at_the_second_attempt():
@@ -359,7 +359,7 @@ def test_a_type_of_the_catalog_may_be_sold_out(tmp_path):
     (tmp_path / "world.yaml").write_text("stock: {types: {cola: {}, soup: {}}}")
     catalog = str(tmp_path / "world.yaml")
     result = sell(FakeStore(shelf_a(*GOODS)), orders=["soup", "cola"], catalog=catalog)
-    assert result.end.startswith("mission: 1 of 2 sales are done; no soup: shelf empty")
+    assert result.end.startswith("1 of 2 sales are done; no soup: shelf empty")
 
 
 def test_an_item_without_measures_is_refused():

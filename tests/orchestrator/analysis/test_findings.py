@@ -58,7 +58,7 @@ def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
     assert "plant reads no command: nothing moves its joints" in findings(recording)
 
 
-def test_a_joint_that_saturates_for_most_of_the_run_is_named(tmp_path):
+def test_a_joint_that_saturates_in_many_steps_is_named(tmp_path):
     (line,) = found(tmp_path, "controller.params.effort_limit=10")
     assert line.startswith("controller.command: joint1 is saturated in ")
 

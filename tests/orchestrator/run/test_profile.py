@@ -2,6 +2,7 @@
 
 import csv
 import json
+from pathlib import Path
 
 import pytest
 
@@ -78,3 +79,11 @@ def test_a_participant_to_sample_must_exist(capsys):
 def test_samples_need_a_profile(capsys):
     assert main(["run", "two_link", "--speedscope", "controller"]) == 2
     assert "--speedscope needs --profile" in capsys.readouterr().err
+
+
+def test_a_folder_named_from_here_is_here_though_the_run_works_elsewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    scenario = load("two_link", ["duration=100ms", "checkpoint=50ms"])
+    options = Options(out=Path("here"), host=InProcess(), extensions=[Profile([])])
+    run_scenario(scenario, options)
+    assert {"profile", "checkpoints", "run.mcap"} <= {path.name for path in Path("here").iterdir()}

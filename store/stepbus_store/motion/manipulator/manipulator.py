@@ -32,6 +32,7 @@ from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
+from .jam import JamWatch
 from .links import Links
 from .settling import SettleWatch, Settling
 
@@ -77,6 +78,7 @@ class Manipulator:
             collisions=collisions,
         )
         self._queries = PlannerQueries(options.plan_timeout)
+        self._jam = JamWatch(robot, options.jam_lag, options.period)
         self._settle: SettleWatch | None = None
         self._tip = options.tip
         self._verdict: Outcome | None = None
@@ -129,7 +131,9 @@ class Manipulator:
 
     def at(self, t: float) -> JointMotion:
         """Return what to command at a time [s]."""
-        return self._player.command(t)
+        command = self._player.command(t)
+        self._jam.command(command)
+        return command
 
     @property
     def tip(self) -> str:
@@ -302,6 +306,21 @@ class Manipulator:
         # Slow by itself, and it leads away from what the robot has touched.
         self._player.ignores_scale = self._backs_off = True
         return length
+
+    def jam(self, q: Vector, effort: Vector | None, t: float) -> str:
+        """Come to rest where a joint does not follow; return a sentence on it, else nothing.
+
+        q, effort: measured [rad, N·m]; None: it is not sensed. That joint stays where it is.
+        """
+        stuck = self._jam.stuck(q)
+        if not stuck.any():
+            return ""
+        now = self._player.catch_up(t)
+        self._route = None
+        self._forget()
+        self._brake(now.without(stuck, q), hard=True, touches=True)
+        self._watch()
+        return self._jam.text(q, effort)
 
     def check(self, q: Vector, v: Vector, t: float) -> Outcome | None:
         """Compare with what was measured; return how the goal ended, once it has."""

@@ -1,5 +1,6 @@
 """Options of the motions of a manipulator."""
 
+import math
 from dataclasses import dataclass
 
 from stepbus_store.motion.joint_motion import MotionLimits
@@ -19,7 +20,7 @@ class ManipulatorOptions:
     backs off. brake_acceleration, brake_jerk: of the hardest stop; the limits of the motion where
     they are larger [rad/s², rad/s³]. grip_acceleration: of the tip in a stop while the gripper
     holds something, unless the robot touches something: harder, it would swing out of the pads
-    [m/s²].
+    [m/s²]. jam_lag: a joint that is further behind its command is jammed [rad, m].
     """
 
     period: float
@@ -38,6 +39,7 @@ class ManipulatorOptions:
     brake_acceleration: float = 15.0
     brake_jerk: float = 1000.0
     grip_acceleration: float = 6.0
+    jam_lag: float = math.inf
 
     @property
     def turn_radius(self) -> float:

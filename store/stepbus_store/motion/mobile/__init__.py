@@ -116,6 +116,8 @@ class Params(JointParams):
     """Closer than this to what it must not touch, the arm slows down [m]."""
     arm_brake: Positive = 1.0
     """Braking of each link near things; their largest speed there follows from that [m/s²]."""
+    arm_lag: Positive = 0.02
+    """Further behind its command, a joint of the arm is jammed [rad]."""
     arm_creep: Positive = 0.02
     """Slowest speed of a link near things [m/s]."""
     back_off: NonNegative = 0.05

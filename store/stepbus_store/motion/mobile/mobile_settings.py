@@ -143,6 +143,7 @@ def _arm(params: Params, config: Config) -> ManipulatorOptions:
         tip_jerk=params.tip_jerk,
         tip_turning=params.tip_turning,
         plan_timeout=params.plan_timeout,
+        jam_lag=params.arm_lag,
     )
 
 
