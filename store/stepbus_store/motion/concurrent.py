@@ -117,10 +117,10 @@ class BesideBase:
             # From now on it is a goal like any other.
             goals.companion = None
         if end is not None and end.state == "failed" and not companion.navigator.waits:
-            self._stop_driving(end, t)
+            self.stop_driving(end, t)
         return end
 
-    def _stop_driving(self, end: Outcome, t: float) -> None:
+    def stop_driving(self, end: Outcome, t: float) -> None:
         """Stop the base, since the arm beside it is not where it should be; end: of the arm."""
         driving, self._goals.driving = self._goals.driving, None
         if driving is not None:

@@ -126,10 +126,12 @@ class GoalExecutor:
         if not jam or active.part == "all":
             self.reports.warn(jam)
             return False
+        end = Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam)
         self._goals.returning = None
         if active.part != "arm":
             self._goals.rest(t)
-        self._goals.end(active, Outcome(state="failed", cause=Cause.ARM_JAMMED, text=jam))
+        self._beside.stop_driving(end, t)
+        self._goals.end(active, end)
         return True
 
     def _outcome(

@@ -265,7 +265,7 @@ def test_an_arm_that_fails_on_its_way_stops_the_base_too(robot):
         robot.q, robot.v = stuck.copy(), np.zeros(6)
     robot.run(2.0)
     assert [robot.states(n)[-1] for n in (0, 1)] == ["failed", "failed"]
-    assert robot.news[-1].cause == "not_settled"
+    assert robot.news[-1].cause == "arm_jammed"
     assert abs(robot.vx) < 1e-4
 
 
