@@ -135,6 +135,8 @@ class Run:
 
     def receive_for(self, duration_s: float) -> None:
         """Take what arrives within a time [s]; raises the first failure that is reported."""
+        # No tick does so meanwhile.
+        self.recorder.flush()
         self.session.inbox.wake_for(())
         deadline = self.clock.monotonic() + duration_s
         while self.clock.monotonic() < deadline:
