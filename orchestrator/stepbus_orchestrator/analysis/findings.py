@@ -22,7 +22,7 @@ _ASKING = frozenset(
 
 _TOLERANCE = 1e-6
 _FULL_TURN = 2 * math.pi + 1e-3
-_PERMANENT = 0.1
+_OFTEN = 0.1
 _FAR = 20
 """How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
 
@@ -113,7 +113,7 @@ class _Watched:
                     f"{self.receiver} cuts {name} of {who} to {joint.effort:g} {unit} in "
                     f"{count.share}: up to {abs(count.worst):.4g} {unit} were commanded"
                 )
-            elif count.full > _PERMANENT * count.messages:
+            elif count.full > _OFTEN * count.messages:
                 share = math.floor(100 * count.full / count.messages)
                 yield f"{who}: {name} is saturated in {share} % of the steps"
         for name, count in self.targets.items():
