@@ -93,10 +93,11 @@ class GoalExecutor:
         if scale is not None or self._parts.base is not None:
             self._parts.advance(dt, 1.0 if scale is None else scale, self._avoidance.room)
             self._avoidance.hurry(t)
-        jam = self._parts.arm.jam(now.q, now.effort, t)
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
+        # An arm that runs into something does not follow either: then the collision is the cause.
+        jam = "" if collision is not None else self._parts.arm.jam(now.q, now.effort, t)
         if goals.driving is not None:
             touches, loses = collision is not None, bool(lost)
             self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
