@@ -72,10 +72,10 @@ def largest_force(log: SaleLog) -> float:
 
 
 def _robot_contacts(log: SaleLog) -> Iterator[tuple[int, tuple[str, str], float]]:
-    """Yield step, pair of links and force of every touch that no wheel has with the ground."""
+    """Yield step, pair of links and peak of every touch that no wheel has with the ground."""
     ours = set(log.names.get("plant/contacts", ()))
     for step, row in log.messages.get("plant/contacts", ()):
-        for pair, force in zip(row["pairs"], row["force"], strict=True):
+        for pair, force in zip(row["pairs"], row["peak_force"], strict=True):
             one, other = pair
             rolls = any(link in _ROLLING for link in pair) and any(link in _GROUND for link in pair)
             if force > 0.0 and not rolls and (one in ours or other in ours):

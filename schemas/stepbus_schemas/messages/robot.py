@@ -225,6 +225,21 @@ class Contacts(Message, frozen=True):
         list[Point],
         meta("point of that distance on the second link, in the world frame: x, y, z", "m", "k 3"),
     ]
+    peak_force: Annotated[
+        list[float],
+        meta(
+            "largest normal force of each pair since the message before; empty: unknown", "N", "k"
+        ),
+    ] = []
+    impulse: Annotated[
+        list[float],
+        meta("normal impulse of each pair since the message before; empty: unknown", "N·s", "k"),
+    ] = []
+
+    @property
+    def peaks(self) -> list[float]:
+        """Return the peak forces [N]; where they are unknown, the forces at the end."""
+        return self.peak_force or self.force
 
 
 class Poses(Message, frozen=True):

@@ -1,6 +1,7 @@
 """A sensor of contacts, and the skin of a robot that measures how far away things are."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import NamedTuple
 
 from stepbus_plant.engine import Contact, Link
@@ -51,8 +52,28 @@ class _Point(NamedTuple):
     position: Point
 
 
+@dataclass
+class _Load:
+    """What has pressed on a pair of links since the latest reading.
+
+    peak: largest force of a substep [N]; impulse: of all of them [N·s]. point: the latest.
+    """
+
+    peak: float = 0.0
+    impulse: float = 0.0
+    point: _Point | None = None
+
+    def add(self, force: float, seconds: float, point: _Point | None = None) -> None:
+        self.peak = max(self.peak, force)
+        self.impulse += force * seconds
+        self.point = point
+
+
 class ContactSensor:
     """Reads the engine's contacts, summed for each pair of links.
+
+    An impact is over within a substep, and two links may have parted when they are read: what they
+    bore is summed up in every substep.
 
     row: which links, and how far it measures. errors: of distances; seed: of the plant.
     """
@@ -74,6 +95,7 @@ class ContactSensor:
         solid = (link for link in links if engine.is_solid(indices[link]))
         self._near = [indices[link] for link in solid] if within > 0.0 else []
         self._pressed: dict[Pair, float] | None = None
+        self._loads: dict[Pair, _Load] = {}
         self._skin: Skin | None = None
         self._stands: set[tuple[Link, Link]] = set()
         if (errors.gain or errors.noise) and self._near:
@@ -87,11 +109,20 @@ class ContactSensor:
         ground = {other for link, other in near if self._closest(link, other, _STANDS_ON)}
         return {(link, other) for link, other in near if other in ground}
 
+    def after_substep(self, seconds: float) -> None:
+        """Add up what presses on the watched links; seconds: length of the substep."""
+        for pair, points in _by_pair(map(self._point, self._touching(are_pressed=True))):
+            load = self._loads.setdefault(pair, _Load())
+            load.add(sum(point.force for point in points), seconds, _nearest(points))
+
     def sense(self, _t_ns: int) -> Contacts:
         """Return the contacts of the watched links.
 
-        Forces are those of the latest physics substep, which led to this state.
+        Forces are those of the latest physics substep, which led to this state; links that touched
+        only in an earlier one are where they were then. Peaks and impulses are those of all
+        substeps since the latest reading.
         """
+        loads, self._loads = self._loads, {}
         points = list(map(self._point, self._touching()))
         if self._skin is None:
             points += [point for _, point in self._nearby()]
@@ -99,25 +130,28 @@ class ContactSensor:
             # The skin feels what presses on it; how far away the rest is, it measures.
             points = [point for point in points if self._force(point.pair, [point]) > 0.0]
             points += self._measured(self._skin)
-        groups: dict[Pair, list[_Point]] = {}
-        for point in points:
-            groups.setdefault(point.pair, []).append(point)
+        known = {point.pair for point in points}
+        parted = [load.point for pair, load in loads.items() if load.point and pair not in known]
+        points += [point._replace(force=0.0) for point in parted]
+        groups = dict(_by_pair(points))
         pairs = sorted(groups)
-        nearest = [min(groups[pair], key=lambda point: point.distance) for pair in pairs]
+        nearest = [_nearest(groups[pair]) for pair in pairs]
         return Contacts(
             pairs=pairs,
             force=[self._force(pair, groups[pair]) for pair in pairs],
             distance=[point.distance for point in nearest],
             position=[point.position for point in nearest],
+            peak_force=[loads.get(pair, _NOTHING).peak for pair in pairs],
+            impulse=[loads.get(pair, _NOTHING).impulse for pair in pairs],
         )
 
-    def _touching(self) -> Iterator[Contact]:
+    def _touching(self, *, are_pressed: bool = False) -> Iterator[Contact]:
         if len(self._watched) == len(self._names):
-            yield from self._engine.contacts()
+            yield from self._engine.contacts(are_pressed=are_pressed)
             return
         # Query by body: in a store, most contacts are those of items on shelves.
         for body in sorted({body for body, _ in self._watched}):
-            for contact in self._engine.contacts(body):
+            for contact in self._engine.contacts(body, are_pressed=are_pressed):
                 is_reported = contact.other in self._watched and contact.other[0] < body
                 if not is_reported and self._watched & {contact.one, contact.other}:
                     yield contact
@@ -158,17 +192,33 @@ class ContactSensor:
             return _Point((second, first), contact.distance, contact.force, contact.on_one)
         return _Point((first, second), contact.distance, contact.force, contact.on_other)
 
-    def press(self, forces: Mapping[tuple[Link, Link], float]) -> None:
-        """Report these forces [N], and no others: the engine computes none."""
+    def press(self, forces: Mapping[tuple[Link, Link], float], seconds: float) -> None:
+        """Report these forces [N], and no others: the engine computes none; seconds: how long."""
         self._pressed = {}
         for (link, other), force in forces.items():
             one, two = sorted((self._names[link], self._names[other]))
             self._pressed[one, two] = force
+            self._loads.setdefault((one, two), _Load()).add(force, seconds)
 
     def _force(self, pair: Pair, points: Sequence[_Point]) -> float:
         if self._pressed is not None:
             return self._pressed.get(pair, 0.0)
         return sum(point.force for point in points)
+
+
+_NOTHING = _Load()
+
+
+def _by_pair(points: Iterable[_Point]) -> Iterable[tuple[Pair, list[_Point]]]:
+    """Return the points of each pair."""
+    groups: dict[Pair, list[_Point]] = {}
+    for point in points:
+        groups.setdefault(point.pair, []).append(point)
+    return groups.items()
+
+
+def _nearest(points: Iterable[_Point]) -> _Point:
+    return min(points, key=lambda point: point.distance)
 
 
 def _expanded(links: Sequence[str] | None, physics: Physics) -> list[str]:

@@ -58,7 +58,8 @@ class Sensor(Protocol):
 class Devices:
     """All devices and sensors of a world in which `mistakes` finds none.
 
-    period_ns: length of the plant's step [ns]. params, seed: of their errors.
+    period_ns: length of the plant's step [ns]. params, seed: of their errors. felt: the sensors of
+    contacts that outputs show.
     """
 
     def __init__(self, physics: Physics, params: Params, period_ns: int, seed: int) -> None:
@@ -84,6 +85,7 @@ class Devices:
             name: ContactSensor(name, row, physics, params.proximity, seed)
             for name, row in world.contacts.items()
         }
+        self.felt: list[ContactSensor] = []
         lens = Lens(params.camera, seed)
         self.cameras = {
             name: Camera(name, row, physics.links[row.link], engine, lens)
@@ -130,7 +132,10 @@ class Devices:
             self._sensors[section, name] = _MADE_WHEN_NEEDED[section](
                 f"{section}/{name}", row, self._physics, self._seed
             )
-        return self._sensors[section, name], getattr(row, "period_ns", None) or self._period_ns
+        device = self._sensors[section, name]
+        if isinstance(device, ContactSensor) and device not in self.felt:
+            self.felt.append(device)
+        return device, getattr(row, "period_ns", None) or self._period_ns
 
     def driver(self, port: str, port_type: str, motors: Motors) -> Commander:
         """Return the driver of the device of an input; raises as `sensor`."""

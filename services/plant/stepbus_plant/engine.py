@@ -364,9 +364,15 @@ class Engine:
         """
         bullet.performCollisionDetection(self.client)
 
-    def contacts(self, body: int = _ANY_BODY, link: int = _ANY_LINK) -> list[Contact]:
-        """Return the contacts of the latest substep; of one body or link, it is the first one."""
-        return _contacts(bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here))
+    def contacts(
+        self, body: int = _ANY_BODY, link: int = _ANY_LINK, *, are_pressed: bool = False
+    ) -> list[Contact]:
+        """Return the contacts of the latest substep; of one body or link, it is the first one.
+
+        are_pressed: only those with a force.
+        """
+        rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
+        return _contacts(row for row in rows if row[9] > 0.0 or not are_pressed)
 
     def closest(
         self, link: Link, body: int, within: float, other: int = _ANY_LINK

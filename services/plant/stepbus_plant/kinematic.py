@@ -64,7 +64,7 @@ class Kinematics:
             self._engine.put_centre(grip.thing[0], pose)
             pressed |= {(finger, grip.thing): FORCE_WITHOUT_DYNAMICS for finger in fingers}
         for sensor in self._devices.contacts.values():
-            sensor.press(pressed)
+            sensor.press(pressed, dt)
         # Contacts and cameras read what the engine keeps for each link.
         self._engine.update_shapes()
 

@@ -129,6 +129,8 @@ class SimulatedPlant:
             self.physics.engine.step()
             for gripper in grippers:
                 gripper.after_substep(self._step_ns * 1e-9)
+            for sensor in self.devices.felt:
+                sensor.after_substep(self._step_ns * 1e-9)
         if self._kinematics is not None:
             self._kinematics.advance(self._period_ns * 1e-9)
         for gripper in grippers:

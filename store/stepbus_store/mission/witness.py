@@ -53,7 +53,7 @@ class Witness:
 
     def feel(self, contacts: Contacts, links: Collection[str], t: float) -> None:
         """Record which items the robot touches at a time [s]; links: of the robot."""
-        rows = zip(contacts.pairs, contacts.force, contacts.distance, strict=True)
+        rows = zip(contacts.pairs, contacts.peaks, contacts.distance, strict=True)
         for pair, force, gap in rows:
             if (force > 0.0 or gap < _GAP) and not set(links).isdisjoint(pair):
                 self._felt.update((name, t) for name in pair if name in self._rest)

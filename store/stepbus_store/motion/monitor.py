@@ -96,7 +96,7 @@ class CollisionMonitor:
         fastest point that the base moves [m/s]. Raises RunError for contacts whose fields have
         different lengths.
         """
-        counts = (len(contacts.pairs), len(contacts.force), len(contacts.distance))
+        counts = (len(contacts.pairs), len(contacts.peaks), len(contacts.distance))
         if len(set(counts)) > 1:
             text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
             raise RunError(f"the contacts have {text}; they need as many of each")
@@ -241,7 +241,7 @@ class CollisionMonitor:
 
     def _rows(self, contacts: Contacts) -> Iterator[_Row]:
         """Yield the pairs of the robot, or of what it holds, with anything else."""
-        rows = zip(contacts.pairs, contacts.force, contacts.distance, strict=True)
+        rows = zip(contacts.pairs, contacts.peaks, contacts.distance, strict=True)
         for (one, other), force, distance in rows:
             if self._is_ours(one):
                 yield _Row(one, other, force, distance)

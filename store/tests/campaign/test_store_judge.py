@@ -23,7 +23,10 @@ def log(*touches, place=(0.152, 0.65, 0.35), chassis=(0.0, 0.0), velocity=0.0, t
     found.names = {"plant/contacts": ROBOT, "plant/poses": LINKS, "plant/joint_state": ["elbow"]}
     grip = (("cola_a1_1", "left_pad"), 15.0)
     rows = [(("floor", "left_wheel_link"), 500.0), grip, *touches]
-    contacts = {"pairs": [list(pair) for pair, _ in rows], "force": [force for _, force in rows]}
+    contacts = {
+        "pairs": [list(pair) for pair, _ in rows],
+        "peak_force": [force for _, force in rows],
+    }
     found.messages["plant/contacts"] = [(step, contacts) for step in range(4)]
     found.messages["plant/joint_state"] = [(9, {"velocity": [velocity]})]
     found.messages["plant/odometry"] = [(9, {"vx": 0.0, "wz": 0.0})]
@@ -100,7 +103,7 @@ def test_a_touch_that_is_reported_is_no_secret():
 def test_what_is_reported_after_a_touch_is_as_in_the_log(end, force, gap, broken):
     text = f"chassis touches crate with 6.0 N; stopped, backed off 3 mm by odometry, {end}; rest"
     found = log((("chassis", "crate"), force), texts=(TABLE, text))
-    row = {"pairs": [["chassis", "crate"]], "force": [0.0], "distance": [gap]}
+    row = {"pairs": [["chassis", "crate"]], "peak_force": [0.0], "distance": [gap]}
     found.messages["plant/contacts"].append((9, row))
     assert len(judge(found, SOLD)) == broken, judge(found, SOLD)
 
@@ -163,9 +166,9 @@ def appearing(gap, *, vx=0.6, pair=("chassis", "crate_box"), force=300.0, later=
     found = log(texts=(TABLE,))
     found.bodies = {"crate_box": "crate", "chassis": "robot"}
     found.messages["plant/odometry"] = [(step, {"vx": vx, "wz": 0.0}) for step in range(90)]
-    near = {"pairs": [list(pair)], "force": [0.0], "distance": [gap]}
-    hit = {"pairs": [list(pair)], "force": [force], "distance": [0.0]}
-    far = {"pairs": [list(pair)], "force": [0.0], "distance": [0.149]}
+    near = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [gap]}
+    hit = {"pairs": [list(pair)], "peak_force": [force], "distance": [0.0]}
+    far = {"pairs": [list(pair)], "peak_force": [0.0], "distance": [0.149]}
     found.messages["plant/contacts"] = [(0, far), (1, far)]
     found.messages["plant/contacts"] += [(2, near), (2 + later, hit)]
     return found

@@ -164,10 +164,10 @@ class ContactCurves(PortCurves):
 
     def take(self, batch: Batch) -> None:
         """Take the next piece; raises MessageError for one that cannot be read."""
-        forces: list[Any] = [getattr(message, "force", ()) for message in batch.messages()]
-        rows = np.array([(len(f), sum(f), max(f, default=0.0)) for f in forces], dtype=float)
+        messages: list[Any] = list(batch.messages())
+        rows = np.array([(len(m.pairs), sum(m.force), max(m.peaks, default=0.0)) for m in messages])
         self._add(batch, "pairs in contact", "", ["pairs"], rows[:, :1])
-        self._add(batch, "normal force", "N", ["sum", "largest"], rows[:, 1:])
+        self._add(batch, "normal force", "N", ["sum", "peak"], rows[:, 1:])
 
 
 class SignalCurves:

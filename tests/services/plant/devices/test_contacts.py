@@ -1,5 +1,5 @@
 import pytest
-from support.services.devices import make_stand, write_can, write_ground
+from support.services.devices import STEP_NS, make_stand, write_can, write_ground
 
 from stepbus_schemas import WiringError
 
@@ -114,3 +114,58 @@ def test_an_unknown_body_is_refused_too(tmp_path):
 
 def test_two_runs_show_the_same_contacts(tmp_path):
     assert settle(tmp_path, height="0.08") == settle(tmp_path, height="0.08")
+
+
+def falls(folder, read_every, until_s=0.6):
+    """Return what the floor bore of a can that falls from 0.3 m, read every so many steps."""
+    write_ground(folder)
+    write_can(folder)
+    world = WORLD.replace("HEIGHT", "0.3575").replace("touch: {}", "touch: {links: [one/can]}")
+    stand = make_stand(folder, world, {"touch": "Contacts/1"}, {})
+    plant, rows = stand.participant.plant, []
+    for step in range(round(until_s * 1e9 / STEP_NS)):
+        plant.advance()
+        if step % read_every == read_every - 1:
+            contacts = stand.participant.output(None)["touch"]
+            rows += zip(
+                contacts.force,
+                contacts.peak_force,
+                contacts.impulse,
+                contacts.distance,
+                strict=True,
+            )
+    return rows, plant.t_ns * 1e-9
+
+
+def test_an_impulse_is_what_stopped_the_fall(tmp_path):
+    rows, seconds = falls(tmp_path, 1)
+    assert sum(impulse for _, _, impulse, _ in rows) == pytest.approx(WEIGHT * seconds, rel=5e-3)
+
+
+def test_a_blow_between_two_readings_is_in_the_log(tmp_path):
+    every, _ = falls(tmp_path, 1)
+    seldom, seconds = falls(tmp_path, 30)
+    peak = max(row[1] for row in every)
+    # It hits the floor at 2.4 m/s, and once it is read it stands.
+    assert peak > 40.0 * WEIGHT
+    assert max(row[0] for row in seldom) < 2.0 * WEIGHT
+    assert max(row[1] for row in seldom) == peak
+    assert sum(row[2] for row in seldom) == pytest.approx(WEIGHT * seconds, rel=5e-3)
+
+
+def test_links_that_touched_and_parted_are_reported(tmp_path):
+    write_ground(tmp_path)
+    write_can(tmp_path)
+    world = WORLD.replace("HEIGHT", "0.0575").replace("touch: {}", "touch: {links: [one/can]}")
+    stand = make_stand(tmp_path, world, {"touch": "Contacts/1"}, {})
+    for _ in range(20):
+        stand.participant.plant.advance()
+    stand.participant.output(None)
+    stand.participant.plant.advance()
+    stand.participant.plant.script.move(0, "one", (5.0, 5.0, 2.0), None)
+    stand.participant.plant.advance()
+    touch = stand.participant.output(None)["touch"]
+    assert (touch.pairs, touch.force) == ([("floor", "one/can")], [0.0])
+    assert touch.peak_force == pytest.approx([WEIGHT], rel=0.05)
+    stand.participant.plant.advance()
+    assert stand.participant.output(None)["touch"].pairs == []

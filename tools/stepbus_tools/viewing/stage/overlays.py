@@ -94,7 +94,7 @@ class Overlays:
 
     def _contacts(self, topic: str, contacts: Contacts, _: Messages) -> Sequence[Any]:
         """Draw an arrow on each point that is pressed on; its length grows with the force."""
-        rows = zip(contacts.position, contacts.force, strict=False)
+        rows = zip(contacts.position, contacts.peaks, strict=False)
         points = [
             [(x, y, z + _METRES_PER_LOG_N * math.log1p(force)), (x, y, z)]
             for (x, y, z), force in rows
