@@ -11,6 +11,7 @@ class Cause(StrEnum):
     BAD_PLAN = "bad_plan"
     BLOCKED = "blocked"
     COLLISION = "collision"
+    EMERGENCY_STOP = "emergency_stop"
     IN_COLLISION = "in_collision"
     INVALID = "invalid"
     JAMMED = "jammed"

@@ -50,7 +50,7 @@ def test_the_contract_offers_exactly_this() -> None:
         "BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION SHIPPED "
         "UNDECODABLE BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord "
         "CallReply CallRequest Called Chain Contacts ControllerStatus Declaration Decoder Description Detections "
-        "Envelope Event Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu "
+        "EmergencyStop Envelope Event Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu "
         "InputConfig JointCommand JointMode JointReference JointState LaserScan Log Message MessageError "
         "OutputConfig Outputs Plan PlanRequest Point PointCloud Poses Quaternion RawLayout Ready Refusal Row "
         "RunError Scalars SensedJoints Shape Spiral Start StepbusError Stop TextMessage Transforms Trigger Types "

@@ -16,6 +16,7 @@ __all__ = [
     "Contacts",
     "ControllerStatus",
     "Detections",
+    "EmergencyStop",
     "Event",
     "Goal",
     "GoalState",

@@ -211,6 +211,14 @@ class GripperCommand(Message, frozen=True):
     force: Annotated[float, meta("maximum force of each finger, ≥ 0", "N")]
 
 
+class EmergencyStop(Message, frozen=True):
+    """Whether a plant brakes all its joints and bases, whatever is commanded."""
+
+    active: Annotated[bool, meta("whether it brakes; false: it runs")]
+    by: Annotated[str, meta("who stopped or released it; empty: it has run from the start")] = ""
+    since: Annotated[float, meta("simulation time of that", "s")] = 0.0
+
+
 class Contacts(Message, frozen=True):
     """Pairs of links in contact, in the order of their names."""
 

@@ -22,6 +22,30 @@ class CommandError(InvalidInput, ValueError):
     """An invalid command; its sender is to blame."""
 
 
+class Ramp:
+    """Brings joints to rest together, each no harder than it may brake.
+
+    positions, velocities: at the start [rad, rad/s]. brakes: largest decelerations [rad/s²].
+    """
+
+    def __init__(
+        self, positions: Sequence[float], velocities: Sequence[float], brakes: Sequence[float]
+    ) -> None:
+        self._positions, self._velocities = list(positions), list(velocities)
+        self._left = max(abs(v) / most for v, most in zip(velocities, brakes, strict=True))
+
+    def after(self, seconds: float) -> tuple[list[float], list[float]] | None:
+        """Return positions and velocities some time later; None: all are at rest."""
+        if self._left <= seconds:
+            return None
+        share = 1.0 - seconds / self._left
+        self._left -= seconds
+        before, self._velocities = self._velocities, [v * share for v in self._velocities]
+        means = ((one + two) / 2 for one, two in zip(before, self._velocities, strict=True))
+        self._positions = [p + v * seconds for p, v in zip(self._positions, means, strict=True)]
+        return self._positions, self._velocities
+
+
 class Commander:
     """Executes the commands of one input; there may be several, one for each arm.
 
@@ -42,6 +66,7 @@ class Commander:
         self._physics = motors.physics
         self._warnings = motors.warnings
         self.mode: JointMode | None = None
+        self._ramp: Ramp | None = None
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
         self._drives = [motors.drive_of[name] for name in names]
@@ -70,18 +95,41 @@ class Commander:
         value that is not finite, a mode that a joint does not accept, a teleport beyond a stop, and
         a joint that another input drives. Every joint accepts mode brake.
         """
+        self._ramp = None
         self.execute(command)
 
     def before_step(self) -> None:
         """Prepare a communication step, with or without a new command: the drives keep theirs."""
+        if self._ramp is None:
+            return
+        state = self._ramp.after(self._motors.period_ns * 1e-9)
+        if state is None:
+            self.stop()
+            return
+        positions, velocities = state
+        if self.mode == "velocity":
+            self.execute(JointCommand(mode="velocity", values=velocities))
+        else:
+            self.execute(JointCommand(mode="position", values=positions, velocity=velocities))
 
     def stop(self) -> None:
         """Hold every joint at its current position; a repeated brake keeps the first one."""
+        self._ramp = None
         if self.mode == "brake":
             return
         for (drive, index), position in zip(self._drives, self._positions(), strict=True):
             drive.brake(index, position)
         self.mode = "brake"
+
+    def halt(self) -> None:
+        """Come to rest in an emergency stop; `before_step` is called all the while."""
+        brakes = [joint.brake for joint in self._joints if joint.brake is not None]
+        if len(brakes) < len(self._joints) or self.mode not in ("velocity", "position"):
+            self.stop()
+            return
+        states = [self._physics.state(joint) for joint in self._joints]
+        positions, velocities = zip(*states, strict=True)
+        self._ramp = Ramp(positions, velocities, brakes)
 
     def execute(self, command: JointCommand) -> None:
         """Execute a command of joints, see `apply`."""

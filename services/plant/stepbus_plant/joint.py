@@ -23,7 +23,8 @@ class Joint:
     name: unique in the world; `body/joint` if two bodies share it. body, index: the engine's
     numbers. type: revolute, continuous or prismatic. lower, upper: stops [rad]. effort: torque
     limit [N·m]. max_velocity: limit of the commanded velocity [rad/s]; 0: none. motor: a joint
-    without a motor swings freely. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
+    without a motor swings freely. brake: deceleration in an emergency stop [rad/s²]; None: as fast
+    as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
     start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
@@ -39,6 +40,7 @@ class Joint:
     mode: OwnMode
     motor: bool
     actuation: Actuation
+    brake: float | None
     damping: float
     friction: float
     start: float
@@ -137,6 +139,7 @@ def make_joint(body: int, info: JointInfo, settings: JointSettings, actuation: A
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
         actuation=settings.actuation or actuation,
+        brake=settings.brake,
         damping=settings.damping or 0.0,
         friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),

@@ -120,12 +120,13 @@ _SUBJECTS = {
     "body": ("position", "orientation_rpy"),
     "jam": (),
     "camera": ("off",),
+    "emergency_stop": (),
 }
 """Subject of an action → the keys that go with it."""
 
 
 class Action(Settings):
-    """One action: a body moves, a joint jams, or a camera fails."""
+    """One action: a body moves, a joint jams, a camera fails, or the emergency stop is used."""
 
     at_ns: Pause
     """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
@@ -141,6 +142,8 @@ class Action(Settings):
     """Camera that stops taking images."""
     off: bool | None = None
     """Whether the camera is off; false: it resumes. Default: true."""
+    emergency_stop: bool | None = None
+    """True: the emergency stop, from then on; false: its release."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield contradictions among the keys."""

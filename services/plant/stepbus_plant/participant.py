@@ -23,11 +23,19 @@ from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram
 from stepbus_plant.world_file import load_world
-from stepbus_schemas import Description, Event, JointMode, Message, WiringError
+from stepbus_schemas import Description, EmergencyStop, Event, JointMode, Message, WiringError
 
+_STOP = "EmergencyStop/1"
 _TYPES = {
     "inputs": ("JointCommand/1", *COMMANDS),
-    "outputs": ("JointState/1", "Event/1", "Poses/1", *dict.fromkeys(TYPES.values()), *STATES),
+    "outputs": (
+        "JointState/1",
+        "Event/1",
+        "Poses/1",
+        *dict.fromkeys(TYPES.values()),
+        *STATES,
+        _STOP,
+    ),
 }
 _log = logging.getLogger("stepbus_plant")
 
@@ -35,14 +43,16 @@ _log = logging.getLogger("stepbus_plant")
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
 
-    is_stopped: by an emergency stop.
+    stop: the emergency stop, and whether it has been published; None: `is_stopped`, of stepbus 0.1,
+    says whether it is active.
     """
 
     plant: bytes
     modes: dict[str, JointMode | None]
     warnings: list[str]
     events: list[str]
-    is_stopped: bool
+    is_stopped: bool = False
+    stop: tuple[EmergencyStop, bool] | None = None
 
 
 class Plant(Participant):
@@ -76,7 +86,6 @@ class Plant(Participant):
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []
         self._events: list[str] = []
-        self._is_stopped = False
         try:
             self._connect(params, problems)
         except WiringError:
@@ -102,6 +111,8 @@ class Plant(Participant):
         for port, name in types.items():
             if name == "JointState/1":
                 sensors[port] = plant.joints, period_ns
+            elif name == _STOP:
+                sensors[port] = plant.stop, period_ns
             elif name == "Poses/1":
                 sensors[port] = poses, params.poses_period_ns or period_ns
                 if port == PLANOGRAM:
@@ -127,6 +138,7 @@ class Plant(Participant):
             driver = problems.attempt(("inputs", port), partial(self._driver, port, description))
             if driver is not None:
                 self._drivers[port] = driver
+                self.plant.stop.drivers.append(driver)
         problems.refuse()
 
     def _driver(self, port: str, description: Description) -> Commander:
@@ -162,7 +174,7 @@ class Plant(Participant):
         # The state of the first step is that before any command.
         advances = not is_last or step.index > 0
         for port, driver in self._drivers.items():
-            if step.is_new(port) and not (self._is_stopped and driver.obeys_stop):
+            if step.is_new(port) and not (self.plant.stop.active and driver.obeys_stop):
                 driver.apply(step.read(port))
             if advances:
                 driver.before_step()
@@ -187,9 +199,8 @@ class Plant(Participant):
         if plant is None:
             return None
         modes = {port: driver.mode for port, driver in self._drivers.items()}
-        return msgspec.msgpack.encode(
-            _Saved(plant, modes, self._warnings, self._events, self._is_stopped)
-        )
+        stop = (self.plant.stop.state, self.plant.stop.is_told)
+        return msgspec.msgpack.encode(_Saved(plant, modes, self._warnings, self._events, stop=stop))
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
@@ -198,28 +209,27 @@ class Plant(Participant):
         for port, driver in self._drivers.items():
             driver.mode = saved.modes[port]
         self._warnings, self._events = saved.warnings, saved.events
-        self._is_stopped = saved.is_stopped
+        stop = self.plant.stop
+        stop.state, stop.is_told = saved.stop or (EmergencyStop(active=saved.is_stopped), False)
 
     def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints and bodies between two steps, or change them."""
         stop = Method(
             self.emergency_stop,
-            "[ON]: brakes all joints and bases, whatever is commanded, until it is called with "
-            "false; a gripper keeps what it holds",
+            "[ON, BY]: brakes all joints and bases, whatever is commanded, until it is called with "
+            "false; a gripper keeps what it holds; BY: who asks, for the log",
             changes=True,
         )
         return {**self.plant.calls.methods(), "emergency_stop": stop}
 
-    def emergency_stop(self, on: bool = True) -> None:
-        """Brake all joints and bases, or let commands move them again."""
+    def emergency_stop(self, on: bool = True, by: str = "a call") -> None:
+        """Brake all joints and bases, or let commands move them again; by: who asks."""
         if not isinstance(on, bool):
             raise CallError(f"{on!r} is neither true nor false")
-        self._is_stopped = on
-        for driver in self._drivers.values():
-            if on and driver.obeys_stop:
-                driver.stop()
+        if not (isinstance(by, str) and by.strip()):
+            raise CallError(f"{by!r} is no name of who asks")
         script = self.plant.script
-        script.record(self.plant.t_ns, f"emergency stop{'' if on else ' released'}")
+        self.plant.stop.set(self.plant.t_ns, by, script.record, active=on)
         self._report(script.take_events(), self._events, logging.INFO)
 
     def versions(self) -> Mapping[str, str]:

@@ -99,6 +99,11 @@ class Physics:
         position: float = self.engine.read(joint.body, [joint.index])[0][0]
         return position
 
+    def state(self, joint: Joint) -> tuple[float, float]:
+        """Return position and velocity of a joint [rad, rad/s]."""
+        position, velocity, *_ = self.engine.read(joint.body, [joint.index])[0]
+        return position, velocity
+
     def teleport(self, joint: Joint, position: float, velocity: float) -> None:
         """Set position [rad] and velocity [rad/s] of a joint, regardless of forces.
 

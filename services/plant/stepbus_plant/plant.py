@@ -11,6 +11,7 @@ from stepbus_plant.calls import Calls
 from stepbus_plant.commander import Commander
 from stepbus_plant.devices import SECTIONS, Devices, mistakes
 from stepbus_plant.drives import Motors
+from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.joint import Joint
 from stepbus_plant.kinematic import NOTICE, Kinematics
 from stepbus_plant.params import FixedPoint, Params
@@ -48,9 +49,9 @@ class SimulatedPlant:
     period_ns: length of a communication step [ns]. seed: of the sensor noise. problems: what is
     wrong so far with the owner of these params; default: nothing. physics: the engine with the
     world. joints: the sensor of the joints; names: theirs. motors: what drives the
-    joints. warnings: about commands without effect.
-    devices: those that the world declares. script: scripted changes of it. calls: what may be asked
-    between two steps. t_ns: simulation time [ns].
+    joints. warnings: about commands without effect. devices: those that the world declares. stop:
+    the emergency stop. script: scripted changes. calls: what may be asked between two steps. t_ns:
+    simulation time [ns].
     Raises SettingsError when the world or a parameter is invalid, with all that is wrong.
     """
 
@@ -82,7 +83,8 @@ class SimulatedPlant:
             raise
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
-        self.script = Script(params.script, physics, self.devices)
+        self.stop = StopSwitch()
+        self.script = Script(params.script, physics, self.devices, self.stop)
         self.motors = Motors(physics, step_ns, period_ns)
         self.warnings = self.motors.warnings
         self.calls = Calls(self.motors, self.script, lambda: self.t_ns)

@@ -6,6 +6,7 @@ from collections.abc import Collection, Sequence
 from stepbus_participant import Problems, suggest
 from stepbus_plant.bullet import quaternion
 from stepbus_plant.devices import Devices
+from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.engine import BASE
 from stepbus_plant.joint import Joint
 from stepbus_plant.params import Action
@@ -25,9 +26,12 @@ class Script:
     jammed at [rad]. has_moved: whether a call has moved a body.
     """
 
-    def __init__(self, actions: Sequence[Action], physics: Physics, devices: Devices) -> None:
+    def __init__(
+        self, actions: Sequence[Action], physics: Physics, devices: Devices, stop: StopSwitch
+    ) -> None:
         self._physics = physics
         self._devices = devices
+        self._stop = stop
         self._pending = sorted(actions, key=lambda action: action.at_ns)
         self._events: list[str] = []
         self.jammed: dict[str, float] = {}
@@ -42,7 +46,11 @@ class Script:
     def run(self, t_ns: int) -> None:
         """Execute the actions that are due at a time [ns]."""
         while self._pending and self._pending[0].at_ns <= t_ns:
-            self.record(t_ns, self._execute(self._pending.pop(0)))
+            action = self._pending.pop(0)
+            if action.emergency_stop is not None:
+                self._stop.set(t_ns, "the script", self.record, active=action.emergency_stop)
+            else:
+                self.record(t_ns, self._execute(action))
 
     def record(self, t_ns: int, text: str) -> None:
         """Add what has happened at a time [ns]."""

@@ -63,6 +63,10 @@ class JointSettings(Settings):
     """Torque limit of its motor [N·m]. Default: the URDF's."""
     max_velocity: NonNegative | None = None
     """Velocity limit in modes velocity and position [rad/s]; 0: none. Default: the URDF's."""
+    brake: Positive | None = None
+    """Deceleration in an emergency stop, in modes velocity and position [rad/s²]; what stops harder
+    than its grip loses what it holds, and wheels that lock slide. Default: as fast as its torque
+    allows."""
     damping: NonNegative | None = None
     """Viscous friction [N·m·s/rad]. Default: 0, whatever the URDF says."""
     friction: NonNegative | None = None

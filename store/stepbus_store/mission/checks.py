@@ -308,6 +308,14 @@ def at_rest(store: StoreState) -> Outcome | None:
     return Outcome(name="restless")
 
 
+def rest_of(store: StoreState) -> str:
+    """Return whether the base is at rest, where nothing is commanded to the arm."""
+    base = store.inputs.odometry
+    if max(abs(base.vx), abs(base.wz)) < _AT_REST:
+        return "everything is at rest"
+    return f"not at rest, {_restless(store)}"
+
+
 def _restless(store: StoreState) -> str:
     base, status = store.inputs.odometry, store.inputs.status
     if max(abs(base.vx), abs(base.wz)) >= _AT_REST:

@@ -95,6 +95,8 @@ class Waits(Settings):
     """Everything is at rest for this long, before a measurement and in an emergency stop [s]."""
     halt: Positive = 10.0
     """For everything to come to rest [s]."""
+    release: Positive = 60.0
+    """For an emergency stop to be released, before the run ends [s]."""
     lost: Positive = 0.1
     """Without a grip, until a carried item counts as dropped [s]."""
 

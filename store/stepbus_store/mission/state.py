@@ -4,7 +4,16 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
-from stepbus_schemas import BaseState, Contacts, Detections, GoalStatus, GripperState, Point, Poses
+from stepbus_schemas import (
+    BaseState,
+    Contacts,
+    Detections,
+    EmergencyStop,
+    GoalStatus,
+    GripperState,
+    Point,
+    Poses,
+)
 from stepbus_store.mission.geometry import Spot, nearest_quarter, spot_of
 from stepbus_store.mission.params import Order, Params
 from stepbus_store.mission.report import SaleResult, Unsold
@@ -71,7 +80,8 @@ class Inputs:
 
     pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
     yet. trip: the same of the base's goal, where others are carried out beside it. detections: None
-    unless new at this step. contacts: of the robot; None where nothing senses them.
+    unless new at this step. contacts: of the robot; stop: the emergency stop; None where nothing
+    senses them.
     """
 
     t_ns: int
@@ -83,6 +93,7 @@ class Inputs:
     trip: GoalStatus | None = None
     detections: Detections | None = None
     contacts: Contacts | None = None
+    stop: EmergencyStop | None = None
 
 
 @dataclass(kw_only=True)

@@ -25,6 +25,7 @@ from stepbus_schemas import (
     Contacts,
     Description,
     Detections,
+    EmergencyStop,
     Event,
     Goal,
     GoalStatus,
@@ -37,6 +38,7 @@ from stepbus_schemas import (
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import PLANNABLE, check_of
 from stepbus_store.mission.goals import GOALS
+from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
 from stepbus_store.mission.state import (
@@ -66,6 +68,7 @@ class _PortNames:
     pose: str
     status: str
     contacts: str | None
+    stop: str | None
     goal: str
     events: str
     summary: str
@@ -79,8 +82,9 @@ class StoreMission(Participant):
     where `verification` is `truth`, for that of each sale; Detections/1, GripperState/1,
     GoalStatus/1; BaseState/1, odometry, and another one called `pose`, where the base is on the
     map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
-    from what others moved. Outputs: Goal/1, and Event/1 with the log; an output of type Event/1
-    named `summary` carries the report.
+    from what others moved; and one EmergencyStop/1, during which nothing is commanded.
+    Outputs: Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the
+    report.
     `Params` has the parameters; `store/docs/mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
@@ -97,6 +101,7 @@ class StoreMission(Participant):
         self._failure = ""
         self._is_done = False
         self._store: StoreState | None = None
+        self._interruption = Interruption()
 
     def calls(self) -> Mapping[str, Method]:
         """Return the call that orders one more item."""
@@ -219,10 +224,19 @@ class StoreMission(Participant):
             trip=self._statuses.get(self._store.trip) if self._store is not None else None,
             detections=step.get(ports.detections, Detections) if fresh else None,
             contacts=step.get(ports.contacts, Contacts) if ports.contacts else None,
+            stop=step.get(ports.stop, EmergencyStop) if ports.stop else None,
         )
 
     def _advance(self, store: StoreState) -> Goal | None:
         """Change states until one has to wait; return its goal, if it sends one."""
+        interruption, stop = self._interruption, store.inputs.stop
+        again = interruption.resumes(store, stop)
+        if interruption.holds(store, stop):
+            if interruption.is_over:
+                store.visit = Visit(state="failed", start_ns=store.inputs.t_ns)
+            return None
+        if again:
+            return self._send(store, Visit(state=again, start_ns=store.inputs.t_ns))
         lost = _lost(store.inputs)
         if lost is not None and store.visit.state not in ("stop", *LAST):
             return self._go_to(store, "stop", lost)
@@ -341,6 +355,7 @@ def _find_ports(ports: Ports) -> _PortNames:
         pose=pose,
         status=ports.input_of("GoalStatus/1"),
         contacts=ports.optional_input_of("Contacts/1"),
+        stop=ports.optional_input_of("EmergencyStop/1"),
         goal=ports.output_of("Goal/1"),
         events=events,
         summary=summary_port,

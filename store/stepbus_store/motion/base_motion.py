@@ -122,6 +122,13 @@ class BaseMotion:
         self._state = state
         self._pose = Reference.standing(state.x, state.y, state.yaw)
 
+    def interrupt(self, state: BaseState) -> None:
+        """Give up any motion; something else brings the base to rest."""
+        self._waiting.clear()
+        self._done = False
+        self._drive, self._target, self._halt = None, None, None
+        self.hold(state)
+
     def check_goal(self, goal: Goal, state: BaseState) -> str:
         """Return a sentence for the status of a goal; raises Refused for one without sense."""
         self._state = state

@@ -34,14 +34,31 @@ class GoalExecutor:
         self._goals = UnderWay(parts, self.reports, self._avoidance)
         self._beside = BesideBase(self._goals)
         self._measured: Measured | None = None
+        self._interrupted = ""
 
     def hold(self, now: Measured) -> None:
         """Stand still."""
         self._measured = now
         self._parts.hold(now)
 
+    def interrupt(self, now: Measured, text: str, dt: float) -> None:
+        """Fail all goals, and stay where an emergency stop brings the robot; text: about it.
+
+        Call it instead of `check` in each step in which it is active.
+        """
+        self._measured, self._interrupted = now, text
+        # What is held, and what is touched, is known afterwards.
+        self._avoidance.scale(now, dt, has_goal=False)
+        goals, end = self._goals, Outcome(state="failed", cause=Cause.EMERGENCY_STOP, text=text)
+        while goals.active is not None:
+            goals.end(goals.active, end)
+        self._parts.interrupt(now)
+
     def start(self, goal: Goal, t: float) -> None:
         """Start a goal at a time [s]; its status reports what is wrong with it."""
+        if self._interrupted:
+            self.reports.status(goal.id, "failed", Cause.EMERGENCY_STOP, self._interrupted)
+            return
         part, goals, now = PART_OF[goal.type], self._goals, self._measured
         if goal.base is not None and self._beside.takes(part):
             self._beside.start(goal, part, now, t)
@@ -87,7 +104,7 @@ class GoalExecutor:
 
     def check(self, now: Measured, t: float, dt: float) -> None:
         """Compare with what was measured at a time [s], dt after the step before [s]."""
-        self._measured = now
+        self._measured, self._interrupted = now, ""
         goals = self._goals
         scale = self._avoidance.scale(now, dt, has_goal=goals.active is not None)
         if scale is not None or self._parts.base is not None:

@@ -163,6 +163,11 @@ class Gripper:
         if force > command.force:
             self._command = msgspec.structs.replace(command, force=force)
 
+    def interrupt(self, state: GripperState) -> None:
+        """Give up a goal, with the fingers where they are now."""
+        self._state = state
+        self.stop()
+
     def stop(self) -> None:
         """Leave the fingers where they are; they keep what they hold."""
         state = self._now()

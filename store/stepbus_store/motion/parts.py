@@ -59,6 +59,16 @@ class Parts:
         if self.gripper is not None and now.gripper is not None:
             self.gripper.hold(now.gripper)
 
+    def interrupt(self, now: Measured) -> None:
+        """Give up all motions: something else brings the robot to rest; the gripper holds on."""
+        self.arm.hold(now.q)
+        if self.navigator is not None:
+            self.navigator.cancel()
+        if self.base is not None:
+            self.base.interrupt(now.base)
+        if self.gripper is not None and now.gripper is not None:
+            self.gripper.interrupt(now.gripper)
+
     def start(self, part: Part, goal: Goal, now: Measured, t: float, held: str) -> str:
         """Start a goal at a time [s] and return a sentence; raises Refused."""
         match part:

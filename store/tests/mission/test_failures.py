@@ -302,3 +302,56 @@ def test_with_a_jammed_arm_nothing_is_tried_again():
 def test_the_arm_goes_back_to_rest_only_while_nobody_is_missing(cause, recovers):
     result = sell(FakeStore(shelf_a(*GOODS), fails={("drive", 1): cause}), recover=True)
     assert ("back_to_rest" in [goal.type for goal in result.goals]) is recovers
+
+
+STOPPABLE = [
+    ("drive", 1), ("inspect", 1), ("down", 1), ("close", 1), ("lift", 1), ("home", 1),
+    ("place", 1), ("up", 1), ("park", 1), ("depart", 1), ("fold", 1), ("reach", 1), ("return", 1),
+    ("bring", 1),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("where", STOPPABLE, ids=lambda where: where[0])
+def test_after_an_emergency_stop_the_sale_goes_on(where):
+    together = where[0] in ("depart", "fold", "reach", "return", "bring")
+    store = FakeStore(shelf_a(*GOODS), stops={where: 2.5})
+    result = sell(store, together=together)
+    assert "1 of 1 sales are done" in result.end
+    text = "\n".join(event.text for event in result.events)
+    assert re.search(r"emergency stop by a guard at \d+\.\d\d s: nothing is commanded until", text)
+    assert re.search(r"emergency stop released by a nurse after 2\.50 s; goes on \w+ing", text)
+    # Nothing is commanded meanwhile, and each goal comes once more.
+    undisturbed = sell(FakeStore(shelf_a(*GOODS)), together=together)
+    assert len(result.goals) > len(undisturbed.goals)
+
+
+def test_nothing_is_commanded_in_an_emergency_stop():
+    store = FakeStore(shelf_a(*GOODS), stops={("drive", 1): 2.5})
+    sent = []
+    carry_out = store.carry_out
+
+    def watched(goal, state):
+        sent.append(store.stop.active)
+        carry_out(goal, state)
+
+    store.carry_out = watched
+    sell(store)
+    assert sent
+    assert not any(sent)
+
+
+def test_an_emergency_stop_that_is_not_released_ends_the_run_with_its_sentence():
+    store = FakeStore(shelf_a(*GOODS), stops={("drive", 1): 1e9})
+    result = sell(store, waits={"release": 5.0})
+    assert re.fullmatch(
+        r"sale 1 \(cola_a1_2\) failed while driving to the shelf: emergency stop by a guard at "
+        r"\d+\.\d\d s, not released for 5 s; everything is at rest",
+        result.error,
+    )
+    assert [goal.type for goal in result.goals][-1] == "go_to"
+
+
+def test_a_base_that_rolls_on_in_an_emergency_stop_is_named():
+    store = FakeStore(shelf_a(*GOODS), stops={("drive", 1): 1e9}, drifts=True)
+    end = "not at rest, the base moves at 0.050 m/s and 0.000 rad/s"
+    assert sell(store, waits={"release": 5.0}).error.endswith(end)

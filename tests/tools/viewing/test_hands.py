@@ -52,7 +52,7 @@ def looked_at(page, watched, point, away):
 
 def test_of_a_slider_that_is_dragged_the_newest_position_counts():
     moves = [("mission", "set_target", (joint, x)) for joint, x in (("a", 1), ("a", 2), ("b", 3))]
-    stop = ("plant", "emergency_stop", (True,))
+    stop = ("plant", "emergency_stop", (True, "a person at the page"))
     assert newest([*moves, stop, *moves[:2]]) == [*moves[1:], stop, moves[1]]
 
 
@@ -96,7 +96,7 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
     assert (move, name) == ("move_body", "crate")
     assert 0.1 < x < 0.5
     assert (y, z, yaw) == pytest.approx((2.0, 0.0, 0.0), abs=0.02)
-    assert stop == ("emergency_stop", True)
+    assert stop == ("emergency_stop", True, "a person at the page")
     with Recording(paused.result.recording) as recording:
         poses = recording["plant.poses"]
         assert poses.position[-1, poses.names.index("crate")] == pytest.approx((x, y, z), abs=1e-4)

@@ -16,6 +16,7 @@ _TELEPORT = "set_joint_position"
 _MOVE = "move_body"
 _STOP = "emergency_stop"
 _ORDER = "order"
+_PERSON = "a person at the page"
 _MOVE_S = 0.5
 """How long a joint takes to a new target [s]."""
 _NO_BODY = "(none)"
@@ -55,7 +56,7 @@ class SteerPanel:
 
     def _add_button(self, label: str, color: str, who: str, stops: bool) -> None:
         button = self._gui.add_button(label, color=color)
-        button.on_click(lambda _: self._client.ask(who, _STOP, stops))
+        button.on_click(lambda _: self._client.ask(who, _STOP, stops, _PERSON))
 
     def follow(self, messages: Messages) -> None:
         """Take what is measured now."""

@@ -13,6 +13,7 @@ from stepbus_schemas import (
     Contacts,
     ControllerStatus,
     Description,
+    EmergencyStop,
     Goal,
     GripperState,
     JointState,
@@ -38,7 +39,8 @@ class MobileController(Participant):
     """Carries out the goals of an arm on a mobile base with a gripper, one at a time.
 
     Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1; where the scenario wires them,
-    one Contacts/1, with which the robot is monitored for collisions, and one Plan/1 of a planner.
+    one Contacts/1, with which the robot is monitored for collisions, one Plan/1 of a planner, and
+    one EmergencyStop/1: while that is active, all goals fail, and nothing is commanded.
     Outputs: one JointCommand/1 of mode position with feed-forward velocity, one BaseCommand/1 and
     one GripperCommand/1 at every step; one GoalStatus/1 whenever the status changes; one
     PlanRequest/1 for the planner; where it is wired, one ControllerStatus/1.
@@ -114,16 +116,21 @@ class MobileController(Participant):
         now = self._sense(step)
         if now is None or self._reading is None:
             return {}
+        stop = step.get(self._ports.stop, EmergencyStop) if self._ports.stop else None
+        is_stopped = stop is not None and stop.active
         if is_first:
             self._executor.hold(now)
-        else:
+        if stop is not None and stop.active:
+            text = f"emergency stop by {stop.by} at {stop.since:.2f} s"
+            self._executor.interrupt(now, text, self._period)
+        elif not is_first:
             self._executor.check(now, step.t, self._period)
         self._take_plan(step)
         goal = step.get(self._ports.goal, Goal)
         if goal is not None and goal.id != self._goal_id:
             self._goal_id = goal.id
             self._executor.start(goal, step.t)
-        return self._messages(step, self._reading)
+        return self._messages(step, self._reading, is_stopped=is_stopped)
 
     def _sense(self, step: Step) -> Measured | None:
         """Return what was measured; None: some inputs have not come yet."""
@@ -152,13 +159,17 @@ class MobileController(Participant):
             if self._navigator is not None:
                 self._navigator.take_plan(plan)
 
-    def _messages(self, step: Step, reading: JointReading) -> dict[str, Message]:
+    def _messages(
+        self, step: Step, reading: JointReading, *, is_stopped: bool
+    ) -> dict[str, Message]:
         ports, target = self._ports, self._arm.at(step.t)
-        messages: dict[str, Message] = {
-            ports.arm: target.command(),
-            ports.base: self._base.command(),
-            ports.gripper: self._gripper.command(),
-        }
+        messages: dict[str, Message] = {}
+        if not is_stopped:
+            messages = {
+                ports.arm: target.command(),
+                ports.base: self._base.command(),
+                ports.gripper: self._gripper.command(),
+            }
         status = self._executor.reports.next_status()
         if status is not None:
             messages[ports.goal_status] = status

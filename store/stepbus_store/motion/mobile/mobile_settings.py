@@ -26,6 +26,7 @@ class MobilePorts:
     gripper_state: str
     goal: str
     contacts: str | None
+    stop: str | None
     plan: str | None
     arm: str
     base: str
@@ -48,6 +49,7 @@ def find_ports(ports: Ports) -> MobilePorts:
         gripper_state=ports.input_of("GripperState/1"),
         goal=ports.input_of("Goal/1"),
         contacts=ports.optional_input_of("Contacts/1"),
+        stop=ports.optional_input_of("EmergencyStop/1"),
         plan=plan,
         arm=ports.output_of("JointCommand/1"),
         base=ports.output_of("BaseCommand/1"),

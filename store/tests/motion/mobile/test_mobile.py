@@ -11,6 +11,7 @@ from support.services.mobile import READY, Robot, config
 from stepbus_schemas import (
     BaseState,
     Contacts,
+    EmergencyStop,
     Goal,
     GripperState,
     JointState,
@@ -205,3 +206,48 @@ def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):
 def test_a_duration_that_was_kept_is_not_worth_a_word(robot):
     end = robot.go(0, "move_joints", joints=["pan"], values=[0.5], duration=4.0)
     assert (end.cause, "instead of" in end.text) == ("", False)
+
+
+def stopped(active, since=0.0):
+    return EmergencyStop(active=active, by="a guard", since=since)
+
+
+@pytest.mark.parametrize(
+    ("kind", "fields"),
+    [
+        ("move_joints", {"joints": ["pan"], "values": [0.8]}),
+        ("go_to", {"base": (-0.5, 0.0, 0.0)}),
+        ("grip", {"width": 0.0, "force": 15.0}),
+    ],
+)
+def test_an_emergency_stop_fails_the_goal_and_nothing_is_commanded(robot, kind, fields):
+    robot.start(0, kind, **fields)
+    robot.run(0.3)
+    robot.step(stop=stopped(active=True, since=0.3))
+    robot.run(0.2)
+    assert robot.states(0) == ["accepted", "running", "failed"]
+    end = robot.news[-1]
+    assert (end.cause, end.text) == ("emergency_stop", "emergency stop by a guard at 0.30 s")
+    assert all(set(out) <= {"goal_status", "status"} for out in robot.commands[-25:])
+
+
+def test_a_goal_in_an_emergency_stop_fails_at_once(robot):
+    robot.run(0.1)
+    robot.step(stop=stopped(active=True))
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    robot.run(0.1)
+    assert [(news.state, news.cause) for news in robot.news] == [("failed", "emergency_stop")]
+
+
+def test_after_its_release_the_robot_stays_where_it_is_and_takes_goals(robot):
+    robot.start(0, "move_joints", joints=["pan"], values=[0.8])
+    robot.run(0.5)
+    robot.step(stop=stopped(active=True))
+    where = robot.q.copy()
+    robot.run(0.2)
+    out = robot.step(stop=stopped(active=False))
+    assert out["arm"].values == pytest.approx(where.tolist(), abs=1e-9)
+    assert out["arm"].velocity == [0.0] * 6
+    robot.run(0.2)
+    assert robot.q == pytest.approx(where, abs=1e-9)
+    assert robot.go(1, "move_joints", joints=["pan"], values=[0.8]).state == "succeeded"

@@ -233,3 +233,40 @@ def test_where_there_is_no_path_the_run_fails_with_everything_at_rest(tmp_path):
     assert result.reason.count(STILL) == 1
     assert_at_rest(recording)
     assert_nothing_was_touched(recording, "pillar_post")
+
+
+STOPS = {"leaving": 1.0, "approaching": 4.9, "holding": 8.2, "bringing": 12.5, "placing": 15.0}
+
+
+@pytest.mark.parametrize("at_s", STOPS.values(), ids=STOPS)
+def test_after_an_emergency_stop_the_sale_goes_on_without_a_jump(tmp_path, at_s):
+    stop = script(f"at: {at_s}s, emergency_stop: true", f"at: {at_s + 1}s, emergency_stop: false")
+    result = store(tmp_path, stop, scenario="store")
+    assert "mission: 1 of 1 sales are done" in result.reason
+    recording = Recording(result.recording)
+    period = load("store").step_ns * 1e-9
+    first, last_one = at_s / period + 2, (at_s + 1) / period
+    for port in ("controller/arm", "controller/base", "controller/gripper", "mission/goal"):
+        sent = [step for step, _ in recording.messages(port)]
+        assert not [step for step in sent if first <= step < last_one], port
+    joints = dict(recording.messages("plant/joint_state"))
+    after, command = next(
+        (step, row) for step, row in recording.messages("controller/arm") if step >= last_one
+    )
+    assert command.values == pytest.approx(joints[after].position, abs=1e-6)
+    speeds = np.array([joints[after + k].velocity for k in range(40)])
+    # Within the limit of acceleration, 3 rad/s².
+    assert np.abs(np.diff(speeds, axis=0)).max() < 3.1 * period
+    stood = np.array([joints[step].velocity for step in range(int(first) + 8, int(last_one))])
+    assert np.abs(stood).max() < 0.01
+
+
+def test_an_emergency_stop_that_is_not_released_is_what_the_run_says(tmp_path):
+    stop = script("at: 11s, emergency_stop: true")
+    result = store(tmp_path, stop, "mission.params.waits.release=2")
+    assert result.exit_code == ExitCode.FAULT
+    assert (
+        f"{FAILED}moving above the outlet: emergency stop by the script at 11.01 s, not released "
+        f"for 2 s{STILL};"
+    ) in result.reason
+    assert_at_rest(Recording(result.recording))

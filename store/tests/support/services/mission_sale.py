@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from support.services.control import Stand
-from support.services.mission_store import FakeStore, config
+from support.services.mission_store import STEP_NS, FakeStore, config
 
 from stepbus_schemas import (
     RunError,
@@ -57,6 +57,7 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             "poses": store.poses(),
             "odometry": store.odometry(),
             "gripper": store.gripper(),
+            "stop": store.switch(index * STEP_NS * 1e-9),
         }
         if localized:
             messages |= {"poses": store.planogram, "pose": store.pose()}

@@ -11,6 +11,7 @@ from stepbus_schemas import (
     BaseState,
     Description,
     Detections,
+    EmergencyStop,
     Goal,
     GoalStatus,
     GripperState,
@@ -49,6 +50,7 @@ def config(*, localized: bool = False, **params) -> Config:
     inputs = {
         "poses": ("plant", "Poses/1"),
         "detections": ("perception", "Detections/1"),
+        "stop": ("plant", "EmergencyStop/1"),
         "gripper": ("plant", "GripperState/1"),
         "odometry": ("plant", "BaseState/1"),
         "goal_status": ("controller", "GoalStatus/1"),
@@ -108,7 +110,7 @@ class FakeStore:
     Events are named by the state that the mission is in and how often it has sent a goal from
     there, e.g. ("lift", 1).
 
-    fails: event → cause. fails_late: the same of a go_together, at its end. slower: event → text. silent: events without any status. endless: those that only ever run.
+    fails: event → cause. fails_late: the same of a go_together, at its end. slower: event → text. stops: event → seconds of an emergency stop. silent: events without any status. endless: those that only ever run.
     drops: those at which the item is lost. pushes: event → item that is pushed, and by how much
     along x [m]. hides: event → item that is not seen from then on. slips: how many lifts lose the
     item. empty_grips: how many times the fingers miss it. shift: of every detection, x and y [m];
@@ -123,6 +125,7 @@ class FakeStore:
     fails: dict = field(default_factory=dict)
     fails_late: dict = field(default_factory=dict)
     slower: dict = field(default_factory=dict)
+    stops: dict = field(default_factory=dict)
     silent: tuple = ()
     endless: tuple = ()
     drops: tuple = ()
@@ -153,8 +156,10 @@ class FakeStore:
         self.news = []
         self.trip = -1
         self.pictures = 0
+        self.stop = EmergencyStop(active=False)
         self.is_dark = self.dark == ("order", 0)
         self.planogram = self.poses()
+        self.stopped_for = None
         for thing in self.things.values() if self.drift else ():
             # A fake store lives in the frame of odometry.
             thing.x, thing.y, thing.yaw = self.in_odometry(thing.x, thing.y, thing.yaw)
@@ -217,6 +222,15 @@ class FakeStore:
             confidence=[1.0] * len(seen),
         )
 
+    def switch(self, t: float) -> EmergencyStop:
+        """Return the emergency stop at a time [s]."""
+        if self.stopped_for is not None and not self.stop.active:
+            self.stop = EmergencyStop(active=True, by="a guard", since=t)
+        elif self.stop.active and t >= self.stop.since + self.stopped_for - 1e-9:
+            self.stop = EmergencyStop(active=False, by="a nurse", since=t)
+            self.stopped_for = None
+        return self.stop
+
     def carry_out(self, goal: Goal, state: str) -> None:
         """Do what a goal wants that was sent from a state, and have its statuses ready."""
         self.goals.append(goal)
@@ -235,6 +249,10 @@ class FakeStore:
             GoalStatus(id=goal.id, state="running"),
         ]
         if which in self.endless:
+            return
+        if which in self.stops:
+            self.stopped_for = self.stops.pop(which)
+            self.news.append(GoalStatus(id=goal.id, state="failed", cause="emergency_stop"))
             return
         if which in self.fails:
             text = "as the test wants it"

@@ -26,7 +26,7 @@ READY = (0.0, -1.2, 1.9, 0.0, 0.9, 0.0)
 INPUTS = MappingProxyType(
     {
         "joint_state": "JointState/1", "odometry": "BaseState/1", "gripper": "GripperState/1",
-        "contacts": "Contacts/1", "goal": "Goal/1",
+        "contacts": "Contacts/1", "goal": "Goal/1", "stop": "EmergencyStop/1",
     }
 )  # fmt: skip
 OUTPUTS = MappingProxyType(
@@ -104,6 +104,10 @@ class Robot:
         self.requests += [out["plan_request"]] if "plan_request" in out else []
         self.warnings += out["status"].warnings if "status" in out else []
         self.commands.append(out)
+        if "arm" not in out:
+            # In an emergency stop, something else brakes.
+            self.v, self.vx, self.wz = np.zeros(6), 0.0, 0.0
+            return out
         self.v = np.array(out["arm"].velocity)
         self.q = np.array(out["arm"].values) + self.v * DT
         self.vx, self.wz = (0.0, 0.0) if self.jammed else (out["base"].vx, out["base"].wz)

@@ -154,3 +154,44 @@ def test_a_port_without_a_device_is_refused(tmp_path):
 def test_every_key_of_a_device_is_documented(rows):
     text = (DOCS / "reference/world.md").read_text(encoding="utf-8")
     assert [key for key in rows.__struct_fields__ if f"`{key}`" not in text] == []
+
+
+@pytest.mark.parametrize("brake", [None, 3.0])
+def test_a_base_comes_to_rest_in_an_emergency_stop_and_slips_only_with_locked_wheels(
+    tmp_path, brake
+):
+    write_base(tmp_path)
+    mode = "mode: velocity" if brake is None else f"mode: velocity, brake: {10 * brake}"
+    world = WORLD.replace("mode: velocity", mode)
+    outputs = {"odometry": "BaseState/1", "truth": "Poses/1", "stop": "EmergencyStop/1"}
+    stand = make_stand(tmp_path, world, outputs, {"base": "BaseCommand/1"})
+    rows = []
+    for step in range(400):
+        if step == 200:
+            stand.participant.emergency_stop(by="a test")
+        stand.update(step, base=BaseCommand(vx=min(step / 150, 1.0)))
+        shown = stand.participant.output(None)
+        rows.append((shown["odometry"], shown["truth"].position))
+    name = stand.participant.describe()["truth"].names.index("chassis")
+    moved = rows[-1][1][name][0] - rows[199][1][name][0]
+    by_odometry = rows[-1][0].x - rows[199][0].x
+    assert abs(rows[-1][0].vx) < 5e-3
+    assert rows[-1][1][name] == pytest.approx(rows[-2][1][name], abs=1e-4)
+    if brake is None:
+        assert moved > by_odometry + 0.02
+    else:
+        assert moved == pytest.approx(by_odometry, abs=5e-3)
+        assert moved == pytest.approx(1.0 / (2 * brake), abs=0.02)
+    stop = stand.participant.plant.stop.state
+    assert (stop.active, stop.by, stop.since) == (True, "a test", pytest.approx(1.0))
+
+
+def test_after_its_release_a_base_takes_commands(tmp_path):
+    write_base(tmp_path)
+    world = WORLD.replace("mode: velocity", "mode: velocity, brake: 30")
+    stand = make_stand(tmp_path, world, {"odometry": "BaseState/1"}, {"base": "BaseCommand/1"})
+    for step in range(300):
+        if step in (100, 110):
+            stand.participant.emergency_stop(step == 100)
+        stand.update(step, base=BaseCommand(vx=0.5))
+    assert stand.participant.output(None)["odometry"].vx == pytest.approx(0.5, abs=0.01)

@@ -227,10 +227,10 @@ def test_unknown_names_are_all_listed_before_the_run(tmp_path):
 
 MISTAKES = [
     ({"jam": "axle"}, ": the key 'at' is missing"),
-    ({"at": "1s"}, ": needs one of body, jam, camera, it has none"),
+    ({"at": "1s"}, ": needs one of body, jam, camera, emergency_stop, it has none"),
     (
         {"at": "1s", "jam": "axle", "camera": "wrist"},
-        ": needs one of body, jam, camera, it has jam and camera",
+        ": needs one of body, jam, camera, emergency_stop, it has jam and camera",
     ),
     ({"at": "1s", "body": "crate"}, ": 'position' is missing"),
     ({"at": "1s", "jam": "axle", "off": True}, ".off: has no meaning beside 'jam'"),
@@ -257,3 +257,24 @@ def test_a_script_that_is_no_list_is_refused(tmp_path):
     write_scene(tmp_path)
     with pytest.raises(WiringError, match=r"params\.script: must be a list, not a map"):
         make_plant(tmp_path, IMAGES, script={"at": "1s"})
+
+
+def test_a_script_stops_the_plant_and_releases_it(tmp_path):
+    actions = [{"at": "100ms", "emergency_stop": True}, {"at": "200ms", "emergency_stop": False}]
+    outputs = {**OUTPUTS, "stop": "EmergencyStop/1"}
+    stand = make_stand(tmp_path, *actions, mode="velocity", outputs=outputs)
+    shown = run(stand, 80, command=JointCommand(mode="velocity", values=[1.0]))
+    speeds = [row["state"].velocity[0] for row in shown]
+    assert min(speeds[10:20]) > 0.5
+    assert max(map(abs, speeds[25:40])) < 1e-3
+    assert min(speeds[60:]) > 0.5
+    stops = [row["stop"] for row in shown if "stop" in row]
+    assert [(stop.active, stop.by, stop.since) for stop in stops] == [
+        (False, "", 0.0),
+        (True, "the script", 0.1),
+        (False, "the script", 0.2),
+    ]
+    assert list(texts(shown).values()) == [
+        "at 0.1 s: emergency stop by the script",
+        "at 0.2 s: emergency stop released by the script",
+    ]
