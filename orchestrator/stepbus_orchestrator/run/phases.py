@@ -175,6 +175,7 @@ def _check(run: Run, elapsed_s: float) -> None:
     # No participant is late while a gate holds the run.
     if not run.state.is_held:
         check_step(run.state, elapsed_s)
+        run.repeats.look(run.state.barrier.holders(), "step", run.observer)
 
 
 def _close(run: Run) -> None:
@@ -193,7 +194,13 @@ def _close(run: Run) -> None:
 def _await_outputs(run: Run, closing: list[str]) -> None:
     state = run.state
     while any(state.barrier.reported[name] < state.last_step for name in closing):
-        run.turn(lambda elapsed_s: check_closing(state, closing, elapsed_s))
+        run.turn(lambda elapsed_s: _check_closing(run, closing, elapsed_s))
+
+
+def _check_closing(run: Run, closing: list[str], elapsed_s: float) -> None:
+    check_closing(run.state, closing, elapsed_s)
+    owing = [name for name in closing if run.state.barrier.reported[name] < run.state.last_step]
+    run.repeats.look(owing, "stop", run.observer)
 
 
 def _await_bulk(run: Run) -> None:

@@ -12,6 +12,7 @@ from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
 from stepbus_orchestrator.run.bus import Session, subscribe
 from stepbus_orchestrator.run.kernel.barrier import Gate, step_limit
 from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.repeats import Repeats
 from stepbus_orchestrator.run.reports import Observer, Progress, progress_of
 from stepbus_orchestrator.run.safe_stop import SafeStop
 from stepbus_orchestrator.scenario.model import ParticipantSpec
@@ -76,6 +77,7 @@ class Run:
         self.is_recorded = False
         self.messages = MessageHandler(self.state, session.token, recorder, timing)
         self.safe_stop = SafeStop(session, self.state, self.messages)
+        self.repeats = Repeats(session, self.state, self.messages, timing)
         # A step calls only the extensions that have something to do in it.
         self.gates: list[Gate] = overriding(extensions, "limit")
         self._turns = overriding(extensions, "turn")

@@ -1,7 +1,8 @@
-"""The emergency stop of a plant: a state that is set, released, and published."""
+"""What brakes a plant without a command: the emergency stop, and a watchdog of its inputs."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
+from stepbus_participant import format_duration
 from stepbus_plant.commander import Commander
 from stepbus_schemas import Description, EmergencyStop
 
@@ -45,3 +46,36 @@ class StopSwitch:
             return None
         self.is_told = True
         return self.state
+
+
+class Watchdog:
+    """Brakes what an input drives, once it has brought no command for too long.
+
+    longest_ns: how long that is [ns]; None: each command holds until the next one. heard: input →
+    time of its latest command [ns]; an input that has brought none yet is not watched.
+    """
+
+    def __init__(self, longest_ns: int | None) -> None:
+        self._longest_ns = longest_ns
+        self.heard: dict[str, int] = {}
+
+    def hear(self, port: str, t_ns: int) -> None:
+        """Take note of a command."""
+        if self._longest_ns is not None:
+            self.heard[port] = t_ns
+
+    def look(
+        self, drivers: Mapping[str, Commander], t_ns: int, record: Callable[[int, str], None]
+    ) -> None:
+        """Halt what has been left alone; record: takes the time and what has happened."""
+        late = [port for port, at_ns in self.heard.items() if t_ns - at_ns >= self._longest()]
+        for port in late:
+            # Once; the next command ends it.
+            del self.heard[port]
+            if drivers[port].obeys_stop:
+                drivers[port].halt()
+                longest = format_duration(self._longest())
+                record(t_ns, f"no command on input {port!r} for {longest}: it brakes")
+
+    def _longest(self) -> int:
+        return self._longest_ns or 0

@@ -193,6 +193,9 @@ class Params(Settings):
     `body/link` if bodies share a name. Default: all."""
     points: dict[str, FixedPoint] = {}
     """Points that are fixed to links, by a name of their own."""
+    watchdog_ns: Duration | None = None
+    """How long after its latest command an input that has brought one brakes what it drives, as in
+    an emergency stop; its next command ends that. Default: a command holds until the next one."""
     poses_period_ns: Duration | None = None
     """Between two `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of
     a millisecond. Default: each step."""

@@ -19,6 +19,7 @@ from stepbus_participant import (
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander
 from stepbus_plant.devices import COMMANDS, STATES, period_problem
+from stepbus_plant.emergency import Watchdog
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.poses import PLANOGRAM, Planogram
@@ -44,7 +45,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
 
     stop: the emergency stop, and whether it has been published; None: `is_stopped`, of stepbus 0.1,
-    says whether it is active.
+    says whether it is active. heard: input → time of its latest command, of the watchdog [ns].
     """
 
     plant: bytes
@@ -53,6 +54,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     events: list[str]
     is_stopped: bool = False
     stop: tuple[EmergencyStop, bool] | None = None
+    heard: dict[str, int] = {}
 
 
 class Plant(Participant):
@@ -86,6 +88,7 @@ class Plant(Participant):
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []
         self._events: list[str] = []
+        self._watchdog = Watchdog(params.watchdog_ns)
         try:
             self._connect(params, problems)
         except WiringError:
@@ -173,10 +176,15 @@ class Plant(Participant):
         is_last = self.config.publishes == "last"
         # The state of the first step is that before any command.
         advances = not is_last or step.index > 0
+        plant = self.plant
         for port, driver in self._drivers.items():
             if step.is_new(port) and not (self.plant.stop.active and driver.obeys_stop):
                 driver.apply(step.read(port))
-            if advances:
+                self._watchdog.hear(port, plant.t_ns)
+        if advances:
+            if not plant.stop.active:
+                self._watchdog.look(self._drivers, plant.t_ns, plant.script.record)
+            for driver in self._drivers.values():
                 driver.before_step()
         warnings = [f"step {step.index}: {text}" for text in self.plant.warnings.take()]
         self._report(warnings, self._warnings, logging.WARNING)
@@ -200,7 +208,10 @@ class Plant(Participant):
             return None
         modes = {port: driver.mode for port, driver in self._drivers.items()}
         stop = (self.plant.stop.state, self.plant.stop.is_told)
-        return msgspec.msgpack.encode(_Saved(plant, modes, self._warnings, self._events, stop=stop))
+        heard = self._watchdog.heard
+        return msgspec.msgpack.encode(
+            _Saved(plant, modes, self._warnings, self._events, stop=stop, heard=heard)
+        )
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
@@ -209,6 +220,7 @@ class Plant(Participant):
         for port, driver in self._drivers.items():
             driver.mode = saved.modes[port]
         self._warnings, self._events = saved.warnings, saved.events
+        self._watchdog.heard = saved.heard
         stop = self.plant.stop
         stop.state, stop.is_told = saved.stop or (EmergencyStop(active=saved.is_stopped), False)
 

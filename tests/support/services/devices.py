@@ -136,6 +136,7 @@ def make_stand(
     dynamics: str = "on",
     proximity: dict[str, float] | None = None,
     odometry: dict[str, float] | None = None,
+    watchdog: str | None = None,
     **names: list[str],
 ) -> Stand:
     """Return a started plant; inputs, outputs: port → type; names: of an input's joints."""
@@ -153,6 +154,7 @@ def make_stand(
             "dynamics": dynamics,
             "proximity": proximity or {},
             "odometry": odometry or {},
+            "watchdog": watchdog,
         },
         publishes="first",
     )

@@ -1,6 +1,7 @@
 """What participants send the orchestrator: checked, and taken into the state of the run."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections import deque
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, Protocol, TypeVar
 
 import msgspec
@@ -8,7 +9,7 @@ import msgspec
 from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import read_stamp
 from stepbus_schemas import (
     UNDECODABLE,
@@ -88,6 +89,10 @@ class MessageHandler:
         self._step_ns = state.scenario.step_ns
         specs = state.scenario.participants
         self._wrong_ports = {spec.name: _wrong_ports(spec) for spec in specs}
+        self.logs: Mapping[str, deque[bytes]] = {
+            spec.name: deque(maxlen=_logs_kept(state.scenario, spec)) for spec in specs
+        }
+        """The newest logs of each participant that hold outputs."""
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
 
     def take_alive(self, name: str, is_alive: bool) -> None:
@@ -182,6 +187,8 @@ class MessageHandler:
         participant.missed_trigger = (
             waiting is not None and not waiting.sources and waiting.step < self._state.released
         )
+        if log.outputs:
+            self.logs[participant.name].append(data)
         if isinstance(log, _WholeLog):
             self._take_batch(participant, log.outputs)
         else:
@@ -273,6 +280,18 @@ class MessageHandler:
                 failure.witness = participant.name
             reached("a participant reports a fault")
             raise failure
+
+
+def _logs_kept(scenario: Scenario, spec: ParticipantSpec) -> int:
+    """Return how many logs of a participant hold all that may be asked for again."""
+    readers = [
+        (item.delay, one.every)
+        for one in scenario.participants
+        for item in one.inputs.values()
+        if item.source == spec.name
+    ]
+    steps = scenario.window + max((delay + every for delay, every in readers), default=0)
+    return steps // spec.every + 2
 
 
 def _wrong_ports(spec: ParticipantSpec) -> Callable[[Outputs], str | None]:

@@ -213,7 +213,8 @@ def test_a_fault_hits_behind_the_step(recorded, tmp_path):
 def test_a_fault_on_messages_reaches_who_reads_them(recorded, tmp_path):
     changes = {"set": ["controller.step_timeout=500ms"], "faults": ["corrupt plant at 50"]}
     found = branch(recorded, tmp_path / "b", at=43, **changes, in_process=True)
-    assert found.result.exit_code == ExitCode.STEP_TIMEOUT or found.result.drops["controller"] == 1
+    assert found.result.exit_code == 0
+    assert found.result.drops["controller"] >= 1
 
 
 def test_a_fault_before_the_step_is_refused(recorded, tmp_path):

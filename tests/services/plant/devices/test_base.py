@@ -195,3 +195,28 @@ def test_after_its_release_a_base_takes_commands(tmp_path):
             stand.participant.emergency_stop(step == 100)
         stand.update(step, base=BaseCommand(vx=0.5))
     assert stand.participant.output(None)["odometry"].vx == pytest.approx(0.5, abs=0.01)
+
+
+def test_a_watchdog_brakes_a_base_without_commands_until_the_next_one(tmp_path):
+    write_base(tmp_path)
+    world = WORLD.replace("mode: velocity", "mode: velocity, brake: 30")
+    outputs = {"odometry": "BaseState/1", "events": "Event/1"}
+    stand = make_stand(tmp_path, world, outputs, {"base": "BaseCommand/1"}, watchdog="100ms")
+    speeds, texts = [], []
+    for step in range(300):
+        silent = 100 < step < 200
+        shown = stand.update(step, **({} if silent else {"base": BaseCommand(vx=0.5)}))
+        speeds.append(shown["odometry"].vx)
+        texts += [shown["events"].text] if "events" in shown else []
+    assert speeds[115] == pytest.approx(0.5, abs=0.01)
+    assert max(map(abs, speeds[170:200])) < 5e-3
+    assert speeds[280] == pytest.approx(0.5, abs=0.01)
+    assert texts == ["at 0.6 s: no command on input 'base' for 100ms: it brakes"]
+
+
+def test_without_a_watchdog_a_command_holds(tmp_path):
+    write_base(tmp_path)
+    stand = make_stand(tmp_path, WORLD, {"odometry": "BaseState/1"}, {"base": "BaseCommand/1"})
+    for step in range(300):
+        shown = stand.update(step, **({"base": BaseCommand(vx=0.5)} if step < 100 else {}))
+    assert shown["odometry"].vx == pytest.approx(0.5, abs=0.01)
