@@ -24,6 +24,7 @@ from stepbus_store.motion.base_tracking import (
     slow_wheels,
     tracking_command,
     tracking_error,
+    within_limits,
 )
 from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
 from stepbus_store.motion.outcome import Outcome
@@ -89,7 +90,8 @@ class BaseMotion:
         self._waiting: deque[PlannedSegment] = deque()
         self._scale = 1.0
         self._done = False
-        self._sent = BaseCommand()
+        self._sent = self._wanted = BaseCommand()
+        self._dt = 0.0
         self._target: tuple[float, float, float] | None = None
         self._pose: Reference | None = None
         self._halt: _Halt | None = None
@@ -127,6 +129,7 @@ class BaseMotion:
         self._waiting.clear()
         self._done = False
         self._drive, self._target, self._halt = None, None, None
+        self._sent = self._wanted = BaseCommand()
         self.hold(state)
 
     def check_goal(self, goal: Goal, state: BaseState) -> str:
@@ -245,14 +248,19 @@ class BaseMotion:
         It slows down by braking as hard as that takes, and becomes faster within the acceleration
         limit of its segment.
         """
+        self._dt = dt
         drive = self._drive
         if drive is None:
             return
         segment, turns = drive.segment, drive.segment.turns
         s, speed, _ = drive.now()
         limits, speed = self._settings.limits_of(segment), abs(speed)
-        safe = self._settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
-        wanted = min(safe / max(speed, 1e-9), 1.0)
+        settings = self._settings
+        safe = settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
+        # Half of both accelerations is left for the motion itself.
+        turning, slowing = settings.turn_acceleration / 2, settings.acceleration / 2
+        agile = segment.fastest(s, turning, slowing)
+        wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
         hardest = _EMERGENCY * self._settings.braking(turns=turns).acceleration[0]
         fall = hardest / max(speed, 1e-9) * dt
@@ -265,10 +273,13 @@ class BaseMotion:
         """Return the command of this step."""
         wanted = self._reference(self._drive) if self._drive is not None else self._pose
         if wanted is None or self._halt is not None:
-            self._sent = BaseCommand()
-        else:
-            holds = self._drive is None
-            self._sent = tracking_command(wanted, self.state, self._settings, holds=holds)
+            self._sent, self._wanted = BaseCommand(), BaseCommand()
+            return self._sent
+        holds = self._drive is None
+        command = tracking_command(wanted, self.state, self._settings, holds=holds)
+        before, self._wanted = self._wanted, BaseCommand(vx=wanted.vx, wz=wanted.wz)
+        step = BaseCommand(vx=wanted.vx - before.vx, wz=wanted.wz - before.wz)
+        self._sent = within_limits(command, self._sent, step, self._settings, self._dt)
         return self._sent
 
     def check(self, state: BaseState) -> Outcome | None:

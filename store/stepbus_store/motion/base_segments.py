@@ -63,6 +63,10 @@ class Segment:
         """Return the change of the heading with the length at s [1/m]."""
         return 0.0
 
+    def fastest(self, s: float, turning: float, slowing: float) -> float:
+        """Return the largest speed at s that lets the base turn as it has to [m/s]."""
+        return math.inf
+
     @property
     def sharpest(self) -> float:
         """Return the largest curvature [1/m]."""
@@ -87,6 +91,9 @@ class Curve:
         self._s = np.concatenate([[0.0], np.cumsum(arcs)])
         self._curvature = turn / arcs
         self._ends = np.abs(self._s)
+        # From the middle of an arc to that of the next one the curvature changes evenly.
+        self._middles = (self._ends[:-1] + self._ends[1:]) / 2
+        self._rates = np.abs(np.diff(self._curvature)) / np.diff(self._middles)
         self.length = float(self._s[-1])
 
     @property
@@ -94,9 +101,22 @@ class Curve:
         """Return the largest curvature [1/m]."""
         return float(np.abs(self._curvature).max())
 
+    def fastest(self, s: float, turning: float, slowing: float) -> float:
+        """Return the largest speed at s that lets the base turn as the curve wants it [m/s].
+
+        turning: largest angular acceleration [rad/s²]. slowing: deceleration before a place that
+        needs more at that speed [m/s²].
+        """
+        ahead = self._middles[1:] > abs(s)
+        if not ahead.any():
+            return math.inf
+        room = np.maximum(self._middles[:-1][ahead] - abs(s), 0.0)
+        rates = np.maximum(self._rates[ahead], 1e-9)
+        return math.sqrt(float((turning / rates + 2.0 * slowing * room).min()))
+
     def curvature(self, s: float) -> float:
-        """Return the change of the heading with the length at s [1/m]."""
-        return float(self._curvature[self._arc(s)])
+        """Return the change of the heading with the length at s [1/m], without steps."""
+        return float(np.interp(abs(s), self._middles, self._curvature))
 
     def at(self, s: float, speed: float) -> Reference:
         """Return the reference after s of the length, at a speed along it."""
@@ -106,7 +126,7 @@ class Curve:
         turn = curvature * along
         chord = along * float(np.sinc(turn / (2 * np.pi)))
         x, y = x + chord * math.cos(yaw + turn / 2), y + chord * math.sin(yaw + turn / 2)
-        return Reference(x=x, y=y, yaw=yaw + turn, vx=speed, wz=speed * curvature)
+        return Reference(x=x, y=y, yaw=yaw + turn, vx=speed, wz=speed * self.curvature(s))
 
     def shown(self, s: float) -> str:
         """Return a length with its unit."""

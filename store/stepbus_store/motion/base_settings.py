@@ -6,6 +6,12 @@ from dataclasses import dataclass
 from stepbus_store.motion.base_segments import Curve, Segment
 from stepbus_store.motion.joint_motion import MotionLimits
 
+PLANNED = 0.8
+"""Share of the accelerations that a reference uses; the rest brings the base back to it."""
+
+_ON_CURVES = 0.95
+"""Share of the largest turning speed that a curve may take: below it, the base still finds back."""
+
 _BRAKE_RISE = 0.04
 """Time in which the hardest braking builds up [s]."""
 
@@ -55,11 +61,12 @@ class BaseSettings:
     def limits_of(self, segment: Segment | Curve) -> MotionLimits:
         """Return the limits along a segment, shape (1,); on a curve the base also turns."""
         if segment.turns:
-            return MotionLimits.of_one(self.turn_speed, self.turn_acceleration, self.turn_jerk)
+            turning = PLANNED * self.turn_acceleration
+            return MotionLimits.of_one(self.turn_speed, turning, self.turn_jerk)
         sharpest = max(segment.sharpest, 1e-9)
         return MotionLimits.of_one(
-            min(self.speed, self.turn_speed / sharpest),
-            min(self.acceleration, self.turn_acceleration / sharpest),
+            min(self.speed, _ON_CURVES * self.turn_speed / sharpest),
+            PLANNED * min(self.acceleration, self.turn_acceleration / sharpest),
             min(self.jerk, self.turn_jerk / sharpest),
         )
 

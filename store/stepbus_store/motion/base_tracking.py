@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from stepbus_schemas import BaseCommand, BaseState
 from stepbus_store.motion.base_segments import Reference
-from stepbus_store.motion.base_settings import BaseSettings
+from stepbus_store.motion.base_settings import PLANNED, BaseSettings
 
-_HEADROOM = 1.2
+_HEADROOM = 1.015
 """How much faster than its reference the base may go to catch up with it."""
 
 _HOLDING_SPEED, _HOLDING_TURN = 0.02, 0.05
@@ -41,15 +41,46 @@ def tracking_command(
     By Kanayama et al. (A Stable Tracking Control Method for an Autonomous Mobile Robot, 1990),
     v = v_r cos e_θ + K_x e_x, ω = ω_r + v_r K_y e_y + K_θ sin e_θ. There K_θ grows with v_r; here
     it does not, since a base that turns on the spot has to find its heading too. holds: at rest,
-    it corrects slowly.
+    it corrects slowly. A large error is corrected no faster than the base can brake again.
     """
     error = tracking_error(wanted, state)
-    vx = wanted.vx * math.cos(error.angle) + settings.along * error.along
+    spare, spare_turning = (
+        (1.0 - PLANNED) * most for most in (settings.acceleration, settings.turn_acceleration)
+    )
+    along = _braked(settings.along * error.along, error.along, spare)
+    angle = math.sin(error.angle)
+    vx = wanted.vx * math.cos(error.angle) + along
     across = wanted.vx * settings.across * error.across
-    wz = wanted.wz + across + settings.heading * math.sin(error.angle)
+    wz = wanted.wz + across + _braked(settings.heading * angle, angle, spare_turning)
     most = _HOLDING_SPEED if holds else _HEADROOM * settings.speed
     most_turning = _HOLDING_TURN if holds else _HEADROOM * settings.turn_speed
     return BaseCommand(vx=min(max(vx, -most), most), wz=min(max(wz, -most_turning), most_turning))
+
+
+def _braked(correction: float, error: float, brake: float) -> float:
+    """Return a correction no faster than it can end with the error, braking like that."""
+    return math.copysign(min(abs(correction), math.sqrt(2.0 * brake * abs(error))), correction)
+
+
+def within_limits(
+    command: BaseCommand, before: BaseCommand, step: BaseCommand, settings: BaseSettings, dt: float
+) -> BaseCommand:
+    """Return a command that leaves the one before no faster than the base may accelerate.
+
+    So the base goes gently after what it has lost, and what a map corrects at once. step: by how
+    much the reference itself changes: where that brakes harder, so does the base. dt: between the
+    two [s].
+    """
+    brakes = abs(step.vx) > settings.acceleration * dt or command.vx == 0.0
+
+    def limited(now: float, last: float, own: float, acceleration: float) -> float:
+        most = max(acceleration * dt, abs(own))
+        return min(max(now, last - most), last + most)
+
+    return BaseCommand(
+        vx=limited(command.vx, before.vx, step.vx, settings.acceleration),
+        wz=limited(command.wz, before.wz, step.wz * brakes, settings.turn_acceleration),
+    )
 
 
 def slow_wheels(state: BaseState, sent: BaseCommand, track: float) -> str:

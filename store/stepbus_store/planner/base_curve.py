@@ -30,6 +30,9 @@ _SHARPEST = 3.0
 _SHARPEST_CORNER = 6.0
 """The same where a corner is cut [1/m]."""
 
+_ROUND = 0.8
+"""Length of the tangents of a curve around a corner, as a share of its distance from that."""
+
 _STOP = 0.3
 """What each stop costs besides [s]."""
 
@@ -164,23 +167,26 @@ def _yaws(points: Vector, first: float, last: float, *, back: bool) -> list[floa
 
 
 def _bezier(a: Vector, first: float, b: Vector, last: float, handle: float) -> Vector:
-    """Return points _ARC apart on a curve with given directions at its ends [rad].
-
-    It is a Bézier curve of degree 5 that is straight at both ends.
-    """
+    """Return points _ARC apart on a curve with given directions at its ends [rad]."""
     far = handle * float(np.linalg.norm(b - a))
     out = far * np.array([math.cos(first), math.sin(first)])
     into = far * np.array([math.cos(last), math.sin(last)])
-    t = np.linspace(0.0, 1.0, 201)[:, None]
+    return _apart(_quintic(np.linspace(0.0, 1.0, 201)[:, None], a, out, b, into))
+
+
+def _quintic(t: Vector, a: Vector, out: Vector, b: Vector, into: Vector) -> Vector:
+    """Return points of a Bézier curve of degree 5 that is straight at both ends.
+
+    t: shape (k, 1), from 0 to 1. out, into: its tangents there [m].
+    """
     controls = (a, a + out / 2, a + out, b - into, b - into / 2, b)
-    dense = sum(
-        math.comb(5, n) * (1 - t) ** (5 - n) * t**n * control for n, control in enumerate(controls)
+    return np.asarray(
+        sum(math.comb(5, n) * (1 - t) ** (5 - n) * t**n * row for n, row in enumerate(controls))
     )
-    return _apart(np.asarray(dense))
 
 
 def _cut(corners: Sequence[Vector], most: float) -> Vector:
-    """Return points along corners, each of which is replaced by a parabola."""
+    """Return points along corners, each of which is replaced by a curve."""
     t = np.linspace(0.0, 1.0, 41)[:, None]
     parts = [corners[0][None]]
     for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
@@ -189,7 +195,8 @@ def _cut(corners: Sequence[Vector], most: float) -> Vector:
             corner + min(most, near) / math.dist(other, corner) * (other - corner)
             for other in (before, after)
         ]
-        parts.append((1 - t) ** 2 * ends[0] + 2 * (1 - t) * t * corner + t**2 * ends[1])
+        out, into = (_ROUND * (corner - ends[0]), _ROUND * (ends[1] - corner))
+        parts.append(_quintic(t, ends[0], out, ends[1], into))
     return _apart(np.concatenate([*parts, corners[-1][None]]))
 
 

@@ -1,5 +1,6 @@
 """The base on a simulated differential drive, whose wheels lag, jam, or turn with noise."""
 
+import itertools
 import math
 import random
 
@@ -258,7 +259,8 @@ def test_arcs_are_driven_in_one_go_forwards_and_backwards(sign):
     assert (base.x, base.y, base.yaw) == pytest.approx(route[-1], abs=3e-3)
     inside = [speed for speed in base.speeds if abs(speed) > 0.1]
     assert {math.copysign(1, speed) for speed in inside} == {sign}
-    assert base.t < 2.0 / 0.5 + 0.5 / 0.4 + 1.5
+    # Where the curve turns the other way, it slows down: 1 s.
+    assert base.t < 2.0 / 0.5 + 0.5 / 0.4 + 2.5
     for pose in route[::4]:
         assert min(math.dist(pose[:2], row[:2]) for row in base.path) < 6e-3
 
@@ -277,3 +279,32 @@ def test_near_things_a_curve_is_slower_than_a_line():
     assert settings.safe_speed(0.05, turns=False, curvature=1.0) < 0.75 * settings.safe_speed(
         0.05, turns=False
     )
+
+
+def rates(values):
+    return [abs(b - a) / DT for a, b in itertools.pairwise(values)]
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05])
+@pytest.mark.parametrize("curvature", [0.8, -2.0])
+def test_commands_keep_the_limits_of_the_base_on_any_curve(noise, curvature):
+    route = arc_route(40, 2.0, curvature)
+    base = DiffDrive(noise=noise)
+    base.motion.start(Goal(id=0, type="go_to", base=route[-1]), base.state(), route)
+    assert base.wait().state == "succeeded"
+    assert max(rates(base.speeds)) <= 0.4 * 1.02
+    assert max(rates(base.turns)) <= 0.8 * 1.02
+    assert max(map(abs, base.speeds)) <= 0.5 * 1.02
+    assert max(map(abs, base.turns)) <= 0.8 * 1.02
+
+
+def test_a_base_goes_gently_after_what_it_has_lost():
+    base = DiffDrive()
+    base.motion.start(Goal(id=0, type="drive", by=2.0), base.state())
+    base.wait(seconds=2.0)
+    # As where a map corrects odometry, or another body gives a push.
+    base.x, base.y, base.yaw = base.x - 0.03, base.y + 0.02, base.yaw + 0.03
+    assert base.wait().state == "succeeded"
+    assert max(rates(base.speeds)) <= 0.4 * 1.02
+    assert max(rates(base.turns)) <= 0.8 * 1.02
+    assert (base.x, base.y) == pytest.approx((2.0, 0.0), abs=3e-3)
