@@ -1,6 +1,6 @@
 """The ports and the settings of a controller of a mobile manipulator."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import Config, Ports, Problems, suggest
@@ -89,6 +89,16 @@ class MobileSettings:
     avoidance: AvoidanceSettings
 
 
+_PLANNED_JERK = 0.9
+"""Share of the jerk limit that a motion uses: where it is slowed down near things, it gets 1.1 times
+as much."""
+
+
+def planned(limits: MotionLimits) -> MotionLimits:
+    """Return the limits that motions are planned with."""
+    return replace(limits, jerk=_PLANNED_JERK * limits.jerk)
+
+
 def read_mobile_settings(config: Config) -> MobileSettings:
     """Return what the scenario's ports and params describe.
 
@@ -110,7 +120,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
         prefix=params.prefix,
         robot=robot,
         collisions=collisions,
-        limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
+        limits=planned(make_limits(params, robot, params.acceleration_limit, params.jerk_limit)),
         settling=make_settling(params),
         arm=_arm(params, config),
         base=_base(params),
