@@ -1,6 +1,7 @@
 """PyBullet, imported without its greeting, and its geometry of poses."""
 
 import ctypes
+import math
 import os
 from collections.abc import Iterable
 from importlib import import_module
@@ -67,6 +68,21 @@ def turned(orientation: Quaternion, direction: Point) -> Point:
     """Return a direction of a frame in the world."""
     in_world: Point = bullet.rotateVector(orientation, direction)
     return in_world
+
+
+def between(one: Pose, other: Pose, share: float) -> Pose:
+    """Return the pose at a share of the way from one to another, turned evenly."""
+    x, y, z = (a + share * (b - a) for a, b in zip(one[0], other[0], strict=True))
+    orientation: Quaternion = bullet.getQuaternionSlerp(one[1], other[1], share)
+    return (x, y, z), orientation
+
+
+def spin_between(one: Quaternion, other: Quaternion, seconds: float) -> Point:
+    """Return the angular velocity that turns one orientation into another in that time [rad/s]."""
+    axis, angle = bullet.getAxisAngleFromQuaternion(bullet.getDifferenceQuaternion(one, other))
+    angle = math.remainder(angle, 2 * math.pi)
+    x, y, z = (part * angle / seconds for part in axis)
+    return x, y, z
 
 
 def quaternion(rpy: Iterable[float]) -> Quaternion:

@@ -348,6 +348,11 @@ class Engine:
         """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
         self.put_centre(body, compose(frame, self.inertial((body, BASE))))
 
+    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
+        """Put the frame of a body's root link somewhere, moving like that [m/s, rad/s]."""
+        self.put(body, frame)
+        bullet.resetBaseVelocity(body, velocity, spin, **self._here)
+
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """Put the centre of mass of a body's root link somewhere, at rest or moving as before."""
         velocity = bullet.getBaseVelocity(body, self.client) if keeps_velocity else None

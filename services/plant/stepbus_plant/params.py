@@ -117,7 +117,7 @@ class StockParams(Settings):
 
 
 _SUBJECTS = {
-    "body": ("position", "orientation_rpy"),
+    "body": ("position", "to", "over_ns", "orientation_rpy"),
     "jam": (),
     "camera": ("off",),
     "emergency_stop": (),
@@ -131,9 +131,13 @@ class Action(Settings):
     at_ns: Pause
     """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
     body: str | None = None
-    """Body that jumps to `position`, at rest."""
+    """Body that jumps to `position`, at rest, or moves `to` somewhere."""
     position: Vector3 | None = None
     """New position of the body's frame in the world frame [m]."""
+    to: Vector3 | None = None
+    """Where the body moves in a straight line, whatever is in its way [m]; needs `over`."""
+    over_ns: Duration | None = None
+    """How long it takes there, at a constant velocity."""
     orientation_rpy: Vector3 | None = None
     """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
     jam: str | None = None
@@ -159,8 +163,10 @@ class Action(Settings):
         for key in given:
             if key not in ("at_ns", subject, *_SUBJECTS[subject]):
                 yield (key,), f"has no meaning beside {subject!r}"
-        if subject == "body" and self.position is None:
-            yield (), "'position' is missing"
+        if subject == "body" and (self.position is None) == (self.to is None):
+            yield (), "needs 'position' or 'to', one of them"
+        if (self.to is None) != (self.over_ns is None):
+            yield (), "'to' and 'over' belong together"
 
 
 class Params(Settings):

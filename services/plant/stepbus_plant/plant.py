@@ -123,7 +123,9 @@ class SimulatedPlant:
         for _ in self._substeps:
             for drive in self.motors.drives:
                 drive.before_substep()
+            self.script.carry()
             if self._kinematics is not None:
+                self.script.after_substep(self._step_ns * 1e-9)
                 continue
             self.script.before_substep()
             for gripper in grippers:
@@ -131,6 +133,7 @@ class SimulatedPlant:
             self.physics.engine.step()
             for gripper in grippers:
                 gripper.after_substep(self._step_ns * 1e-9)
+            self.script.after_substep(self._step_ns * 1e-9)
             for sensor in self.devices.felt:
                 sensor.after_substep(self._step_ns * 1e-9)
         if self._kinematics is not None:

@@ -3,12 +3,13 @@
 import math
 from collections.abc import Collection, Sequence
 
-from stepbus_participant import Problems, suggest
+from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.bullet import quaternion
 from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
-from stepbus_plant.engine import BASE
+from stepbus_plant.engine import BASE, Link
 from stepbus_plant.joint import Joint
+from stepbus_plant.moving_body import MovingBody
 from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
 from stepbus_schemas import Point
@@ -17,6 +18,9 @@ from stepbus_schemas import Point
 # 5 rad/s under a base of 80 kg stops within 0.022 rad, and within 0.001 rad after 0.1 s.
 _JAM_EFFORT = 1e6
 _JAM_GAIN = 0.5
+
+_OVERLAP = 2e-3
+"""Deeper than that, a body has been put into another one [m]."""
 
 
 class Script:
@@ -35,6 +39,8 @@ class Script:
         self._pending = sorted(actions, key=lambda action: action.at_ns)
         self._events: list[str] = []
         self.jammed: dict[str, float] = {}
+        self._moving: dict[str, MovingBody] = {}
+        self._hit: set[str] = set()
         self.has_moved = False
 
     def move(self, t_ns: int, name: str, position: Point, yaw: float | None) -> None:
@@ -45,6 +51,9 @@ class Script:
 
     def run(self, t_ns: int) -> None:
         """Execute the actions that are due at a time [ns]."""
+        self._report_blows(t_ns)
+        if self._moving:
+            self._wake_all()
         while self._pending and self._pending[0].at_ns <= t_ns:
             action = self._pending.pop(0)
             if action.emergency_stop is not None:
@@ -65,6 +74,8 @@ class Script:
         """Execute an action and return what has happened."""
         if action.body is not None and action.position is not None:
             return self._move_body(action.body, action.position, action.orientation_rpy)
+        if action.body is not None and action.to is not None and action.over_ns is not None:
+            return self._send_body(action.body, action.to, action.over_ns, action.orientation_rpy)
         if action.jam is not None:
             return self._jam(self._physics.joints[action.jam])
         off = action.off is not False
@@ -75,18 +86,63 @@ class Script:
         """Move a body, which is then at rest; its joints keep their positions."""
         engine, body = self._physics.engine, self._physics.bodies.index(name)
         rotation = engine.frame((body, BASE))[1] if rpy is None else quaternion(rpy)
+        self._moving.pop(name, None)
         engine.put(body, (position, rotation))
-        # Wake all bodies: a sleeping one that lay on this body would stay in the air.
-        for number in range(len(self._physics.bodies)):
-            engine.wake(number)
+        self._wake_all()
         target = ", ".join(f"{value:g}" for value in position)
         angles = "" if rpy is None else f", turned to {', '.join(f'{a:g}' for a in rpy)} rad"
-        return f"{name} was put at {target} m{angles}"
+        return f"{name} was put at {target} m{angles}{self._overlap(body)}"
+
+    def _wake_all(self) -> None:
+        """Wake all bodies: a sleeping one that lay on one that moves would stay in the air."""
+        for number in range(len(self._physics.bodies)):
+            self._physics.engine.wake(number)
+
+    def _overlap(self, body: int) -> str:
+        """Return the end of a sentence where a body has been put into another one."""
+        engine = self._physics.engine
+        engine.update_shapes()
+        inside = [contact for contact in engine.contacts(body) if contact.distance < -_OVERLAP]
+        if not inside:
+            return ""
+        deepest = min(inside, key=lambda contact: contact.distance)
+        depth = f"{-deepest.distance * 1e3:.0f} mm"
+        return f", {depth} into {self._names()[deepest.other]}"
+
+    def _names(self) -> dict[Link, str]:
+        return {link: name for name, link in self._physics.links.items()}
+
+    def _send_body(self, name: str, goal: Point, over_ns: int, rpy: Point | None) -> str:
+        """Let a body move from where it is."""
+        engine, body = self._physics.engine, self._physics.bodies.index(name)
+        rotation = engine.frame((body, BASE))[1] if rpy is None else quaternion(rpy)
+        self._moving[name] = MovingBody(engine, body, (goal, rotation), over_ns * 1e-9)
+        target = ", ".join(f"{value:g}" for value in goal)
+        return f"{name} moves to {target} m in {format_duration(over_ns)}"
+
+    def _report_blows(self, t_ns: int) -> None:
+        """Tell what moving bodies have hit, and forget those that have arrived."""
+        names = self._names() if self._moving else {}
+        for name, moving in list(self._moving.items()):
+            if moving.blow is not None and name not in self._hit:
+                self._hit.add(name)
+                blow = moving.blow
+                text = f"{names[blow.one]} hits {names[blow.other]} with {blow.force:.0f} N"
+                self.record(t_ns, text)
+            if moving.is_there:
+                del self._moving[name]
+                self._hit.discard(name)
 
     def _jam(self, joint: Joint) -> str:
         """Lock a joint at its current position."""
         position = self.jammed.setdefault(joint.name, self._physics.position(joint))
         return f"joint {joint.name} jammed at {position:.6g} {joint.unit}"
+
+    def carry(self) -> None:
+        """Put the bodies that move where they are in a substep."""
+        for moving in self._moving.values():
+            if not moving.is_there:
+                moving.before_substep()
 
     def before_substep(self) -> None:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
@@ -94,6 +150,12 @@ class Script:
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
             self._physics.engine.bring(joint.body, joint.index, position, 0.0, _JAM_EFFORT, **gains)
+
+    def after_substep(self, seconds: float) -> None:
+        """Look what moving bodies have hit; seconds: length of the substep."""
+        for moving in self._moving.values():
+            if not moving.is_there:
+                moving.after_substep(seconds)
 
 
 def check_script(actions: Sequence[Action], physics: Physics, problems: Problems) -> None:

@@ -90,8 +90,7 @@ class MobileSettings:
 
 
 _PLANNED_JERK = 0.9
-"""Share of the jerk limit that a motion uses: where it is slowed down near things, it gets 1.1 times
-as much."""
+"""Share of the jerk limit that a motion uses: slowed down near things, it has 1.1 times as much."""
 
 
 def planned(limits: MotionLimits) -> MotionLimits:

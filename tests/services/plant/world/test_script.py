@@ -1,5 +1,6 @@
 import logging
 import math
+import re
 
 import numpy as np
 import pytest
@@ -232,7 +233,8 @@ MISTAKES = [
         {"at": "1s", "jam": "axle", "camera": "wrist"},
         ": needs one of body, jam, camera, emergency_stop, it has jam and camera",
     ),
-    ({"at": "1s", "body": "crate"}, ": 'position' is missing"),
+    ({"at": "1s", "body": "crate"}, ": needs 'position' or 'to', one of them"),
+    ({"at": "1s", "body": "crate", "to": [1, 2, 3]}, ": 'to' and 'over' belong together"),
     ({"at": "1s", "jam": "axle", "off": True}, ".off: has no meaning beside 'jam'"),
     (
         {"at": "0.5ns", "jam": "axle"},
@@ -278,3 +280,67 @@ def test_a_script_stops_the_plant_and_releases_it(tmp_path):
         "at 0.1 s: emergency stop by the script",
         "at 0.2 s: emergency stop released by the script",
     ]
+
+
+CAN = "  can: {urdf: crate.urdf, position: [0.4, 0.05, 0.051]}\n"
+
+
+@pytest.mark.parametrize("fixed", [True, False])
+@pytest.mark.parametrize("dynamics", ["on", "off"])
+def test_a_body_moves_evenly_to_where_it_is_sent(tmp_path, fixed, dynamics):
+    send = {
+        "at": "100ms", "body": "crate", "to": [1.1, 0.05, 0.05], "over": "500ms",
+        "orientation_rpy": [0, 0, 1],
+    }  # fmt: skip
+    world = WORLD if fixed else WORLD.replace("0.05], fixed_base: true", "0.05]")
+    mode = {"mode": "position"} if dynamics == "off" else {}
+    stand = make_stand(tmp_path, send, world=world, dynamics=dynamics, **mode)
+    shown = run(stand, 160)
+    places = [pose(stand, row, "crate") for row in shown]
+    assert places[20][0][0] == pytest.approx(0.1, abs=1e-3)
+    # 2 m/s and 2 rad/s.
+    for step in (40, 60, 80, 100):
+        (x, y, _), (_, _, qz, qw) = places[step]
+        assert x == pytest.approx(0.1 + 2.0 * (step - 20) * 0.005, abs=0.011)
+        assert y == pytest.approx(0.05, abs=2e-3)
+        assert 2 * math.atan2(qz, qw) == pytest.approx(2.0 * (step - 20) * 0.005, abs=0.011)
+    assert places[121][0] == pytest.approx((1.1, 0.05, 0.05), abs=3e-3)
+    assert texts(shown)[21] == "at 0.1 s: crate moves to 1.1, 0.05, 0.05 m in 500ms"
+
+
+def test_a_body_that_moves_pushes_at_its_velocity_and_its_blow_is_told(tmp_path):
+    send = {"at": "100ms", "body": "crate", "to": [0.6, 0.05, 0.05], "over": "1s"}
+    outputs = {**OUTPUTS, "touch": "Contacts/1"}
+    world = WORLD.replace("bodies:", "contacts: {touch: {links: [can/crate]}}\nbodies:", 1) + CAN
+    stand = make_stand(tmp_path, send, world=world, outputs=outputs)
+    shown = run(stand, 260)
+    places = [pose(stand, row, "can/crate")[0][0] for row in shown]
+    speeds = np.diff(places) / 0.005
+    # A quick push, and no jump: it leaves as fast as it was hit, or up to twice as fast.
+    assert 0.4 < speeds.max() < 1.1
+    (hit,) = [text for text in texts(shown).values() if " hits " in text]
+    force = float(hit.split(" with ")[1].removesuffix(" N"))
+    touches = [row["touch"] for row in shown if ("can/crate", "crate/crate") in row["touch"].pairs]
+    peaks = [t.peak_force[t.pairs.index(("can/crate", "crate/crate"))] for t in touches]
+    assert force > 50.0
+    assert min(abs(peak - force) for peak in peaks) < 0.51
+    assert ": crate/crate hits can/crate with " in hit
+
+
+def test_a_body_that_is_put_into_another_one_is_told(tmp_path):
+    put = {"at": "500ms", "body": "crate", "position": [0.45, 0.05, 0.05]}
+    stand = make_stand(tmp_path, put, world=WORLD + CAN)
+    said = texts(run(stand, 110))[101]
+    assert re.fullmatch(
+        r"at 0\.5 s: crate was put at 0\.45, 0\.05, 0\.05 m, \d+ mm into can/crate", said
+    )
+
+
+def test_a_run_with_a_body_that_moves_repeats_to_the_byte(tmp_path):
+    send = {"at": "100ms", "body": "crate", "to": [0.6, 0.05, 0.05], "over": "300ms"}
+    ends = []
+    for name in ("one", "two"):
+        (tmp_path / name).mkdir()
+        stand = make_stand(tmp_path / name, send, world=WORLD + CAN)
+        ends.append([row["truth"] for row in run(stand, 120)])
+    assert ends[0] == ends[1]
