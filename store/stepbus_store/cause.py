@@ -49,4 +49,5 @@ class Cause(StrEnum):
     NOT_HELD = "not_held"
     SHELF_EMPTY = "shelf_empty"
     SLIPPED = "slipped"
+    TILTED = "tilted"
     TOO_WIDE = "too_wide"

@@ -1,5 +1,6 @@
 """Decides when each state ends, and with which outcome: one function per state."""
 
+import math
 from collections.abc import Callable, Mapping
 
 from stepbus_store.cause import Cause
@@ -14,7 +15,8 @@ Check = Callable[[StoreState], Outcome | None]
 
 HOPELESS = (
     Cause.ARM_JAMMED, Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN,
-    Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.UNREACHABLE,
+    Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.TILTED,
+    Cause.UNREACHABLE,
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
 
@@ -38,6 +40,9 @@ _BESIDE = (
 
 _LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
 """Causes after which a participant is missing: the run ends soon, and nothing may move then."""
+
+_UPRIGHT = math.radians(8.0)
+"""Tilt from which the base counts as overturned, or about to be."""
 
 _SAME_WIDTH = 1e-3
 """Difference of two openings that need no motion of the fingers [m]."""
@@ -299,8 +304,10 @@ def at_rest(store: StoreState) -> Outcome | None:
         visit.since_ns = store.inputs.t_ns
     if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
         store.rest = "everything is at rest"
+        if overturned(store) is not None:
+            store.rest = f"all motors are at rest; {_tilted(store)}"
         cause = store.problem.cause if store.problem is not None else ""
-        recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED)
+        recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED, Cause.TILTED)
         return Outcome(name="recover" if recovers else "rest")
     if store.elapsed < waits.halt:
         return None
@@ -308,16 +315,29 @@ def at_rest(store: StoreState) -> Outcome | None:
     return Outcome(name="restless")
 
 
+def overturned(store: StoreState) -> Outcome | None:
+    """Return that the base is tilted more than it may be."""
+    if store.tilt <= _UPRIGHT:
+        return None
+    return Outcome(name="failed", cause=Cause.TILTED, text=_tilted(store))
+
+
+def _tilted(store: StoreState) -> str:
+    return f"the robot is tilted by {math.degrees(store.tilt):.0f}°"
+
+
 def rest_of(store: StoreState) -> str:
     """Return whether the base is at rest, where nothing is commanded to the arm."""
     base = store.inputs.odometry
-    if max(abs(base.vx), abs(base.wz)) < _AT_REST:
+    if max(abs(base.vx), abs(base.wz)) < _AT_REST and overturned(store) is None:
         return "everything is at rest"
     return f"not at rest, {_restless(store)}"
 
 
 def _restless(store: StoreState) -> str:
     base, status = store.inputs.odometry, store.inputs.status
+    if overturned(store) is not None:
+        return _tilted(store)
     if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
         return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
     if status is None:

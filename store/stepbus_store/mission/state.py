@@ -11,6 +11,7 @@ from stepbus_schemas import (
     EmergencyStop,
     GoalStatus,
     GripperState,
+    Imu,
     Point,
     Poses,
 )
@@ -80,8 +81,8 @@ class Inputs:
 
     pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
     yet. trip: the same of the base's goal, where others are carried out beside it. detections: None
-    unless new at this step. contacts: of the robot; stop: the emergency stop; None where nothing
-    senses them.
+    unless new at this step. contacts: of the robot; stop: the emergency stop; imu: of the base; None
+    where nothing senses them.
     """
 
     t_ns: int
@@ -94,6 +95,7 @@ class Inputs:
     detections: Detections | None = None
     contacts: Contacts | None = None
     stop: EmergencyStop | None = None
+    imu: Imu | None = None
 
 
 @dataclass(kw_only=True)
@@ -191,6 +193,16 @@ class StoreState:
     def report(self, text: str, level: Level = "info") -> None:
         """Log a sentence about the sale in progress."""
         self.log.append((level, f"{self.sale}: {text}"))
+
+    @property
+    def tilt(self) -> float:
+        """Return by how much the base is tilted [rad]; 0 where nothing measures it."""
+        imu = self.inputs.imu
+        if imu is None or imu.orientation is None:
+            return 0.0
+        x, y, *_ = imu.orientation
+        # The cosine is that between its upright axis and the vertical.
+        return math.acos(max(-1.0, 1.0 - 2.0 * (x * x + y * y)))
 
     @property
     def carries(self) -> bool:

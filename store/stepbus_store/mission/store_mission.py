@@ -30,13 +30,14 @@ from stepbus_schemas import (
     Goal,
     GoalStatus,
     GripperState,
+    Imu,
     Message,
     Poses,
     RunError,
     WiringError,
 )
 from stepbus_store.cause import Cause
-from stepbus_store.mission.checks import PLANNABLE, check_of
+from stepbus_store.mission.checks import PLANNABLE, check_of, overturned
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
@@ -69,6 +70,7 @@ class _PortNames:
     status: str
     contacts: str | None
     stop: str | None
+    imu: str | None
     goal: str
     events: str
     summary: str
@@ -82,7 +84,8 @@ class StoreMission(Participant):
     where `verification` is `truth`, for that of each sale; Detections/1, GripperState/1,
     GoalStatus/1; BaseState/1, odometry, and another one called `pose`, where the base is on the
     map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
-    from what others moved; and one EmergencyStop/1, during which nothing is commanded.
+    from what others moved; and one EmergencyStop/1, during which nothing is commanded;
+    and one Imu/1 with orientation, of the base, which must not tilt.
     Outputs: Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the
     report.
     `Params` has the parameters; `store/docs/mission.md` lists them.
@@ -225,6 +228,7 @@ class StoreMission(Participant):
             detections=step.get(ports.detections, Detections) if fresh else None,
             contacts=step.get(ports.contacts, Contacts) if ports.contacts else None,
             stop=step.get(ports.stop, EmergencyStop) if ports.stop else None,
+            imu=step.get(ports.imu, Imu) if ports.imu else None,
         )
 
     def _advance(self, store: StoreState) -> Goal | None:
@@ -237,7 +241,7 @@ class StoreMission(Participant):
             return None
         if again:
             return self._send(store, Visit(state=again, start_ns=store.inputs.t_ns))
-        lost = _lost(store.inputs)
+        lost = _lost(store.inputs) or overturned(store)
         if lost is not None and store.visit.state not in ("stop", *LAST):
             return self._go_to(store, "stop", lost)
         while True:
@@ -356,6 +360,7 @@ def _find_ports(ports: Ports) -> _PortNames:
         status=ports.input_of("GoalStatus/1"),
         contacts=ports.optional_input_of("Contacts/1"),
         stop=ports.optional_input_of("EmergencyStop/1"),
+        imu=ports.optional_input_of("Imu/1"),
         goal=ports.output_of("Goal/1"),
         events=events,
         summary=summary_port,

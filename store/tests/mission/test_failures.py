@@ -355,3 +355,11 @@ def test_a_base_that_rolls_on_in_an_emergency_stop_is_named():
     store = FakeStore(shelf_a(*GOODS), stops={("drive", 1): 1e9}, drifts=True)
     end = "not at rest, the base moves at 0.050 m/s and 0.000 rad/s"
     assert sell(store, waits={"release": 5.0}).error.endswith(end)
+
+
+@pytest.mark.parametrize("where", ["drive", "down", "home", "place"])
+def test_a_robot_that_is_overturned_stops_and_says_so(where):
+    store = FakeStore(shelf_a(*GOODS), overturns=((where, 1),))
+    text = failed(store)
+    assert "the robot is tilted by 92°; all motors are at rest; the robot is tilted by 92°" in text
+    assert [goal.type for goal in store.goals][-1] == "stop"

@@ -57,6 +57,7 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             "poses": store.poses(),
             "odometry": store.odometry(),
             "gripper": store.gripper(),
+            "imu": store.imu(),
             "stop": store.switch(index * STEP_NS * 1e-9),
         }
         if localized:

@@ -15,6 +15,7 @@ from stepbus_schemas import (
     Goal,
     GoalStatus,
     GripperState,
+    Imu,
     InputConfig,
     OutputConfig,
     Poses,
@@ -51,6 +52,7 @@ def config(*, localized: bool = False, **params) -> Config:
         "poses": ("plant", "Poses/1"),
         "detections": ("perception", "Detections/1"),
         "stop": ("plant", "EmergencyStop/1"),
+        "imu": ("plant", "Imu/1"),
         "gripper": ("plant", "GripperState/1"),
         "odometry": ("plant", "BaseState/1"),
         "goal_status": ("controller", "GoalStatus/1"),
@@ -110,7 +112,7 @@ class FakeStore:
     Events are named by the state that the mission is in and how often it has sent a goal from
     there, e.g. ("lift", 1).
 
-    fails: event → cause. fails_late: the same of a go_together, at its end. slower: event → text. stops: event → seconds of an emergency stop. silent: events without any status. endless: those that only ever run.
+    fails: event → cause. fails_late: the same of a go_together, at its end. slower: event → text. overturns: events at which the robot falls over. stops: event → seconds of an emergency stop. silent: events without any status. endless: those that only ever run.
     drops: those at which the item is lost. pushes: event → item that is pushed, and by how much
     along x [m]. hides: event → item that is not seen from then on. slips: how many lifts lose the
     item. empty_grips: how many times the fingers miss it. shift: of every detection, x and y [m];
@@ -126,6 +128,7 @@ class FakeStore:
     fails_late: dict = field(default_factory=dict)
     slower: dict = field(default_factory=dict)
     stops: dict = field(default_factory=dict)
+    overturns: tuple = ()
     silent: tuple = ()
     endless: tuple = ()
     drops: tuple = ()
@@ -160,6 +163,7 @@ class FakeStore:
         self.is_dark = self.dark == ("order", 0)
         self.planogram = self.poses()
         self.stopped_for = None
+        self.has_fallen = False
         for thing in self.things.values() if self.drift else ():
             # A fake store lives in the frame of odometry.
             thing.x, thing.y, thing.yaw = self.in_odometry(thing.x, thing.y, thing.yaw)
@@ -222,6 +226,13 @@ class FakeStore:
             confidence=[1.0] * len(seen),
         )
 
+    def imu(self) -> Imu:
+        half = 0.8 if self.has_fallen else 0.01
+        upright = (math.sin(half), 0.0, 0.0, math.cos(half))
+        return Imu(
+            angular_velocity=(0, 0, 0), linear_acceleration=(0, 0, 9.81), orientation=upright
+        )
+
     def switch(self, t: float) -> EmergencyStop:
         """Return the emergency stop at a time [s]."""
         if self.stopped_for is not None and not self.stop.active:
@@ -250,6 +261,7 @@ class FakeStore:
         ]
         if which in self.endless:
             return
+        self.has_fallen |= which in self.overturns
         if which in self.stops:
             self.stopped_for = self.stops.pop(which)
             self.news.append(GoalStatus(id=goal.id, state="failed", cause="emergency_stop"))
