@@ -110,18 +110,28 @@ def _sudden(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"script": [_put(body, at, x, chance.uniform(-0.35, 0.35))]}
 
 
+def _walk(at: float, x: float, y: float, over: float) -> Action:
+    """Return an action: the person walks somewhere [m], in a time [s]."""
+    return {"at": f"{at:.3f}s", "body": "crate", "to": [x, y, 0.0], "over": f"{over:.3f}s"}
+
+
 def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    """Send a person across the path before the base is there, or close to it and back."""
+    """Send a person across the path, or close to it and back, at the pace of a walk."""
     x, speed = chance.uniform(1.0, 1.2), chance.uniform(0.4, 0.7)
     if chance.random() < 0.5:
         # Before the base comes, or before it goes home.
         start, x = chance.choice([(0.0, x), (8.5, 0.6 * x)])
-        walk = [-0.5 + speed * 0.1 * k for k in range(int(1.5 / speed / 0.1))]
-        return {"script": [_put("crate", start + 0.1 * k, x, y) for k, y in enumerate(walk)]}
+        begin = _put("crate", max(start - 0.1, 0.0), x, -1.5)
+        return {"script": [begin, _walk(start + 0.1, x, 1.5, 3.0 / speed)]}
     start, nearest = chance.uniform(0.2, 1.0), chance.uniform(0.62, 0.75)
-    there = [1.4 - speed * 0.1 * k for k in range(int((1.4 - nearest) / speed / 0.1))]
-    walk = [*there, *reversed(there)]
-    return {"script": [_put("crate", start + 0.1 * k, x, y) for k, y in enumerate(walk)]}
+    took = (1.4 - nearest) / speed
+    return {
+        "script": [
+            _put("crate", 0.0, x, 1.4),
+            _walk(start, x, nearest, took),
+            _walk(start + took + 0.1, x, 1.4, took),
+        ]
+    }
 
 
 def _arm_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:

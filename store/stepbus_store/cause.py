@@ -32,6 +32,7 @@ class Cause(StrEnum):
     BAD_REQUEST = "bad_request"
     GOAL_COLLIDES = "goal_collides"
     GOAL_IN_COLLISION = "goal_in_collision"
+    OCCUPIED = "occupied"
     PATH_COLLIDES = "path_collides"
     PLANNER_FAILED = "planner_failed"
     START_COLLIDES = "start_collides"

@@ -67,7 +67,7 @@ def choose(store: StoreState) -> Outcome | None:
     sale.item = _next_item(store, sale)
     if sale.item is None:
         return _leave_out(store, sale, Cause.SHELF_EMPTY, _sold_out(store, sale))
-    sale.detected, sale.attempts, sale.tries = None, 0, 0
+    sale.detected, sale.attempts, sale.tries, sale.asides = None, 0, 0, 0
     problem = _misfit(store, sale.item)
     if problem:
         return _leave_out(store, sale, Cause.TOO_WIDE, problem)
@@ -226,6 +226,7 @@ def check_lift(store: StoreState) -> Outcome | None:
     if outcome is not None and outcome.name == "held":
         gripper = store.inputs.gripper
         width = f"{gripper.width * 1e3:.1f} mm"
+        store.now[0].asides = 0
         store.report(f"lifted, held with {gripper.force:.1f} N at a width of {width}")
         if store.settings.together:
             return Outcome(name="together")

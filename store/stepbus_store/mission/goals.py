@@ -25,9 +25,9 @@ def tuck(store: StoreState) -> Goal:
 
 def drive(store: StoreState) -> Goal:
     """Drive in front of the item's column."""
-    _, item = store.now
+    sale, item = store.now
     shelf = store.shelf(item)
-    column = shelf.left_of(item.position[0], item.position[1])
+    column = shelf.left_of(item.position[0], item.position[1]) + sale.aside
     return _go_to(store, store.in_odometry(shelf.ahead(-store.settings.stand, left=column)))
 
 
@@ -96,7 +96,8 @@ def reverse(store: StoreState) -> Goal:
 
 def home(store: StoreState) -> Goal:
     """Drive home with the item."""
-    return _go_to(store, store.in_odometry(store.settings.home_spot))
+    sale, _ = store.now
+    return _go_to(store, store.in_odometry(store.settings.home_spot.ahead(sale.aside)))
 
 
 def above(store: StoreState) -> Goal:

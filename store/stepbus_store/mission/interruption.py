@@ -6,11 +6,14 @@ from stepbus_store.mission.checks import rest_of
 from stepbus_store.mission.state import Outcome, StoreState
 from stepbus_store.mission.state_table import STATES
 
-_AGAIN = {
+_BESIDE = {
     **dict.fromkeys(("fold", "ready", "reach", "arrive"), "depart"),
     **dict.fromkeys(("draw_in", "bring", "come_home"), "return"),
 }
 """State beside a base that drives → the state that sends it off; all others begin once more."""
+
+TRIPS = {**{state: state for state in ("depart", "return", "drive", "home")}, **_BESIDE}
+"""State while the base drives → the state that sends it off."""
 
 
 class Interruption:
@@ -40,7 +43,7 @@ class Interruption:
         """Return the state to begin again at the step of a release, else nothing; call it first."""
         if self._stop is None or now is None or now.active:
             return ""
-        state = _AGAIN.get(store.visit.state, store.visit.state)
+        state = _BESIDE.get(store.visit.state, store.visit.state)
         took = now.since - self._stop.since
         text = f"emergency stop released by {now.by} after {took:.2f} s; goes on"
         store.log.append(("info", f"{text} {STATES[state].doing}"))

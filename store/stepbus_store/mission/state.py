@@ -43,6 +43,9 @@ _QUARTER = math.pi / 2
 _NARROW = 0.02
 """Room between an item and the pads of a gripper that opens no wider than it has to [m]."""
 
+ASIDES = (0.0, 0.3, -0.3, 0.5, -0.5, 0.65, -0.65)
+"""How far from its place before a shelf, or the outlet, the base may stand along that [m]."""
+
 APPROACHES = (
     Approach(text="straight down"),
     Approach(text="with the gripper turned by 90°", turn=_QUARTER),
@@ -81,8 +84,8 @@ class Inputs:
 
     pose: of the base on the map; None: odometry is right. status: of the latest goal; None: none
     yet. trip: the same of the base's goal, where others are carried out beside it. detections: None
-    unless new at this step. contacts: of the robot; stop: the emergency stop; imu: of the base; None
-    where nothing senses them.
+    unless new at this step. contacts: of the robot; stop: the emergency stop; imu: of the base;
+    None where nothing senses them.
     """
 
     t_ns: int
@@ -125,6 +128,7 @@ class Sale:
     latest detected position, with the heading along which the gripper opens. tip: height of the
     gripper's tip at its latest goal [m]. attempts: to grasp the item. detection_error: of the
     latest detection [m]; None: unknown. lost_ns: since when a carried item is not held [ns].
+    asides: how many other places of the base have been tried on the way to the shelf, or home.
     """
 
     number: int
@@ -139,6 +143,12 @@ class Sale:
     corrections: int = 0
     detection_error: float | None = None
     lost_ns: int | None = None
+    asides: int = 0
+
+    @property
+    def aside(self) -> float:
+        """Return how far along the shelf, or the outlet, from its place the base stands [m]."""
+        return ASIDES[self.asides]
 
     @property
     def approach(self) -> Approach:

@@ -39,10 +39,11 @@ from stepbus_schemas import (
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import PLANNABLE, check_of, overturned
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.interruption import Interruption
+from stepbus_store.mission.interruption import TRIPS, Interruption
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
 from stepbus_store.mission.state import (
+    ASIDES,
     Inputs,
     Level,
     LogEntry,
@@ -52,6 +53,7 @@ from stepbus_store.mission.state import (
 )
 from stepbus_store.mission.state_table import FIRST, LAST, STATES
 from stepbus_store.mission.stock import Stock
+from stepbus_store.mission.true_base import TrueBase
 from stepbus_store.mission.witness import Witness
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
@@ -157,6 +159,9 @@ class StoreMission(Participant):
             frozenset(inputs[contacts].names) if contacts is not None else frozenset()
         )
         tip = self._settings.prefix + self._settings.tip
+        names, is_true = description.names, self._settings.verification == "truth"
+        frame = self._settings.prefix + self._settings.base_frame
+        self._true_base = TrueBase(names.index(frame)) if is_true and frame in names else None
         self._tip = tip if tip in description.names else ""
 
     def update(self, step: Step) -> Mapping[str, Message]:
@@ -221,7 +226,7 @@ class StoreMission(Participant):
             t_ns=step.t_ns,
             poses=step.read(ports.poses, Poses),
             odometry=step.read(ports.odometry, BaseState),
-            pose=step.read(ports.pose, BaseState) if ports.pose != ports.odometry else None,
+            pose=self._pose(step),
             gripper=step.read(ports.gripper, GripperState),
             status=self._statuses.get(self._goals - 1),
             trip=self._statuses.get(self._store.trip) if self._store is not None else None,
@@ -230,6 +235,18 @@ class StoreMission(Participant):
             stop=step.get(ports.stop, EmergencyStop) if ports.stop else None,
             imu=step.get(ports.imu, Imu) if ports.imu else None,
         )
+
+    def _pose(self, step: Step) -> BaseState | None:
+        """Return where the base is on the map, or in truth; None: odometry is right."""
+        ports = self._ports
+        if ports.pose != ports.odometry:
+            return step.read(ports.pose, BaseState)
+        if self._true_base is None:
+            return None
+        odometry = step.read(ports.odometry, BaseState)
+        if step.is_new(ports.poses):
+            self._true_base.see(step.read(ports.poses, Poses), odometry)
+        return self._true_base.pose(odometry)
 
     def _advance(self, store: StoreState) -> Goal | None:
         """Change states until one has to wait; return its goal, if it sends one."""
@@ -248,7 +265,11 @@ class StoreMission(Participant):
             outcome = check_of(store.visit.state)(store)
             if outcome is None:
                 return None
-            goal = self._planned_instead(store, outcome) or self.enter(store, outcome)
+            goal = (
+                self._planned_instead(store, outcome)
+                or self._elsewhere(store, outcome)
+                or self.enter(store, outcome)
+            )
             if goal is not None or store.visit.state in LAST:
                 return goal
 
@@ -261,6 +282,20 @@ class StoreMission(Participant):
         store.report(f"{outcome.text}; along a planned path instead", "warning")
         visit = Visit(state=visit.state, start_ns=store.inputs.t_ns, is_planned=True)
         return self._send(store, visit)
+
+    def _elsewhere(self, store: StoreState, outcome: Outcome) -> Goal | None:
+        """Return the goal to another place, where there is no way to the one before the shelf."""
+        sale = store.sale
+        trip = TRIPS.get(store.visit.state)
+        of_base = outcome.doing or store.visit.state in (*TRIPS.values(), "arrive", "come_home")
+        if sale is None or trip is None or outcome.cause != Cause.NO_PATH or not of_base:
+            return None
+        if sale.asides + 1 == len(ASIDES):
+            return None
+        sale.asides += 1
+        where = f"{abs(sale.aside):.2f} m beside it"
+        store.report(f"{outcome.text}; next, a place {where}", "warning")
+        return self._send(store, Visit(state=trip, start_ns=store.inputs.t_ns))
 
     def enter(self, store: StoreState, outcome: Outcome) -> Goal | None:
         """Enter the next state; return its goal, if it has one."""

@@ -260,10 +260,15 @@ class Avoidance:
             return ""
         return str(near) if _comes(near, room) and room < self._settings.stop_within else ""
 
-    def approach(self, goal: Goal, part: Part) -> Outcome | None:
-        """Halt a base that comes too close to something; return the end of its goal."""
-        base, monitor = self._parts.base, self._monitor
+    def approach(self, goal: Goal, part: Part, t: float) -> Outcome | None:
+        """Stop a base for what is in its way, or too close; return the end of its goal."""
+        base, monitor, navigator = self._parts.base, self._monitor, self._parts.navigator
         if part != "base" or base is None or monitor is None:
+            return None
+        if navigator is not None and navigator.hindrance and self._near is None:
+            if gives_way := navigator.give_way(t):
+                self._reports.status(goal.id, "running", text=gives_way)
+                self._reports.warn(gives_way)
             return None
         if self._near is None:
             self._near = monitor.approach() if base.is_moving else None
@@ -274,7 +279,6 @@ class Avoidance:
             return None
         text = f"{monitor.measured(self._near)}; stopped before it touches"
         self._near = None
-        navigator = self._parts.navigator
         if navigator is not None and (asked := navigator.replan(text)):
             self._reports.status(goal.id, "running", text=asked)
             self._reports.warn(asked)

@@ -74,13 +74,19 @@ class BesideBase:
         try:
             if companion is not None:
                 companion.check(now, t)
-            end = self._avoidance.approach(driving.goal, "base") or end
+            end = self._avoidance.approach(driving.goal, "base", t) or end
             if end is not None:
                 self._arrive(driving, active, end, now, t)
-            elif self._parts.base is not None and self._parts.base.is_halting and companion:
+            elif self._stops() and companion:
                 companion.postpone(now, t)
         except RunError as exc:
             goals.fail(active, exc, t)
+
+    def _stops(self) -> bool:
+        """Return whether the base is brought to rest before it has arrived."""
+        base, navigator = self._parts.base, self._parts.navigator
+        held_up = navigator is not None and navigator.is_held_up and not navigator.drives
+        return base is not None and (base.is_halting or (held_up and base.is_moving))
 
     def _arrive(
         self, driving: Active, active: Active, end: Outcome, now: Measured, t: float

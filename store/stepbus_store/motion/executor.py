@@ -175,7 +175,7 @@ class GoalExecutor:
             return Outcome(state="failed", cause=Cause.SLIPPED, text=lost)
         if hindrance := avoidance.hindrance(part):
             return avoidance.evade(goal, part, hindrance, t)
-        return avoidance.approach(goal, part) or ends[part]
+        return avoidance.approach(goal, part, t) or ends[part]
 
     def _stopped(self, active: Active, end: Outcome | None) -> Outcome | None:
         if end is not None and end.state == "failed":

@@ -11,10 +11,20 @@ from stepbus_store.motion.base_motion import BaseMotion
 from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.route import base_route, first_part
 
+_A_MOMENT = 0.6
+"""How long the base waits for what is in its way, until it asks for a way around that [s]."""
+
+_PATIENCE = 20.0
+"""How long it waits where there is no way around [s]."""
+
 
 @dataclass(kw_only=True)
 class _Trip:
-    """A goal that needs a route; asked_at: when the newest request was made, None: not yet [s]."""
+    """A goal that needs a route; asked_at: when the newest request was made, None: not yet [s].
+
+    hindered_at: since when something is in the way that may go away, None: nothing is [s].
+    not_before: when the next request may be made [s].
+    """
 
     goal: Goal
     held: str
@@ -25,6 +35,8 @@ class _Trip:
     route: list[Point] | None = None
     is_cut: bool = False
     alone_since: float | None = None
+    hindered_at: float | None = None
+    not_before: float = 0.0
 
 
 class Navigator:
@@ -56,6 +68,9 @@ class Navigator:
         """Whether the base stays where it is until the arm may move."""
         self.is_accompanied = False
         """Whether the goal of the arm has come that the base waits for."""
+        self.hindrance = ""
+        """What has come into the way of the base; empty: nothing."""
+        self._occupied = ""
 
     @property
     def has_route(self) -> bool:
@@ -110,6 +125,7 @@ class Navigator:
     def cancel(self) -> None:
         """Forget the goal."""
         self._trip, self._unsent, self._verdict, self.waits = None, None, None, False
+        self.hindrance = self._occupied = ""
 
     @property
     def awaits_route(self) -> bool:
@@ -126,7 +142,17 @@ class Navigator:
     def take_plan(self, plan: Plan) -> None:
         """Follow a route, or fail the goal that has none; other answers are ignored."""
         trip = self._trip
-        if trip is None or trip.drives or plan.id != trip.number:
+        if trip is None or plan.id != trip.number:
+            return
+        if trip.drives:
+            self.hindrance = plan.text if plan.cause == Cause.BLOCKED else ""
+            return
+        if plan.cause == Cause.BLOCKED:
+            # It has not driven off yet.
+            trip.asked_at, trip.route = None, None
+            return
+        if plan.cause == Cause.OCCUPIED:
+            self._occupied = plan.text
             return
         if plan.cause:
             self._verdict = Outcome(state="failed", cause=Cause.NO_PATH, text=plan.text)
@@ -148,6 +174,27 @@ class Navigator:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
         trip.drives = True
+        if trip.hindered_at is not None and trip.hindered_at < trip.not_before:
+            trip.hindered_at = None
+
+    @property
+    def is_held_up(self) -> bool:
+        """Return whether the base stands, or comes to rest, for something in its way."""
+        return self._trip is not None and self._trip.hindered_at is not None
+
+    def give_way(self, t: float) -> str:
+        """Stop for what has come into the way, and go on once there is a route; return a sentence.
+
+        It may be gone a moment later: the base waits before it looks for a way around it.
+        """
+        why, self.hindrance, trip = self.hindrance, "", self._trip
+        if trip is None or not trip.drives:
+            return ""
+        trip.drives, trip.asked_at, trip.route = False, None, None
+        trip.hindered_at = t if trip.hindered_at is None else trip.hindered_at
+        trip.not_before = t + _A_MOMENT
+        self._base.stop()
+        return f"{why}; stops, and goes on when there is a way"
 
     def replan(self, why: str) -> str:
         """Ask for another route once the base stands; return a sentence, or nothing: no more."""
@@ -166,11 +213,18 @@ class Navigator:
             return None
         if trip is None or trip.drives:
             return end
+        if self._occupied:
+            text, self._occupied = self._occupied, ""
+            trip.hindered_at = t if trip.hindered_at is None else trip.hindered_at
+            if t - trip.hindered_at > _PATIENCE:
+                text = f"{text}; it has been in the way for {_PATIENCE:g} s"
+                return Outcome(state="failed", cause=Cause.NO_PATH, text=text)
+            trip.asked_at, trip.not_before = None, t + _A_MOMENT
         if self._verdict is not None:
             verdict, self._verdict = self._verdict, None
             return verdict
         if trip.asked_at is None:
-            if not self._base.is_moving:
+            if not self._base.is_moving and t >= trip.not_before:
                 self._ask(trip, t)
         elif trip.route is None and t - trip.asked_at > self._timeout:
             text = f"the planner has not answered for {self._timeout:g} s; is it running?"

@@ -3,7 +3,6 @@
 import heapq
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -15,6 +14,7 @@ from stepbus_schemas import Plan, PlanRequest, Point, Poses
 from stepbus_store.cause import Cause
 from stepbus_store.planner.base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
 from stepbus_store.planner.obstacles import Obstacles
+from stepbus_store.planner.outline import Outline, distances, hull, outermost
 
 _CELL = 0.05
 """Of the grid that is searched where the straight line is blocked [m]."""
@@ -40,14 +40,6 @@ _SAME = 1e-3
 """Distance from the goal at which the base only turns [m]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Outline:
-    """A convex outline on the floor; corners: shape (k, 2), counter-clockwise [m]."""
-
-    link: str
-    corners: Vector
-
-
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
@@ -68,13 +60,25 @@ class BasePlanner:
         self._radius = radius
         self._half_width = half_width
 
-    def plan(self, request: PlanRequest, poses: Poses) -> Plan | None:
-        """Return the poses of a route in the frame of the request, or why there is none."""
-        if request.base is None:
-            raise ValueError("no request of a base")
-        start, goal = request.base
+    def mapped(self, request: PlanRequest, poses: Poses) -> list[Outline]:
+        """Return the outlines of what the map has, in the frame of the request."""
         skipped = {request.held, *request.touches}
-        outlines = self._outlines(self._obstacles.placements(poses), start, skipped)
+        return self._outlines(self._obstacles.placements(poses), _ends(request)[0], skipped)
+
+    def plan(
+        self, request: PlanRequest, mapped: Sequence[Outline], seen: Sequence[Outline] = ()
+    ) -> Plan:
+        """Return the poses of a route in the frame of the request, or why there is none.
+
+        seen: what is on no map. Where there would be a route without it, the cause is `occupied`.
+        """
+        plan = self._plan(request, [*mapped, *seen])
+        if plan.cause and seen and not self._plan(request, mapped).cause:
+            return Plan(id=plan.id, cause=Cause.OCCUPIED, text=plan.text)
+        return plan
+
+    def _plan(self, request: PlanRequest, outlines: Sequence[Outline]) -> Plan:
+        start, goal = _ends(request)
         a, b = np.array(start[:2]), np.array(goal[:2])
         near, gap = _nearest(outlines, b)
         if gap < self._radius:
@@ -103,7 +107,7 @@ class BasePlanner:
         )
 
     def _smooth(
-        self, start: Point, goal: Point, outlines: Sequence[_Outline]
+        self, start: Point, goal: Point, outlines: Sequence[Outline]
     ) -> tuple[SmoothRoute | None, str]:
         """Return a route and its description."""
         for route in direct_routes(start, goal, self._pace):
@@ -126,17 +130,17 @@ class BasePlanner:
             return None, ""
         return _with_corners(start, goal, corners), _detour(corners)
 
-    def _is_clear(self, route: SmoothRoute, outlines: Sequence[_Outline]) -> bool:
+    def _is_clear(self, route: SmoothRoute, outlines: Sequence[Outline]) -> bool:
         """Return whether the base may drive along a route; where it turns, its disc counts."""
         poses = np.array(route.poses)
         turns = np.abs(np.diff(poses[:, 2])) > _STRAIGHT
         turning = np.concatenate([turns[:1], turns[1:] | turns[:-1], turns[-1:]])
         needed = np.where(turning, self._radius, self._half_width)
-        return all((_distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
+        return all((distances(poses[:, :2], row.corners) >= needed).all() for row in outlines)
 
     def _outlines(
         self, placements: Mapping[str, Any], start: Point, skipped: set[str]
-    ) -> list[_Outline]:
+    ) -> list[Outline]:
         x, y, yaw = start
         turned = pin.SE3(pin.utils.rotate("z", yaw), np.array([x, y, 0.0]))
         outlines = []
@@ -147,10 +151,10 @@ class BasePlanner:
                 rows = product(*zip(box.min_, box.max_, strict=True))
                 corners = np.array([place.act(np.array(row)) for row in rows])
                 if corners[:, 2].max() > _FLOOR and corners[:, 2].min() < _TOP:
-                    outlines.append(_Outline(link=name, corners=_hull(corners[:, :2])))
-        return _outermost(outlines)
+                    outlines.append(Outline(link=name, corners=hull(corners[:, :2])))
+        return outermost(outlines)
 
-    def _escape(self, start: Point, outlines: Sequence[_Outline]) -> Vector | None:
+    def _escape(self, start: Point, outlines: Sequence[Outline]) -> Vector | None:
         """Return the nearest point straight ahead or behind at which the base may turn."""
         at, along = np.array(start[:2]), np.array([math.cos(start[2]), math.sin(start[2])])
         if _nearest(outlines, at)[1] >= self._radius:
@@ -167,20 +171,20 @@ class BasePlanner:
                     return point
         return None
 
-    def _route(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> list[Vector] | None:
+    def _route(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> list[Vector] | None:
         if self._is_free(a, b, outlines):
             return [a, b]
         corners = self._search(a, b, outlines)
         return None if corners is None else self._cut(corners, outlines)
 
-    def _is_free(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> bool:
+    def _is_free(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> bool:
         return all(
             _segment_distance(a, b, row.corners) >= self._half_width
             and _distance(b, row) >= self._radius
             for row in outlines
         )
 
-    def _cut(self, points: list[Vector], outlines: Sequence[_Outline]) -> list[Vector]:
+    def _cut(self, points: list[Vector], outlines: Sequence[Outline]) -> list[Vector]:
         """Leave out what can be left out."""
         kept, at = [points[0]], 0
         while at < len(points) - 1:
@@ -189,14 +193,14 @@ class BasePlanner:
             kept.append(points[at])
         return kept
 
-    def _search(self, a: Vector, b: Vector, outlines: Sequence[_Outline]) -> list[Vector] | None:
+    def _search(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> list[Vector] | None:
         low = np.minimum(a, b) - _AROUND
         size = np.ceil((np.maximum(a, b) + _AROUND - low) / _CELL).astype(int) + 1
         xs, ys = (low[n] + _CELL * np.arange(size[n]) for n in (0, 1))
         cells = np.stack(np.meshgrid(xs, ys, indexing="ij"), axis=-1).reshape(-1, 2)
         free = np.full(len(cells), True)
         for row in outlines:
-            free &= _distances(cells, row.corners) >= self._radius
+            free &= distances(cells, row.corners) >= self._radius
         grid = free.reshape(size)
         first, last = (tuple(np.rint((p - low) / _CELL).astype(int).tolist()) for p in (a, b))
         grid[first] = grid[last] = True
@@ -204,6 +208,12 @@ class BasePlanner:
         if path is None:
             return None
         return [a, *(low + _CELL * np.array(cell) for cell in path[1:-1]), b]
+
+
+def _ends(request: PlanRequest) -> tuple[Point, Point]:
+    if request.base is None:
+        raise ValueError("no request of a base")
+    return request.base
 
 
 def _detour(corners: Sequence[Vector]) -> str:
@@ -240,37 +250,14 @@ def _a_star(grid: Any, first: Any, last: Any) -> list[tuple[int, int]] | None:
     return None
 
 
-def _outermost(outlines: Sequence[_Outline]) -> list[_Outline]:
-    """Return the outlines without those inside of others, as items on a shelf."""
-    largest = sorted(outlines, key=lambda row: -float(np.prod(np.ptp(row.corners, axis=0))))
-    kept: list[_Outline] = []
-    for row in largest:
-        if not any((_distances(row.corners, other.corners) == 0.0).all() for other in kept):
-            kept.append(row)
-    return kept
-
-
-def _nearest(outlines: Sequence[_Outline], point: Vector) -> tuple[str, float]:
+def _nearest(outlines: Sequence[Outline], point: Vector) -> tuple[str, float]:
     rows = [(_distance(point, row), row.link) for row in outlines]
     gap, link = min(rows, default=(math.inf, ""))
     return link, gap
 
 
-def _distance(point: Vector, row: _Outline) -> float:
-    return float(_distances(point[None], row.corners)[0])
-
-
-def _distances(points: Vector, corners: Vector) -> Vector:
-    """Return the distance of each point, shape (n, 2), to a convex outline; inside: 0 [m]."""
-    ends = np.roll(corners, -1, axis=0)
-    edges = ends - corners
-    offsets = points[:, None, :] - corners
-    lengths = np.maximum((edges**2).sum(axis=1), 1e-18)
-    shares = np.clip((offsets * edges).sum(axis=2) / lengths, 0.0, 1.0)
-    away: Vector = np.linalg.norm(offsets - shares[..., None] * edges, axis=2).min(axis=1)
-    crosses = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
-    away[(crosses >= 0.0).all(axis=1)] = 0.0
-    return away
+def _distance(point: Vector, row: Outline) -> float:
+    return float(distances(point[None], row.corners)[0])
 
 
 def _segment_distance(a: Vector, b: Vector, corners: Vector) -> float:
@@ -278,7 +265,7 @@ def _segment_distance(a: Vector, b: Vector, corners: Vector) -> float:
     both = np.array([a, b])
     if _crosses(a, b, corners):
         return 0.0
-    ends = _distances(both, corners).min()
+    ends = distances(both, corners).min()
     other = _distances_to_segment(corners, a, b).min()
     return float(min(ends, other))
 
@@ -301,22 +288,3 @@ def _crosses(a: Vector, b: Vector, corners: Vector) -> bool:
     apart = side(a[None], b[None], corners) * side(a[None], b[None], ends) < 0
     across = side(corners, ends, a[None]) * side(corners, ends, b[None]) < 0
     return bool((apart & across).any())
-
-
-def _hull(points: Vector) -> Vector:
-    """Return the convex hull of points, shape (n, 2), counter-clockwise (Andrew 1979)."""
-    rows = sorted({(float(x), float(y)) for x, y in points})
-
-    def half(ordered: list[tuple[float, float]]) -> list[tuple[float, float]]:
-        kept: list[tuple[float, float]] = []
-        for p in ordered:
-            while len(kept) > 1 and _turn(kept[-2], kept[-1], p) <= 0.0:
-                kept.pop()
-            kept.append(p)
-        return kept
-
-    return np.array(half(rows)[:-1] + half(rows[::-1])[:-1])
-
-
-def _turn(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
-    return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])

@@ -1,5 +1,6 @@
 """The planner as a participant: its robot and limits, and one request after the other."""
 
+import math
 import threading
 from collections.abc import Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -10,11 +11,23 @@ from typing import Any, Literal
 import numpy as np
 
 from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version, need
-from stepbus_schemas import Description, Event, Message, Plan, PlanRequest, Poses, WiringError
+from stepbus_schemas import (
+    BaseState,
+    Description,
+    Event,
+    LaserScan,
+    Message,
+    Plan,
+    PlanRequest,
+    Point,
+    Poses,
+    WiringError,
+)
 from stepbus_store.cause import Cause
 from stepbus_store.planner import Params, path_search, timing
 from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
+from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.path_monitor import PathMonitor, PlannedPath, last_step
 from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
@@ -122,13 +135,15 @@ class Planner(Participant):
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
     describes with `details` `shape` and `body`; if there are two, the one called `planogram` has
-    the description, and the other one the poses. Outputs: one Plan/1 and, if the scenario wires it,
+    the description, and the other one the poses; any number of LaserScan/1, of lidars of the base,
+    and then one BaseState/1, odometry. Outputs: one Plan/1 and, if the scenario wires it,
     one Event/1 that reports every answer.
 
     The answer to a request comes exactly `latency` later, however long the computation takes: it
     runs beside the steps, and the step of the answer waits for it. A newer request cancels the one
     before. Planning uses the poses at the step of the request; if an object then blocks the path
-    while the robot follows it, a second answer with the same id has cause `blocked`.
+    while the robot follows it, a second answer with the same id has cause `blocked`; so it has when
+    a lidar sees something come into the way of the base.
     """
 
     def __init__(self, config: Config) -> None:
@@ -136,6 +151,11 @@ class Planner(Participant):
         ports = Ports(config)
         self._request_port = ports.input_of("PlanRequest/1")
         self._poses_port, self._map_port = ports.input_beside("Poses/1", "planogram")
+        self._odometry_port = ports.optional_input_of("BaseState/1")
+        self._scan_ports = [n for n, port in config.inputs.items() if port.type == "LaserScan/1"]
+        if self._scan_ports and self._odometry_port is None:
+            text = "a lidar needs an input of type BaseState/1, odometry, beside it"
+            ports.problems.add(("inputs",), text)
         self._plan_port = ports.output_of("Plan/1")
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("Plan/1", "Event/1")
@@ -154,6 +174,8 @@ class Planner(Participant):
         self._monitor: PathMonitor | None = None
         self._request_id = -1
         self._map: Any = None
+        self._route: RouteMonitor | None = None
+        self._next_route: RouteMonitor | None = None
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
@@ -193,7 +215,20 @@ class Planner(Participant):
             obstacles, setup.base_radius, setup.base_half_width, setup.base_pace
         )
         self._obstacles = obstacles
+        self._view = LidarView({port: self._mount(port, inputs[port]) for port in self._scan_ports})
         self._unknown = obstacles.unknown
+
+    def _mount(self, port: str, described: Description) -> Point:
+        """Return where a lidar is in the base: x, y, yaw [m, rad]."""
+        (name,) = described.names or ("",)
+        link = name.removeprefix(self._setup.prefix)
+        robot = self._setup.robot
+        if link not in robot.links:
+            text = f"{self.config.name}: input {port!r} is of link {name!r}, not one of the robot"
+            raise WiringError(text)
+        pose = robot.frame_pose(np.zeros(len(robot.joints)), link)
+        x, y, _ = pose.translation.tolist()
+        return x, y, math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Start a new request, and return the answer that is due."""
@@ -208,10 +243,14 @@ class Planner(Participant):
         request = step.get(self._request_port, PlanRequest)
         if request is not None and request.id != self._request_id:
             self._start_planning(step, request)
+        self._look(step)
         if self._pending is not None and step.index >= self._pending.due:
             self._finish(messages, self._pending, step)
         elif self._monitor is not None and step.is_new(self._poses_port):
             self._check_path(messages, self._monitor, step)
+        is_seen = self._plan_port not in messages and any(map(step.is_new, self._scan_ports))
+        if self._route is not None and is_seen:
+            self._check_route(messages, self._route, step)
         return messages
 
     def _start_planning(self, step: Step, request: PlanRequest) -> None:
@@ -223,7 +262,7 @@ class Planner(Participant):
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
             self._map = map_in_world(self._obstacles, request.base[0], poses)
-            answer = self._worker.submit(self._base_planner.plan, request, poses)
+            answer = self._worker.submit(self._plan_route, request, poses)
         else:
             answer = self._worker.submit(
                 self.planner.plan, request, poses, cancelled.is_set, self._map
@@ -236,9 +275,38 @@ class Planner(Participant):
             poses=poses,
         )
 
+    def _plan_route(self, request: PlanRequest, poses: Poses) -> Plan:
+        """Plan around what the map has, and what the lidars see; watch that from then on."""
+        mapped = self._base_planner.mapped(request, poses)
+        seen = self._view.things(mapped)
+        plan = self._base_planner.plan(request, mapped, seen)
+        self._next_route = None
+        if self._scan_ports and plan.route and request.base is not None:
+            route = [request.base[0], *plan.route]
+            width = self._setup.base_half_width
+            self._next_route = RouteMonitor(request.id, route, mapped, seen, width)
+        return plan
+
+    def _look(self, step: Step) -> None:
+        """Take what the lidars see."""
+        base = step.get(self._odometry_port, BaseState) if self._odometry_port else None
+        for port in self._scan_ports if base is not None else ():
+            if step.is_new(port):
+                self._view.take(port, step.read(port, LaserScan), base)
+
+    def _check_route(self, messages: dict[str, Message], route: RouteMonitor, step: Step) -> None:
+        """Report something that comes into the way of the base."""
+        base = step.read(self._odometry_port or "", BaseState)
+        text = route.check(self._view.things(route.mapped), base, step.t)
+        if text:
+            self._route = None
+            self._publish(messages, Plan(id=route.request_id, cause=Cause.BLOCKED, text=text))
+
     def _finish(self, messages: dict[str, Message], pending: _Pending, step: Step) -> None:
         plan = pending.answer.result()
         self._pending = None
+        if pending.request.base is not None:
+            self._route, self._next_route = self._next_route, None
         if plan is not None:
             self._publish(messages, plan)
             is_watched = not (plan.cause or plan.route)
