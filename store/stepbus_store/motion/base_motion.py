@@ -278,7 +278,10 @@ class BaseMotion:
         holds = self._drive is None
         command = tracking_command(wanted, self.state, self._settings, holds=holds)
         before, self._wanted = self._wanted, BaseCommand(vx=wanted.vx, wz=wanted.wz)
-        step = BaseCommand(vx=wanted.vx - before.vx, wz=wanted.wz - before.wz)
+        vx, wz, most = wanted.vx - before.vx, wanted.wz - before.wz, self._settings.acceleration
+        # On a curve it turns no harder than it may, unless it brakes.
+        brakes = abs(vx) > most * self._dt or wanted.vx == 0.0
+        step = BaseCommand(vx=vx, wz=wz if brakes else 0.0)
         self._sent = within_limits(command, self._sent, step, self._settings, self._dt)
         return self._sent
 

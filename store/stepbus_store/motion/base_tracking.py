@@ -71,7 +71,6 @@ def within_limits(
     much the reference itself changes: where that brakes harder, so does the base. dt: between the
     two [s].
     """
-    brakes = abs(step.vx) > settings.acceleration * dt or command.vx == 0.0
 
     def limited(now: float, last: float, own: float, acceleration: float) -> float:
         most = max(acceleration * dt, abs(own))
@@ -79,7 +78,7 @@ def within_limits(
 
     return BaseCommand(
         vx=limited(command.vx, before.vx, step.vx, settings.acceleration),
-        wz=limited(command.wz, before.wz, step.wz * brakes, settings.turn_acceleration),
+        wz=limited(command.wz, before.wz, step.wz, settings.turn_acceleration),
     )
 
 

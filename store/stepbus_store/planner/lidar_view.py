@@ -142,8 +142,8 @@ class RouteMonitor:
             # To what is beside it, and no nearer ahead, it comes no closer.
             hits = np.flatnonzero(gaps < room)
             if len(hits) and gaps[hits].min() < gaps[0] - 1e-2:
-                far = float(np.linalg.norm(ahead[hits[0]] - here))
-                return f"{thing.link} is {gaps[hits].min():.2f} m from the route, {far:.1f} m ahead"
+                far = float(np.linalg.norm(ahead[gaps.argmin()] - here))
+                return f"{thing.link} is {gaps.min():.2f} m from the route, {far:.1f} m ahead"
         return ""
 
 

@@ -290,8 +290,8 @@ class Planner(Participant):
     def _look(self, step: Step) -> None:
         """Take what the lidars see."""
         base = step.get(self._odometry_port, BaseState) if self._odometry_port else None
-        for port in self._scan_ports if base is not None else ():
-            if step.is_new(port):
+        for port in self._scan_ports:
+            if base is not None and step.is_new(port):
                 self._view.take(port, step.read(port, LaserScan), base)
 
     def _check_route(self, messages: dict[str, Message], route: RouteMonitor, step: Step) -> None:

@@ -33,7 +33,7 @@ def plan(start, goal, *crates, at=None):
     )
     planner = BasePlanner(Obstacles("poses", described, "chassis"), RADIUS, HALF_WIDTH)
     request = PlanRequest(id=7, start=[], goal=[], base=(start, goal))
-    return planner.plan(request, poses)
+    return planner.plan(request, planner.mapped(request, poses))
 
 
 def closest(start, route, crate):

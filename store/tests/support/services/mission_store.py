@@ -187,9 +187,11 @@ class FakeStore:
 
     def poses(self) -> Poses:
         rows = list(self.things.values())
+        x, y, yaw = self.base
+        turn = (0.0, 0.0, math.sin(yaw / 2), math.cos(yaw / 2))
         return Poses(
-            position=[(0.0, 0.0, 0.0), *((t.x, t.y, t.z) for t in rows), (0.15, 0.65, 0.0)],
-            orientation=[IDENTITY, *(t.orientation for t in rows), IDENTITY],
+            position=[(x, y, 0.0), *((t.x, t.y, t.z) for t in rows), (0.15, 0.65, 0.0)],
+            orientation=[turn, *(t.orientation for t in rows), IDENTITY],
         )
 
     def odometry(self) -> BaseState:
