@@ -16,7 +16,10 @@ from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
 
 SIDES = ("left", "right")
-DEVICES = {"odometry": "base", "gripper": "gripper", "contacts": "contacts"}
+DEVICES = {
+    "odometry": "base", "gripper": "gripper", "contacts": "contacts", "imu": "imu",
+    "front": "front", "back": "back",
+}  # fmt: skip
 """Outputs of the plant of which each robot has its own → the device that they are named after."""
 
 
@@ -75,7 +78,7 @@ def doubled(folder, file, world_file, body, apart):
     at = robot.get("position", [0, 0, 0])
     moved = {**robot, "position": [a + b for a, b in zip(at, apart, strict=True)]}
     world["bodies"] |= {"left": robot, "right": moved}
-    for section in ("bases", "grippers", "contacts", "cameras"):
+    for section in ("bases", "grippers", "contacts", "cameras", "imus", "lidars"):
         world[section] = both(world.get(section, {}), _devices)
     (folder / "world.yaml").write_text(json.dumps(world))
     (folder / "two.yaml").write_text(json.dumps({**data, "name": "two", "participants": rows}))

@@ -257,7 +257,7 @@ def test_after_an_emergency_stop_the_sale_goes_on_without_a_jump(tmp_path, at_s)
     speeds = np.array([joints[after + k].velocity for k in range(40)])
     # Within the limit of acceleration, 3 rad/s².
     assert np.abs(np.diff(speeds, axis=0)).max() < 3.1 * period
-    stood = np.array([joints[step].velocity for step in range(int(first) + 8, int(last_one))])
+    stood = np.array([joints[step].velocity for step in range(int(first) + 16, int(last_one))])
     assert np.abs(stood).max() < 0.01
 
 
