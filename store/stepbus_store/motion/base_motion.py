@@ -18,7 +18,7 @@ from stepbus_store.motion.base_segments import (
     same_line,
     wrapped,
 )
-from stepbus_store.motion.base_settings import BaseSettings
+from stepbus_store.motion.base_settings import PLANNED, BaseSettings
 from stepbus_store.motion.base_tracking import (
     TrackingError,
     slow_wheels,
@@ -257,8 +257,9 @@ class BaseMotion:
         limits, speed = self._settings.limits_of(segment), abs(speed)
         settings = self._settings
         safe = settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
-        # Half of both accelerations is left for the motion itself.
-        turning, slowing = settings.turn_acceleration / 2, settings.acceleration / 2
+        turning, slowing = (
+            PLANNED * most for most in (settings.turn_acceleration, settings.acceleration)
+        )
         agile = segment.fastest(s, turning, slowing)
         wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt

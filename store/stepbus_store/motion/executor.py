@@ -113,8 +113,10 @@ class GoalExecutor:
         ends = self._parts.check(now, t)
         self._parts.secure(now, dt)
         collision, lost = self._avoidance.new_collision(), self._parts.lost(t)
-        # An arm that runs into something does not follow either: then the collision is the cause.
-        jam = "" if collision is not None else self._parts.arm.jam(now.q, now.effort, t)
+        # An arm that runs into something does not follow either, nor does it always get away from
+        # that: then the collision is the cause.
+        is_hit = collision is not None or self._avoidance.backs_off
+        jam = "" if is_hit else self._parts.arm.jam(now.q, now.effort, t)
         if goals.driving is not None:
             touches, loses = collision is not None, bool(lost)
             self._beside.check(ends["base"], now, t, touches=touches, loses=loses)
