@@ -6,7 +6,7 @@ of each state, `checks.py` and `detection.py` decide when a state ends.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import msgspec
 
@@ -41,6 +41,7 @@ from stepbus_store.mission.checks import PLANNABLE, check_of, overturned
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.interruption import TRIPS, Interruption
 from stepbus_store.mission.params import Params, unknown_type
+from stepbus_store.mission.port_names import find_ports
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
 from stepbus_store.mission.state import (
     ASIDES,
@@ -57,25 +58,6 @@ from stepbus_store.mission.true_base import TrueBase
 from stepbus_store.mission.witness import Witness
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
-
-
-@dataclass(frozen=True, kw_only=True)
-class _PortNames:
-    """Names of the ports; summary may be the same as events."""
-
-    poses: str
-    planogram: str
-    detections: str
-    gripper: str
-    odometry: str
-    pose: str
-    status: str
-    contacts: str | None
-    stop: str | None
-    imu: str | None
-    goal: str
-    events: str
-    summary: str
 
 
 class StoreMission(Participant):
@@ -98,7 +80,7 @@ class StoreMission(Participant):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         ports = Ports(config)
-        self._ports = _find_ports(ports)
+        self._ports = find_ports(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
         self._further: list[str] = []
@@ -378,28 +360,6 @@ def _all_unsold(store: StoreState) -> list[Unsold]:
         if number not in known:
             rows.append(Unsold(number=number, order=str(order), reason="not tried"))
     return rows
-
-
-def _find_ports(ports: Ports) -> _PortNames:
-    events, summary_port = ports.event_outputs()
-    ports.outputs_are("Goal/1", "Event/1")
-    poses, planogram = ports.input_beside("Poses/1", "planogram")
-    odometry, pose = ports.input_beside("BaseState/1", "pose")
-    return _PortNames(
-        poses=poses,
-        planogram=planogram,
-        detections=ports.input_of("Detections/1"),
-        gripper=ports.input_of("GripperState/1"),
-        odometry=odometry,
-        pose=pose,
-        status=ports.input_of("GoalStatus/1"),
-        contacts=ports.optional_input_of("Contacts/1"),
-        stop=ports.optional_input_of("EmergencyStop/1"),
-        imu=ports.optional_input_of("Imu/1"),
-        goal=ports.output_of("Goal/1"),
-        events=events,
-        summary=summary_port,
-    )
 
 
 def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:
