@@ -26,7 +26,7 @@ Action = dict[str, Any]
 
 @dataclass(frozen=True, kw_only=True)
 class Case:
-    """One sale. script: of the plant. killed: a participant; at_step: when."""
+    """One sale. script: of the plant. killed: a participant; at_step: when. fault: another one."""
 
     number: int
     family: str
@@ -36,10 +36,15 @@ class Case:
     script: Sequence[Action] = field(default_factory=list)
     killed: str = ""
     at_step: int = 0
+    fault: str = ""
 
     def __str__(self) -> str:
         """Return the case in words."""
-        what = f"kill {self.killed} at {self.at_step}" if self.killed else _in_words(self.script)
+        what = (
+            f"kill {self.killed} at {self.at_step}"
+            if self.killed
+            else self.fault or _in_words(self.script)
+        )
         where = f"{self.scenario}, stock {self.seed}, {self.order}"
         return f"#{self.number} {self.family}: {where}; {what}"
 
@@ -54,7 +59,8 @@ class Case:
         ]
         if self.killed:
             return [*words, "--fault", f"kill {self.killed} at {self.at_step}"]
-        return [*words, "--in-process"]
+        faults = ["--fault", self.fault] if self.fault else []
+        return [*words, *faults, "--in-process"]
 
 
 def _flow(value: object) -> str:
@@ -214,6 +220,22 @@ def _camera(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     return {"scenario": "store", "script": script}
 
 
+def _stop(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Stop everything at any time, and release it some seconds later."""
+    at, length = chance.uniform(0.3, 17.0), chance.uniform(0.3, 4.0)
+    script: list[Action] = [
+        {"at": f"{at:.3f}s", "emergency_stop": True},
+        {"at": f"{at + length:.3f}s", "emergency_stop": False},
+    ]
+    return {"scenario": chance.choice(["store", "store/truth"]), "script": script}
+
+
+def _lost(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
+    """Lose a message that others wait for."""
+    who = chance.choice(["plant", "controller", "mission"])
+    return {"fault": f"drop {who} at {chance.randrange(20, 1000)}"}
+
+
 FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, Any]]] = {
     "posts on the way": _posts,
     "a post appears": _sudden,
@@ -226,4 +248,6 @@ FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, An
     "jammed joint": _jam,
     "blocked camera": _camera,
     "posts at the outlet": _outlet_posts,
+    "emergency stop": _stop,
+    "lost message": _lost,
 }

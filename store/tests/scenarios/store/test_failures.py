@@ -235,7 +235,7 @@ def test_where_there_is_no_path_the_run_fails_with_everything_at_rest(tmp_path):
     assert_nothing_was_touched(recording, "pillar_post")
 
 
-STOPS = {"leaving": 1.0, "approaching": 4.9, "holding": 8.2, "bringing": 12.5, "placing": 15.0}
+STOPS = {"approaching": 4.9, "bringing": 12.5}
 
 
 @pytest.mark.parametrize("at_s", STOPS.values(), ids=STOPS)
