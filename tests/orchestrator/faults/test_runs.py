@@ -16,6 +16,7 @@ from stepbus_orchestrator.scenario.load import load
 NAMES = ("plant", "controller", "mission")
 FAST = [f"{name}.step_timeout=1s" for name in NAMES]
 """For those runs in which somebody misses a deadline."""
+TEN_SECONDS = [f"{name}.step_timeout=10s" for name in NAMES]
 PATIENT = [f"{name}.step_timeout=30s" for name in NAMES]
 
 
@@ -64,7 +65,7 @@ class Sentences(Observer):
 def test_a_message_that_is_lost_is_published_again(tmp_path, fault, who, step):
     plain = run_joints(tmp_path / "plain", in_process=True)
     observer = Sentences()
-    scenario = load(write_scenario(tmp_path / "source"), FAST, [fault])
+    scenario = load(write_scenario(tmp_path / "source"), TEN_SECONDS, [fault])
     result = run(scenario, Options(out=tmp_path / "out"), observer)
     assert (result.exit_code, result.reason) == (0, "finished")
     assert messages(result.recording) == messages(plain.recording)
@@ -73,7 +74,7 @@ def test_a_message_that_is_lost_is_published_again(tmp_path, fault, who, step):
 
 
 def test_what_its_source_is_ahead_of_is_a_skipped_step(tmp_path):
-    result = run_with(tmp_path, "drop mission at 40", overrides=[*FAST, "window=16"])
+    result = run_with(tmp_path, "drop mission at 40", overrides=[*PATIENT, "window=16"])
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
     assert "mission skipped from step 36 to 44 (expected 40)" in result.reason
 
