@@ -67,6 +67,12 @@ class LidarView:
         away = np.stack([np.cos(angles), np.sin(angles)], axis=1)
         self._things[port] = list(_things(at, ranges, away))
 
+    def snapshot(self) -> "LidarView":
+        """Return the same view, which later scans do not change."""
+        view = LidarView(self._mounts)
+        view._things = dict(self._things)
+        return view
+
     def things(self, mapped: Sequence[Outline]) -> list[Outline]:
         """Return outlines of all that is seen and not on the map."""
         seen = []

@@ -262,7 +262,8 @@ class Planner(Participant):
         answer: Future[Plan | None]
         if request.base is not None and poses is not None:
             self._map = map_in_world(self._obstacles, request.base[0], poses)
-            answer = self._worker.submit(self._plan_route, request, poses)
+            # The worker sees what is seen now, however long it takes.
+            answer = self._worker.submit(self._plan_route, request, poses, self._view.snapshot())
         else:
             answer = self._worker.submit(
                 self.planner.plan, request, poses, cancelled.is_set, self._map
@@ -275,10 +276,10 @@ class Planner(Participant):
             poses=poses,
         )
 
-    def _plan_route(self, request: PlanRequest, poses: Poses) -> Plan:
+    def _plan_route(self, request: PlanRequest, poses: Poses, view: LidarView) -> Plan:
         """Plan around what the map has, and what the lidars see; watch that from then on."""
         mapped = self._base_planner.mapped(request, poses)
-        seen = self._view.things(mapped)
+        seen = view.things(mapped)
         plan = self._base_planner.plan(request, mapped, seen)
         self._next_route = None
         if self._scan_ports and plan.route and request.base is not None:

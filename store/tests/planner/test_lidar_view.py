@@ -113,3 +113,13 @@ def test_where_only_what_is_seen_is_in_the_way_the_place_is_occupied():
     answer = plan((2.1, 0.0))
     assert answer.cause == "occupied"
     assert answer.text.startswith(f"{SEEN} is 0.")
+
+
+def test_a_snapshot_does_not_change_with_later_scans():
+    view = LidarView({"front": MOUNT, "back": (-0.31, 0.0, math.pi)})
+    view.take("front", scan_of([(1.5, 0.0)], HERE, MOUNT), HERE)
+    before = view.snapshot()
+    view.take("front", scan_of([], HERE, MOUNT), HERE)
+    view.take("back", scan_of([(-1.5, 0.0)], HERE, (-0.31, 0.0, math.pi)), HERE)
+    (thing,) = before.things([])
+    assert thing.corners[:, 0].min() > 1.0
