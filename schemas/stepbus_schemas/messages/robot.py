@@ -218,6 +218,10 @@ class EmergencyStop(Message, frozen=True):
     by: Annotated[str, meta("who stopped or released it; empty: it has run from the start")] = ""
     since: Annotated[float, meta("simulation time of that", "s")] = 0.0
 
+    def __str__(self) -> str:
+        """Return who has stopped the plant, and when."""
+        return f"emergency stop by {self.by} at {self.since:.2f} s"
+
 
 class Contacts(Message, frozen=True):
     """Pairs of links in contact, in the order of their names."""

@@ -4,6 +4,8 @@ import math
 from collections.abc import Sequence
 from typing import Any, ClassVar, NoReturn
 
+import msgspec
+
 from stepbus_participant import InvalidInput
 from stepbus_plant.drives import Motors
 from stepbus_schemas import JointCommand, JointMode, WiringError
@@ -22,28 +24,26 @@ class CommandError(InvalidInput, ValueError):
     """An invalid command; its sender is to blame."""
 
 
-class Ramp:
-    """Brings joints to rest together, each no harder than it may brake.
+class Ramp(msgspec.Struct):
+    """Brings joints to rest together.
 
-    positions, velocities: at the start [rad, rad/s]. brakes: largest decelerations [rad/s²].
+    positions, velocities: of now [rad, rad/s]. left: until they are at rest [s].
     """
 
-    def __init__(
-        self, positions: Sequence[float], velocities: Sequence[float], brakes: Sequence[float]
-    ) -> None:
-        self._positions, self._velocities = list(positions), list(velocities)
-        self._left = max(abs(v) / most for v, most in zip(velocities, brakes, strict=True))
+    positions: list[float]
+    velocities: list[float]
+    left: float
 
     def after(self, seconds: float) -> tuple[list[float], list[float]] | None:
         """Return positions and velocities some time later; None: all are at rest."""
-        if self._left <= seconds:
+        if self.left <= seconds:
             return None
-        share = 1.0 - seconds / self._left
-        self._left -= seconds
-        before, self._velocities = self._velocities, [v * share for v in self._velocities]
-        means = ((one + two) / 2 for one, two in zip(before, self._velocities, strict=True))
-        self._positions = [p + v * seconds for p, v in zip(self._positions, means, strict=True)]
-        return self._positions, self._velocities
+        share = 1.0 - seconds / self.left
+        self.left -= seconds
+        before, self.velocities = self.velocities, [v * share for v in self.velocities]
+        means = ((one + two) / 2 for one, two in zip(before, self.velocities, strict=True))
+        self.positions = [p + v * seconds for p, v in zip(self.positions, means, strict=True)]
+        return self.positions, self.velocities
 
 
 class Commander:
@@ -66,7 +66,8 @@ class Commander:
         self._physics = motors.physics
         self._warnings = motors.warnings
         self.mode: JointMode | None = None
-        self._ramp: Ramp | None = None
+        self.ramp: Ramp | None = None
+        """How the joints come to rest; None: they do not, or are."""
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
         self._drives = [motors.drive_of[name] for name in names]
@@ -95,14 +96,14 @@ class Commander:
         value that is not finite, a mode that a joint does not accept, a teleport beyond a stop, and
         a joint that another input drives. Every joint accepts mode brake.
         """
-        self._ramp = None
+        self.ramp = None
         self.execute(command)
 
     def before_step(self) -> None:
         """Prepare a communication step, with or without a new command: the drives keep theirs."""
-        if self._ramp is None:
+        if self.ramp is None:
             return
-        state = self._ramp.after(self._motors.period_ns * 1e-9)
+        state = self.ramp.after(self._motors.period_ns * 1e-9)
         if state is None:
             self.stop()
             return
@@ -114,7 +115,7 @@ class Commander:
 
     def stop(self) -> None:
         """Hold every joint at its current position; a repeated brake keeps the first one."""
-        self._ramp = None
+        self.ramp = None
         if self.mode == "brake":
             return
         for (drive, index), position in zip(self._drives, self._positions(), strict=True):
@@ -128,8 +129,10 @@ class Commander:
             self.stop()
             return
         states = [self._physics.state(joint) for joint in self._joints]
-        positions, velocities = zip(*states, strict=True)
-        self._ramp = Ramp(positions, velocities, brakes)
+        positions, velocities = map(list, zip(*states, strict=True))
+        # Each no harder than it may brake.
+        left = max(abs(v) / most for v, most in zip(velocities, brakes, strict=True))
+        self.ramp = Ramp(positions, velocities, left)
 
     def execute(self, command: JointCommand) -> None:
         """Execute a command of joints, see `apply`."""

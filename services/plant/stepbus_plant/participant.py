@@ -17,7 +17,7 @@ from stepbus_participant import (
     installed_version,
 )
 from stepbus_plant.camera import TYPES
-from stepbus_plant.commander import Commander
+from stepbus_plant.commander import Commander, Ramp
 from stepbus_plant.devices import COMMANDS, STATES, period_problem
 from stepbus_plant.emergency import Watchdog
 from stepbus_plant.params import Params
@@ -46,6 +46,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 
     stop: the emergency stop, and whether it has been published; None: `is_stopped`, of stepbus 0.1,
     says whether it is active. heard: input → time of its latest command, of the watchdog [ns].
+    ramps: input → how what it drives comes to rest.
     """
 
     plant: bytes
@@ -55,6 +56,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     is_stopped: bool = False
     stop: tuple[EmergencyStop, bool] | None = None
     heard: dict[str, int] = {}
+    ramps: dict[str, Ramp] = {}
 
 
 class Plant(Participant):
@@ -209,8 +211,9 @@ class Plant(Participant):
         modes = {port: driver.mode for port, driver in self._drivers.items()}
         stop = (self.plant.stop.state, self.plant.stop.is_told)
         heard = self._watchdog.heard
+        ramps = {port: row.ramp for port, row in self._drivers.items() if row.ramp is not None}
         return msgspec.msgpack.encode(
-            _Saved(plant, modes, self._warnings, self._events, stop=stop, heard=heard)
+            _Saved(plant, modes, self._warnings, self._events, stop=stop, heard=heard, ramps=ramps)
         )
 
     def restore(self, state: bytes) -> None:
@@ -218,7 +221,7 @@ class Plant(Participant):
         saved = msgspec.msgpack.decode(state, type=_Saved)
         self.plant.restore(saved.plant)
         for port, driver in self._drivers.items():
-            driver.mode = saved.modes[port]
+            driver.mode, driver.ramp = saved.modes[port], saved.ramps.get(port)
         self._warnings, self._events = saved.warnings, saved.events
         self._watchdog.heard = saved.heard
         stop = self.plant.stop

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping
 from stepbus_store.cause import Cause
 from stepbus_store.mission.report import Unsold
 from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
-from stepbus_store.mission.state_table import STATES
+from stepbus_store.mission.state_table import BESIDE, STATES
 from stepbus_store.mission.stock import Item
 from stepbus_store.mission.verification import aim, correct, find, verify
 
@@ -33,11 +33,6 @@ _APPROACHING = ("approaching it", "following it", "opening less", "moving down")
 """Activities before the gripper has closed."""
 
 _NO_ANSWER = "the controller does not answer"
-_BESIDE = (
-    "fold", "ready", "reach", "arrive", "draw_in", "bring", "come_home",
-)  # fmt: skip
-"""States while the base drives."""
-
 _LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
 """Causes after which a participant is missing: the run ends soon, and nothing may move then."""
 
@@ -154,7 +149,7 @@ def landed(store: StoreState) -> Outcome | None:
 def _trip_failed(store: StoreState) -> Outcome | None:
     """Return a failure if the base's goal has failed while others are carried out beside it."""
     trip = store.inputs.trip
-    if trip is None or store.visit.state not in _BESIDE:
+    if trip is None or store.visit.state not in BESIDE:
         return None
     if trip.state == "running" and trip.text and trip.text != store.trip_text:
         store.trip_text = trip.text

@@ -4,16 +4,7 @@ from stepbus_schemas import EmergencyStop
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import rest_of
 from stepbus_store.mission.state import Outcome, StoreState
-from stepbus_store.mission.state_table import STATES
-
-_BESIDE = {
-    **dict.fromkeys(("fold", "ready", "reach", "arrive"), "depart"),
-    **dict.fromkeys(("draw_in", "bring", "come_home"), "return"),
-}
-"""State beside a base that drives → the state that sends it off; all others begin once more."""
-
-TRIPS = {**{state: state for state in ("depart", "return", "drive", "home")}, **_BESIDE}
-"""State while the base drives → the state that sends it off."""
+from stepbus_store.mission.state_table import BESIDE, STATES
 
 
 class Interruption:
@@ -29,11 +20,11 @@ class Interruption:
         if self._stop is None:
             return False
         if was is None:
-            text = f"{sentence(self._stop)}: nothing is commanded until it is released"
+            text = f"{self._stop}: nothing is commanded until it is released"
             store.log.append(("warning", text))
         longest = store.settings.waits.release
         if store.inputs.t_ns * 1e-9 - self._stop.since >= longest:
-            text = f"{sentence(self._stop)}, not released for {longest:g} s"
+            text = f"{self._stop}, not released for {longest:g} s"
             store.record_problem(Outcome(name="failed", cause=Cause.EMERGENCY_STOP, text=text))
             store.rest = rest_of(store)
             self.is_over = True
@@ -43,13 +34,9 @@ class Interruption:
         """Return the state to begin again at the step of a release, else nothing; call it first."""
         if self._stop is None or now is None or now.active:
             return ""
-        state = _BESIDE.get(store.visit.state, store.visit.state)
+        # Beside a base that drives, it is sent off again; all others begin once more.
+        state = BESIDE.get(store.visit.state, store.visit.state)
         took = now.since - self._stop.since
         text = f"emergency stop released by {now.by} after {took:.2f} s; goes on"
         store.log.append(("info", f"{text} {STATES[state].doing}"))
         return state
-
-
-def sentence(stop: EmergencyStop) -> str:
-    """Return who has stopped the robot, and when."""
-    return f"emergency stop by {stop.by} at {stop.since:.2f} s"

@@ -105,6 +105,16 @@ STATES: Mapping[str, State] = {
 }
 
 
+BESIDE = {
+    **dict.fromkeys(("fold", "ready", "reach", "arrive"), "depart"),
+    **dict.fromkeys(("draw_in", "bring", "come_home"), "return"),
+}
+"""State beside a base that drives → the state that sends the base off."""
+
+TRIPS = {**{state: state for state in ("depart", "return", "drive", "home")}, **BESIDE}
+"""State while the base drives → likewise."""
+
+
 def diagram() -> str:
     """Return the table as text, one line per state; ↓ leads to the state in the next line."""
     names = list(STATES)

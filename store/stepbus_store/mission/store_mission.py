@@ -39,7 +39,7 @@ from stepbus_schemas import (
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import PLANNABLE, check_of, overturned
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.interruption import TRIPS, Interruption
+from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.port_names import find_ports
 from stepbus_store.mission.report import WITNESSES, Unsold, summary
@@ -52,7 +52,7 @@ from stepbus_store.mission.state import (
     StoreState,
     Visit,
 )
-from stepbus_store.mission.state_table import FIRST, LAST, STATES
+from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.true_base import TrueBase
 from stepbus_store.mission.witness import Witness

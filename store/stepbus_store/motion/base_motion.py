@@ -254,8 +254,8 @@ class BaseMotion:
             return
         segment, turns = drive.segment, drive.segment.turns
         s, speed, _ = drive.now()
-        limits, speed = self._settings.limits_of(segment), abs(speed)
         settings = self._settings
+        limits, speed = settings.limits_of(segment), abs(speed)
         safe = settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
         turning, slowing = (
             PLANNED * most for most in (settings.turn_acceleration, settings.acceleration)
@@ -263,7 +263,7 @@ class BaseMotion:
         agile = segment.fastest(s, turning, slowing)
         wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
-        hardest = _EMERGENCY * self._settings.braking(turns=turns).acceleration[0]
+        hardest = _EMERGENCY * settings.braking(turns=turns).acceleration[0]
         fall = hardest / max(speed, 1e-9) * dt
         self._scale += min(max(wanted - self._scale, -float(fall)), rise)
         if drive.is_over:

@@ -147,11 +147,8 @@ class Navigator:
         if trip.drives:
             self.hindrance = plan.text if plan.cause == Cause.BLOCKED else ""
             return
-        if plan.cause == Cause.BLOCKED:
-            # It has not driven off yet.
-            trip.asked_at, trip.route = None, None
-            return
-        if plan.cause == Cause.OCCUPIED:
+        if plan.cause in (Cause.OCCUPIED, Cause.BLOCKED):
+            # Blocked: it has not driven off yet.
             self._occupied = plan.text
             return
         if plan.cause:
@@ -174,8 +171,7 @@ class Navigator:
             self._verdict = Outcome(state="failed", cause=exc.cause, text=str(exc))
             return
         trip.drives = True
-        if trip.hindered_at is not None and trip.hindered_at < trip.not_before:
-            trip.hindered_at = None
+        trip.hindered_at = None
 
     @property
     def is_held_up(self) -> bool:
@@ -219,7 +215,7 @@ class Navigator:
             if t - trip.hindered_at > _PATIENCE:
                 text = f"{text}; it has been in the way for {_PATIENCE:g} s"
                 return Outcome(state="failed", cause=Cause.NO_PATH, text=text)
-            trip.asked_at, trip.not_before = None, t + _A_MOMENT
+            trip.asked_at, trip.route, trip.not_before = None, None, t + _A_MOMENT
         if self._verdict is not None:
             verdict, self._verdict = self._verdict, None
             return verdict

@@ -53,7 +53,7 @@ class BasePlanner:
         obstacles: Obstacles,
         radius: float,
         half_width: float,
-        pace: BasePace = BasePace(),  # noqa: B008
+        pace: BasePace,
     ) -> None:
         self._obstacles = obstacles
         self._pace = pace

@@ -8,6 +8,7 @@ import pytest
 
 from stepbus_schemas import Description, PlanRequest, Poses
 from stepbus_store.motion.base_segments import arc_direction
+from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.obstacles import Obstacles
 
@@ -31,7 +32,7 @@ def plan(start, goal, *crates, at=None):
             *[(0.0, 0.0, 0.0, 1.0)] * len(crates),
         ],
     )
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), RADIUS, HALF_WIDTH)
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), RADIUS, HALF_WIDTH, BasePace())
     request = PlanRequest(id=7, start=[], goal=[], base=(start, goal))
     return planner.plan(request, planner.mapped(request, poses))
 

@@ -7,6 +7,7 @@ import pytest
 from support.services.floor import box, scan_of
 
 from stepbus_schemas import BaseState, Description, PlanRequest, Poses
+from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import SEEN, LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles
@@ -96,7 +97,7 @@ def test_what_the_base_has_passed_hinders_it_no_more():
 
 def plan(*boxes, goal=(2.0, 0.0, 0.0)):
     described = Description(names=["chassis"], details={"shape": [""], "body": ["robot"]})
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), 0.385, 0.36)
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), 0.385, 0.36, BasePace())
     request = PlanRequest(id=7, start=[], goal=[], base=((0.0, 0.0, 0.0), goal))
     poses = Poses(position=[(0.0, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)])
     return planner.plan(request, planner.mapped(request, poses), [box(*at) for at in boxes])

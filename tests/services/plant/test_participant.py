@@ -190,3 +190,32 @@ def test_a_call_moves_a_body_and_no_checkpoint_claims_to_know_it():
 def test_a_body_that_cannot_be_moved_stays(args, text):
     with pytest.raises(CallError, match=re.escape(text)):
         started().participant.calls()["move_body"].function(*args)
+
+
+WORLD = """
+bodies:
+  arm: {urdf: URDF, fixed_base: true, joint_defaults: {mode: velocity, brake: 4}}
+"""
+
+
+def test_a_checkpoint_while_the_joints_come_to_rest_goes_on_to_the_bit(tmp_path):
+    world = tmp_path / "world.yaml"
+    world.write_text(WORLD.replace("URDF", str(TWO_LINK / "two_link.urdf")))
+    one, other = (started(world=str(world)) for _ in range(2))
+    turn = JointCommand(mode="velocity", values=[2.0, -1.0])
+    for step in range(100):
+        one.update(step, command=turn)
+    one.participant.emergency_stop()
+    for step in range(100, 130):
+        one.update(step)
+    other.participant.restore(one.participant.save())
+    speeds = []
+    for step in range(130, 260):
+        one.update(step)
+        other.update(step)
+        states = [stand.participant.plant.sense() for stand in (one, other)]
+        assert states[0] == states[1]
+        speeds.append(max(map(abs, states[0].velocity)))
+    # It brakes from 2 rad/s with 4 rad/s² in 100 steps of 5 ms.
+    assert speeds[0] > 1.0
+    assert speeds[-1] < 1e-3

@@ -1,6 +1,7 @@
 """The curves of a recording: few points that look like all of them, in little memory."""
 
 import sys
+from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -90,16 +91,16 @@ class FieldCurve:
     curve: Curve
 
 
-class PortReader:
+class PortReader(ABC):
     """Takes what a report shows of one port. problem: why it is not read to its end; or empty."""
 
     def __init__(self, port: Port) -> None:
         self.port = port
         self.problem = ""
 
+    @abstractmethod
     def take(self, batch: Batch) -> None:
         """Take the next piece; raises MessageError for one that cannot be read."""
-        raise NotImplementedError
 
 
 def read_ports(recording: Recording, readers: Sequence[PortReader]) -> float:

@@ -120,9 +120,8 @@ class MobileController(Participant):
         is_stopped = stop is not None and stop.active
         if is_first:
             self._executor.hold(now)
-        if stop is not None and stop.active:
-            text = f"emergency stop by {stop.by} at {stop.since:.2f} s"
-            self._executor.interrupt(now, text, self._period)
+        if is_stopped:
+            self._executor.interrupt(now, str(stop), self._period)
         elif not is_first:
             self._executor.check(now, step.t, self._period)
         self._take_plan(step)
