@@ -10,8 +10,7 @@ from stepbus_schemas import Description, EmergencyStop
 class StopSwitch:
     """Brakes what the drivers move from one change to the next, whatever is commanded meanwhile.
 
-    drivers: of the inputs; those of grippers do not obey, and keep what they hold. state: what is
-    published at the first step and after every change.
+    drivers: of the inputs; those of grippers do not obey, and keep what they hold. state: of now.
     """
 
     description = Description()
@@ -19,7 +18,6 @@ class StopSwitch:
     def __init__(self) -> None:
         self.drivers: list[Commander] = []
         self.state = EmergencyStop(active=False)
-        self.is_told = False
 
     @property
     def active(self) -> bool:
@@ -34,17 +32,13 @@ class StopSwitch:
         if active == self.active:
             return
         self.state = EmergencyStop(active=active, by=by, since=t_ns * 1e-9)
-        self.is_told = False
         for driver in self.drivers:
             if active and driver.obeys_stop:
                 driver.halt()
         record(t_ns, f"emergency stop{'' if active else ' released'} by {by}")
 
-    def sense(self, _t_ns: int) -> EmergencyStop | None:
-        """Return the state, if it has changed."""
-        if self.is_told:
-            return None
-        self.is_told = True
+    def sense(self, _t_ns: int) -> EmergencyStop:
+        """Return the state."""
         return self.state
 
 

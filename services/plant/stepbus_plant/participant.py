@@ -44,9 +44,9 @@ _log = logging.getLogger("stepbus_plant")
 class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     """plant: its own state. modes: port → mode of the last command. warnings, events: pending.
 
-    stop: the emergency stop, and whether it has been published; None: `is_stopped`, of stepbus 0.1,
-    says whether it is active. heard: input → time of its latest command, of the watchdog [ns].
-    ramps: input → how what it drives comes to rest.
+    stop: the emergency stop; None: `is_stopped`, of stepbus 0.1, says whether it is active.
+    heard: input → time of its latest command, of the watchdog [ns]. ramps: input → how what it
+    drives comes to rest.
     """
 
     plant: bytes
@@ -54,7 +54,7 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     warnings: list[str]
     events: list[str]
     is_stopped: bool = False
-    stop: tuple[EmergencyStop, bool] | None = None
+    stop: EmergencyStop | None = None
     heard: dict[str, int] = {}
     ramps: dict[str, Ramp] = {}
 
@@ -209,7 +209,7 @@ class Plant(Participant):
         if plant is None:
             return None
         modes = {port: driver.mode for port, driver in self._drivers.items()}
-        stop = (self.plant.stop.state, self.plant.stop.is_told)
+        stop = self.plant.stop.state
         heard = self._watchdog.heard
         ramps = {port: row.ramp for port, row in self._drivers.items() if row.ramp is not None}
         return msgspec.msgpack.encode(
@@ -224,8 +224,7 @@ class Plant(Participant):
             driver.mode, driver.ramp = saved.modes[port], saved.ramps.get(port)
         self._warnings, self._events = saved.warnings, saved.events
         self._watchdog.heard = saved.heard
-        stop = self.plant.stop
-        stop.state, stop.is_told = saved.stop or (EmergencyStop(active=saved.is_stopped), False)
+        self.plant.stop.state = saved.stop or EmergencyStop(active=saved.is_stopped)
 
     def calls(self) -> Mapping[str, Method]:
         """Return the calls that query joints and bodies between two steps, or change them."""

@@ -270,11 +270,11 @@ def test_a_script_stops_the_plant_and_releases_it(tmp_path):
     assert min(speeds[10:20]) > 0.5
     assert max(map(abs, speeds[25:40])) < 1e-3
     assert min(speeds[60:]) > 0.5
-    stops = [row["stop"] for row in shown if "stop" in row]
-    assert [(stop.active, stop.by, stop.since) for stop in stops] == [
-        (False, "", 0.0),
-        (True, "the script", 0.1),
-        (False, "the script", 0.2),
+    stops = [(row["stop"].active, row["stop"].by, row["stop"].since) for row in shown]
+    assert stops == [
+        *[(False, "", 0.0)] * 21,
+        *[(True, "the script", 0.1)] * 20,
+        *[(False, "the script", 0.2)] * 40,
     ]
     assert list(texts(shown).values()) == [
         "at 0.1 s: emergency stop by the script",
