@@ -163,6 +163,7 @@ for command in load_commands():
 """
 
 
+@pytest.mark.slow
 def test_help_does_not_depend_on_how_python_optimises():
     plain, optimised = (
         subprocess.run([sys.executable, *options, "-c", ALL_HELP], check=True, capture_output=True)

@@ -56,9 +56,9 @@ class Sentences(Observer):
     [
         ("drop plant at 50", "plant", 50),
         ("corrupt controller at 7", "controller", 7),
-        ("oversize plant at 20", "plant", 20),
-        ("drop mission at 96", "mission", 96),
-        ("drop plant at 0", "plant", 0),
+        pytest.param("oversize plant at 20", "plant", 20, marks=pytest.mark.slow),
+        pytest.param("drop mission at 96", "mission", 96, marks=pytest.mark.slow),
+        pytest.param("drop plant at 0", "plant", 0, marks=pytest.mark.slow),
         ("drop controller at 99", "controller", 99),
     ],
 )

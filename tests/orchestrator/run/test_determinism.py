@@ -67,6 +67,7 @@ class Mood(stepbus.Message, frozen=True, kw_only=True):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("level", ["1", "2"])
 def test_the_recording_does_not_depend_on_how_python_optimises(tmp_path, level):
     """With 2, Python keeps no docstrings; schemas have them as descriptions."""
