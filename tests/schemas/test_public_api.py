@@ -49,7 +49,7 @@ def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(sorted(exported("stepbus_schemas"), key=_order)) == (
         "BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION SHIPPED "
         "UNDECODABLE BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord "
-        "CallReply CallRequest Called Chain Contacts ControllerStatus Declaration Decoder Description Detections "
+        "CallReply CallRequest Called CameraTrigger Chain Contacts ControllerStatus Declaration Decoder Description Detections "
         "EmergencyStop Envelope Event Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu "
         "InputConfig JointCommand JointMode JointReference JointState LaserScan Log Message MessageError "
         "OutputConfig Outputs Plan PlanRequest Point PointCloud Poses Quaternion RawLayout Ready Refusal Row "

@@ -13,6 +13,7 @@ __all__ = [
     "BaseCommand",
     "BaseState",
     "BytesMessage",
+    "CameraTrigger",
     "Contacts",
     "ControllerStatus",
     "Detections",

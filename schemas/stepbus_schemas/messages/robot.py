@@ -211,6 +211,16 @@ class GripperCommand(Message, frozen=True):
     force: Annotated[float, meta("maximum force of each finger, ≥ 0", "N")]
 
 
+class CameraTrigger(Message, frozen=True):
+    """Asks a camera for one image, which it takes at the plant's next step."""
+
+    id: Annotated[int, meta("id of the request; a new id is a new request", ge=0)]
+    frame: Annotated[str, meta("reference link of `position`")] = ""
+    position: Annotated[
+        Point | None, meta("where something is expected, and looked for: x, y, z", "m")
+    ] = None
+
+
 class EmergencyStop(Message, frozen=True):
     """Whether a plant brakes all its joints and bases, whatever is commanded."""
 
@@ -290,6 +300,9 @@ class Detections(Message, frozen=True):
     confidence: Annotated[
         list[float], meta("share of the expected surface that was seen, 0 to 1", "-", "k")
     ]
+    hidden: Annotated[
+        float, meta("share of where something was looked for that other things hide, 0 to 1")
+    ] = 0.0
 
 
 class PlanRequest(Message, frozen=True):

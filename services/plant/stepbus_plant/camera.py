@@ -2,13 +2,15 @@
 
 import math
 from collections.abc import Mapping
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import format_duration
 from stepbus_plant.bullet import Array, rotation
+from stepbus_plant.commander import Commander
+from stepbus_plant.drives import Motors
 from stepbus_plant.engine import Engine, Link
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
@@ -109,7 +111,7 @@ class Camera:
 
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
-    is_on: whether it takes images.
+    is_on: whether it takes images. period_ns: between two of them [ns]; None: each step.
     """
 
     def __init__(
@@ -118,6 +120,8 @@ class Camera:
         self.name = name
         self.row = row
         self.is_on = True
+        self.period_ns = row.period_ns
+        self._is_triggered = self._is_asked = False
         self._link, self._engine, self._lens = link, engine, lens
         self._focal = row.height / 2 / math.tan(row.fov / 2)
         self._projection = self._project()
@@ -145,12 +149,25 @@ class Camera:
         matrix[:3, 3] = -to_world.T @ position
         return matrix
 
+    def wait_for_triggers(self) -> None:
+        """Take images on request from now on, instead of periodically."""
+        self._is_triggered, self.period_ns = True, None
+
+    def trigger(self) -> None:
+        """Ask for one image, at the next step."""
+        self._is_asked = True
+
     def images(self, t_ns: int) -> Rendering | None:
-        """Return what it sees at a time [ns], rendered once for all ports; None while it is off."""
-        if not self.is_on:
+        """Return what it sees at a time [ns], rendered once for all ports.
+
+        None while it is off, and where it waits for a request.
+        """
+        if self._latest is not None and self._latest[0] == t_ns:
+            return self._latest[1] if self.is_on else None
+        is_asked, self._is_asked = self._is_asked, False
+        if not self.is_on or (self._is_triggered and not is_asked):
             return None
-        if self._latest is None or self._latest[0] != t_ns:
-            self._latest = t_ns, self.render(t_ns)
+        self._latest = t_ns, self.render(t_ns)
         return self._latest[1]
 
     def render(self, t_ns: int = 0) -> Rendering:
@@ -205,18 +222,21 @@ class View:
     def __init__(self, camera: Camera, quantity: str) -> None:
         self.camera, self.port_type = camera, TYPES[quantity]
         self._quantity = quantity
-        row = camera.row
+
+    @property
+    def description(self) -> Description:
+        """Return its camera and shape; with a period, unless it waits for requests."""
+        camera, row = self.camera, self.camera.row
         size = [row.height, row.width]
         shapes = {
             "rgb": [*size, 3],
             "depth": [*size, 1],
             "points": [math.prod(-(-n // row.stride) for n in size), 3],
         }
-        self.description = Description(
-            names=[camera.name],
-            shape=shapes[quantity],
-            details={"link": [row.link], "period": [format_duration(row.period_ns)]},
-        )
+        details = {"link": [row.link]}
+        if camera.period_ns is not None:
+            details["period"] = [format_duration(camera.period_ns)]
+        return Description(names=[camera.name], shape=shapes[self._quantity], details=details)
 
     def sense(self, t_ns: int) -> Message | None:
         """Return what the camera sees at a time [ns]; None while it is off."""
@@ -224,6 +244,23 @@ class View:
         if images is None or self._quantity == "points":
             return None if images is None else self.camera.cloud(images)
         return images[0] if self._quantity == "rgb" else images[1]
+
+
+class TriggerDriver(Commander):
+    """Passes the requests of one input on to a camera."""
+
+    obeys_stop: ClassVar[bool] = False
+
+    def __init__(self, port: str, camera: Camera, motors: Motors) -> None:
+        super().__init__(port, [], motors)
+        self._camera = camera
+        self._id: int | None = None
+
+    def apply(self, command: Any) -> None:
+        """Ask for an image, once per id of a CameraTrigger."""
+        if command.id != self._id:
+            self._id = command.id
+            self._camera.trigger()
 
 
 def views(cameras: Mapping[str, Camera]) -> dict[str, View]:

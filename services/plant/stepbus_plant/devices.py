@@ -6,7 +6,7 @@ from typing import Any, Protocol
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.base import Base, BaseDriver
-from stepbus_plant.camera import TYPES, Camera, Lens, views
+from stepbus_plant.camera import TYPES, Camera, Lens, TriggerDriver, views
 from stepbus_plant.commander import Commander
 from stepbus_plant.contacts import ContactSensor
 from stepbus_plant.drives import Motors
@@ -19,7 +19,8 @@ from stepbus_plant.world import BaseSettings, GripperSettings
 from stepbus_plant.world_sensors import WORLD
 from stepbus_schemas import Description, Message, WiringError
 
-COMMANDS = {"BaseCommand/1": "bases", "GripperCommand/1": "grippers"}
+TRIGGER = "CameraTrigger/1"
+COMMANDS = {"BaseCommand/1": "bases", "GripperCommand/1": "grippers", TRIGGER: "cameras"}
 """Type of an input → section of the world file that declares its devices."""
 STATES = {
     "BaseState/1": "bases",
@@ -125,7 +126,7 @@ class Devices:
                 known = names if self._views else "the world has no 'cameras'"
                 raise WiringError(f"has type {port_type}; {known}")
             view = self._views[port]
-            return view, view.camera.row.period_ns
+            return view, view.camera.period_ns or self._period_ns
         section = STATES[port_type]
         name, row = self._choose(section, port, port_type)
         if (section, name) not in self._sensors:
@@ -137,9 +138,16 @@ class Devices:
             self.felt.append(device)
         return device, getattr(row, "period_ns", None) or self._period_ns
 
+    def wait_for_triggers(self, port: str) -> None:
+        """Let the camera of an input take images on request; raises as `sensor`."""
+        name, _ = self._choose("cameras", port, TRIGGER)
+        self.cameras[name].wait_for_triggers()
+
     def driver(self, port: str, port_type: str, motors: Motors) -> Commander:
         """Return the driver of the device of an input; raises as `sensor`."""
         name, _ = self._choose(COMMANDS[port_type], port, port_type)
+        if port_type == TRIGGER:
+            return TriggerDriver(port, self.cameras[name], motors)
         if port_type == "BaseCommand/1":
             return BaseDriver(port, self.bases[name], motors)
         return GripperDriver(port, self.grippers[name], motors)

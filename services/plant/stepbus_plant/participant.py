@@ -18,7 +18,7 @@ from stepbus_participant import (
 )
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander, Ramp
-from stepbus_plant.devices import COMMANDS, STATES, period_problem
+from stepbus_plant.devices import COMMANDS, STATES, TRIGGER, period_problem
 from stepbus_plant.emergency import Watchdog
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
@@ -101,6 +101,10 @@ class Plant(Participant):
         """Find what each output shows; raises SettingsError that lists all mistakes."""
         plant, period_ns = self.plant, self._period_ns
         types = {port: config.type for port, config in self.config.outputs.items()}
+        for port, config in self.config.inputs.items():
+            if config.type == TRIGGER:
+                wait = partial(plant.devices.wait_for_triggers, port)
+                problems.attempt(("inputs", port), wait)
         devices = {
             port: problems.attempt(("outputs", port), partial(plant.devices.sensor, port, name))
             for port, name in types.items()

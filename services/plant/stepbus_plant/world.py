@@ -160,8 +160,9 @@ class CameraSettings(Settings):
 
     link: str
     """Its optical frame: z forward, x right, y down."""
-    period_ns: Duration
-    """Between two images; a multiple of the plant's step."""
+    period_ns: Duration | None = None
+    """Between two images, a multiple of the plant's step. Default: each step. An input of the plant
+    that triggers the camera takes its place."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240

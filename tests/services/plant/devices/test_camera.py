@@ -15,7 +15,7 @@ from support.services.camera import (
 )
 from support.services.control import Stand
 
-from stepbus_schemas import WiringError
+from stepbus_schemas import CameraTrigger, WiringError
 
 
 def see(folder, **more):
@@ -131,6 +131,47 @@ def test_a_camera_is_rendered_once_for_all_its_ports_and_only_when_due(tmp_path,
 def test_cameras_that_are_switched_off_give_nothing(tmp_path):
     write_scene(tmp_path)
     assert steps_with_images(make_plant(tmp_path, IMAGES, cameras=False), "rgb", 4) == []
+
+
+TRIGGER = {"wrist": "CameraTrigger/1"}
+
+
+def test_a_camera_with_an_input_takes_images_on_request_only(tmp_path):
+    write_scene(tmp_path)
+    stand = Stand(make_plant(tmp_path, IMAGES, TRIGGER))
+    asked = {2: 0, 3: 0, 5: 1, 6: 2}
+    rows = [
+        stand.update(step, **({"wrist": CameraTrigger(id=asked[step])} if step in asked else {}))
+        for step in range(9)
+    ]
+    # The second request is the first one, repeated.
+    assert [step for step, row in enumerate(rows) if "rgb" in row] == [3, 6, 7]
+    assert [step for step, row in enumerate(rows) if "depth" in row] == [3, 6, 7]
+
+
+def test_a_request_to_a_camera_that_is_off_is_lost(tmp_path):
+    write_scene(tmp_path)
+    script = [{"at": "5ms", "camera": "wrist"}, {"at": "20ms", "camera": "wrist", "off": False}]
+    stand = Stand(make_plant(tmp_path, IMAGES, TRIGGER, script=script))
+    rows = [stand.update(step, wrist=CameraTrigger(id=step)) for step in range(8)]
+    assert [step for step, row in enumerate(rows) if "rgb" in row] == [1, 5, 6, 7]
+
+
+def test_a_camera_that_waits_for_requests_has_no_period(tmp_path):
+    write_scene(tmp_path)
+    told = make_plant(tmp_path, IMAGES, TRIGGER).describe()
+    assert told["depth"].details == {"link": ["lens"]}
+
+
+def test_a_camera_without_a_period_takes_an_image_at_each_step(tmp_path):
+    write_scene(tmp_path, WORLD.replace("period: 10ms, ", ""))
+    assert steps_with_images(make_plant(tmp_path, IMAGES), "depth", 3) == [0, 1, 2]
+
+
+def test_requests_to_a_camera_that_the_world_lacks_are_refused(tmp_path):
+    write_scene(tmp_path, WORLD[WORLD.index("bodies:") :])
+    with pytest.raises(WiringError, match="CameraTrigger/1, the world has no 'cameras'"):
+        make_plant(tmp_path, {}, TRIGGER)
 
 
 def test_a_description_names_camera_link_and_shape(tmp_path):
