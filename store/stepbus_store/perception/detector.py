@@ -8,9 +8,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_schemas import WiringError
+from stepbus_store.perception.detection import Detection
 from stepbus_store.perception.faces import Mask, Patch, Scene
 from stepbus_store.perception.images import Pose, View, rotation, turn_about_z
 from stepbus_store.perception.item_catalog import Catalog, Face, ItemType
+from stepbus_store.perception.lying import is_sunk, lying
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share
 
@@ -19,22 +21,12 @@ _RMS = 1.5e-3
 _EXPLAINED = 0.5
 """A patch that fits no single face with this confidence may be several faces that touch."""
 _FEWEST_EDGES = 8
+_AROUND = np.array(
+    [(x, y, 0.0) for x in np.linspace(-0.02, 0.02, 5) for y in np.linspace(-0.02, 0.02, 5)]
+)
+"""Where a spot is looked at, around its middle [m]."""
 _SHARES = (0.05, 1.3)
 """A face is fitted to a patch if the visible area is between these shares of its own."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Detection:
-    """A detected item.
-
-    position: of its centre [m]. yaw: of its link [rad]. Both are in the frame of the scene.
-    confidence: 0 to 1.
-    """
-
-    type: str
-    position: tuple[float, float, float]
-    yaw: float
-    confidence: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -87,6 +79,12 @@ class Detector:
 
         camera: pose of the optical frame in a frame with z up; the detections are in that frame.
         """
+        return self.look(view, camera)[0]
+
+    def look(
+        self, view: View, camera: Pose, spot: tuple[float, float, float] | None = None
+    ) -> tuple[list[Detection], float]:
+        """Return the items in a view, as `find` does, and the share of a spot that is hidden."""
         if self._depth_noise:
             view = denoised(view, self._depth_noise)
         scene = Scene(view, camera)
@@ -94,10 +92,24 @@ class Detector:
         detections = [
             item
             for number, types in enumerate(self._classes)
-            for item in _best([*_candidates(scene, numbers == number, types)])
+            for item in self._of_color(scene, numbers == number, types)
+        ]
+        hidden = 0.0 if spot is None else scene.hidden(spot + _AROUND)
+        return sorted(detections, key=lambda item: (item.lies, item.type, item.position)), hidden
+
+    def _of_color(
+        self, scene: Scene, among: Mask, types: Sequence[ItemType]
+    ) -> Iterator[Detection]:
+        """Yield the items within a mask, those that stand first."""
+        upright = [
+            item
+            for item in _best([*_candidates(scene, among, types)])
             if item.confidence >= self._min_confidence
         ]
-        return sorted(detections, key=lambda item: (item.type, item.position))
+        by_name = {item_type.name: item_type for item_type in types}
+        upright = [item for item in upright if not is_sunk(scene, ~among, item, by_name[item.type])]
+        yield from upright
+        yield from lying(scene, among, types, upright)
 
 
 def _candidates(scene: Scene, among: Mask, types: Sequence[ItemType]) -> Iterator[_Candidate]:

@@ -15,6 +15,8 @@ _SLOPE = 0.3
 """Slope up to which a surface counts as horizontal."""
 LEVELS_APART = 3e-3
 """Largest difference in height within a face [m]."""
+_HIGHER = 0.02
+"""By so much higher than a point, what the camera sees before it hides it [m]."""
 _FEWEST_PIXELS = 12
 _NEIGHBOURS = ((0, 1), (0, -1), (1, 0), (-1, 0))
 
@@ -52,7 +54,8 @@ class Scene:
             )
         with np.errstate(divide="ignore"):
             self._pixel_area = view.depth**2 / (view.focal[0] * view.focal[1] * np.abs(rays_z))
-        self._flat = self._known & self._horizontal()
+        self.flat = self._known & self._horizontal()
+        """Pixels of horizontal surfaces, shape (h, w)."""
 
     def probe(self, points: Vector, among: Mask) -> tuple[Vector, Mask, Mask]:
         """Return what the camera sees in the direction of points, shape (n, 3) [m].
@@ -61,17 +64,44 @@ class Scene:
         mask, shape (h, w).
         """
         view, camera = self._view, self._camera
+        u, v, inside = self._pixels(points)
+        inside &= self._known[v, u]
+        reach = np.where(inside, view.depth[v, u], 0.0)[:, None]
+        seen: Vector = camera.position + (self._rays(u, v) * reach) @ camera.rotation.T
+        return seen, inside, inside & among[v, u]
+
+    def points(self, among: Mask) -> tuple[Indices, Indices, Vector]:
+        """Return rows, columns and points, shape (n, 3) [m], of the pixels within a mask."""
+        rows, columns = np.nonzero(self._known & among)
+        reach = self._view.depth[rows, columns][:, None]
+        seen: Vector = (
+            self._camera.position + (self._rays(columns, rows) * reach) @ self._camera.rotation.T
+        )
+        return rows, columns, seen
+
+    def hidden(self, points: Vector) -> float:
+        """Return the share of points, shape (n, 3) [m], that higher things hide, 0 to 1.
+
+        A pixel without depth hides as well: something is too near. Points beyond the image do not
+        count.
+        """
+        u, v, inside = self._pixels(points)
+        known = inside & self._known[v, u]
+        reach = np.where(known, self._view.depth[v, u], 0.0)[:, None]
+        seen = self._camera.position + (self._rays(u, v) * reach) @ self._camera.rotation.T
+        hides = inside & (~known | (seen[:, 2] > points[:, 2] + _HIGHER))
+        return float(hides.sum() / max(inside.sum(), 1))
+
+    def _pixels(self, points: Vector) -> tuple[Indices, Indices, Mask]:
+        """Return column and row of points, shape (n, 3) [m], and which are within the image."""
+        view, camera = self._view, self._camera
         local = (points - camera.position) @ camera.rotation
         ahead = local[:, 2] > 0
         scale = view.focal / np.where(ahead, local[:, 2], 1.0)[:, None]
         u, v = np.rint(local[:, :2] * scale + view.centre).astype(np.intp).T
         rows, columns = view.depth.shape
         inside = ahead & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
-        u, v = np.where(inside, u, 0), np.where(inside, v, 0)
-        inside &= self._known[v, u]
-        reach = np.where(inside, view.depth[v, u], 0.0)[:, None]
-        seen: Vector = camera.position + (self._rays(u, v) * reach) @ camera.rotation.T
-        return seen, inside, inside & among[v, u]
+        return np.where(inside, u, 0), np.where(inside, v, 0), inside
 
     def _rays(self, u: NDArray[np.generic], v: NDArray[np.generic]) -> Vector:
         """Return the directions of pixels in the optical frame, with z = 1."""
@@ -96,7 +126,7 @@ class Scene:
 
     def patches(self, among: Mask) -> Iterator[Patch]:
         """Yield the horizontal faces within a mask, shape (h, w)."""
-        flat = self._flat & among
+        flat = self.flat & among
         for low, high in _levels(self._height[flat]):
             level = flat & (self._height >= low) & (self._height <= high)
             _, labels, boxes, _ = cv2.connectedComponentsWithStats(

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from stepbus_kinematics import JointOrder
 from stepbus_participant import Config, Participant, Step, installed_version
 from stepbus_schemas import (
+    CameraTrigger,
     Description,
     Detections,
     Image,
@@ -15,7 +16,7 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
-from stepbus_store.perception.images import View, make_view, turn_about_z
+from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.sources import (
     CameraSettings,
@@ -53,16 +54,27 @@ class CameraSource:
         joints = [prefix + joint for joint in settings.mount.joints]
         self._order = JointOrder(self._port, described.names, joints)
 
-    def detections(self, view: View, state: JointState) -> Detections:
-        """Return the items in a view; state: the joints at its time."""
+    def detections(
+        self, view: View, state: JointState, request: CameraTrigger | None = None
+    ) -> Detections:
+        """Return the items in a view; state: the joints at its time. request: for it.
+
+        Raises RunError for a request of a spot in another frame.
+        """
         angles = read_angles(self._order, self._port, state)
-        detections = self._detector.find(view, self._mount.pose(angles))
+        spot = request.position if request is not None else None
+        if request is not None and spot is not None and request.frame != self._frame:
+            raise RunError(
+                f"the spot to look at is given in {request.frame!r}, not {self._frame!r}"
+            )
+        detections, hidden = self._detector.look(view, self._mount.pose(angles), spot)
         return Detections(
             frame=self._frame,
             types=[item.type for item in detections],
             position=[item.position for item in detections],
-            orientation=[turn_about_z(item.yaw) for item in detections],
+            orientation=[item.orientation for item in detections],
             confidence=[item.confidence for item in detections],
+            hidden=hidden,
         )
 
 
@@ -70,7 +82,8 @@ class Perception(Participant):
     """Publishes the type, pose and confidence of each item it detects.
 
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
-    description lists the types of items, their shapes and colours. Output: one Detections/1.
+    description lists the types of items, their shapes and colours; where the scenario wires it,
+    CameraTrigger/1, which says where something is looked for. Output: one Detections/1.
     Source camera: for each new pair of images; the true poses are not used. Source truth: all
     items, once per period; needs the poses only. Parameters: see `read_settings`.
     """
@@ -80,6 +93,7 @@ class Perception(Participant):
         self._settings = read_settings(config)
         self._last_image_t = 0.0
         self._warned = False
+        self._is_periodic = True
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the items from the description of the poses.
@@ -94,6 +108,9 @@ class Perception(Participant):
                     radius = settings.source.landmark_radius
                     catalog = with_landmarks(catalog, settings.poses, described, name, radius)
                 joints = inputs[settings.source.joint_state]
+                self._is_periodic = any(
+                    inputs[port].details.get("period") for port in settings.source.images
+                )
                 self._camera = CameraSource(
                     settings.source, settings.frame, catalog, joints, settings.prefix
                 )
@@ -128,10 +145,12 @@ class Perception(Participant):
             return None
         self._last_image_t, self._warned = step.t, False
         images = {port: step.read(port, Image) for port in source.images}
-        return self._camera.detections(make_view(images), step.read(source.joint_state, JointState))
+        state, port = step.read(source.joint_state, JointState), source.request
+        request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
+        return self._camera.detections(make_view(images), state, request)
 
     def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
-        if step.t - self._last_image_t < source.timeout or self._warned:
+        if not self._is_periodic or self._warned or step.t - self._last_image_t < source.timeout:
             return
         self._warned = True
         _log.warning(

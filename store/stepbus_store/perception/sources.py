@@ -116,14 +116,15 @@ _IMAGE = "Image/1"
 class CameraSettings:
     """How to find items in images.
 
-    images: the two input ports. joint_state: input port. mount: where the camera is.
-    timeout: simulation time without images after which a warning is due [s]. min_confidence:
-    finds below it are dropped. depth_noise: at 1 m [m]. landmark: type of landmarks; empty: there
-    are none. landmark_radius: [m].
+    images: the two input ports. joint_state: input port; request: that of requests, None: there is
+    none. mount: where the camera is. timeout: simulation time without images after which a warning
+    is due [s]. min_confidence: finds below it are dropped. depth_noise: at 1 m [m]. landmark: type
+    of landmarks; empty: there are none. landmark_radius: [m].
     """
 
     images: tuple[str, str]
     joint_state: str
+    request: str | None
     mount: CameraMount
     timeout: float
     min_confidence: float
@@ -163,12 +164,14 @@ def read_settings(config: Config) -> PerceptionSettings:
     is_camera = config.param("source", "camera") == "camera"
     images = _images(config, ports.problems) if is_camera else ("", "")
     joint_state = ports.input_of("JointState/1") if is_camera else ""
+    request = ports.optional_input_of("CameraTrigger/1")
     params = config.read(Params, ports.problems)
     source: CameraSettings | TruthSettings
     if params.source == "camera":
         source = CameraSettings(
             images=images,
             joint_state=joint_state,
+            request=request,
             mount=_mount(config, params),
             timeout=params.timeout,
             min_confidence=params.min_confidence,

@@ -89,12 +89,12 @@ def seen(tmp_path_factory):
         )
 
 
-def start(given, described):
+def start(given, described, period="16ms"):
     participant = Perception(given)
     names = Description(names=["wheel", *JOINTS[::-1]])
-    participant.start(
-        {name: Description() for name in TYPES} | {"joint_state": names, "poses": described}
-    )
+    image = Description(names=["camera"], details={"period": [period] if period else []})
+    ports = {**dict.fromkeys(TYPES, image), "joint_state": names, "poses": described}
+    participant.start(ports)
     return Stand(participant)
 
 
@@ -154,6 +154,15 @@ def test_a_camera_that_is_off_is_told_once(tmp_path, seen, caplog):
     assert [record.getMessage() for record in caplog.records] == [
         "perception: step 5: no new images on rgb and depth for 0.04 s; is the camera on?"
     ]
+
+
+def test_a_camera_that_waits_for_requests_may_be_silent(tmp_path, seen, caplog):
+    messages, described = seen
+    stand = start(config(tmp_path, timeout=0.04), described, period="")
+    stand.update(0, **messages)
+    for k in range(1, 20):
+        stand.update(k)
+    assert not caplog.records
 
 
 def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
@@ -313,7 +322,11 @@ def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
 
 def test_a_joint_that_is_not_sensed_is_named(tmp_path, seen):
     participant = Perception(config(tmp_path))
-    inputs = {"joint_state": Description(names=JOINTS[1:]), "poses": seen[1]}
+    inputs = {
+        **dict.fromkeys(TYPES, Description()),
+        "joint_state": Description(names=JOINTS[1:]),
+        "poses": seen[1],
+    }
     with pytest.raises(WiringError, match="perception: input 'joint_state' has no joint 'joint_0'"):
         participant.start(inputs)
 

@@ -83,15 +83,23 @@ class Store:
         self._load(item.type, SHAPES[item.type], COLORS[item.type], item.position, item.yaw)
         self.items.append(item)
 
+    def lay(self, kind: str, at: tuple[float, float, float], heading: float) -> None:
+        """Put something down that looks like an item, with its axis along a heading [rad]."""
+        self._load(kind, SHAPES[kind], COLORS[kind], at, heading, math.pi / 2)
+        self.rest.append("lying")
+
     def board(self, size: tuple[float, float, float], at: tuple[float, float, float]) -> None:
-        self._load("board", "box {} {} {} @ {}".format(*size, UPRIGHT), WOOD, at, 0.0)
+        # The engine keeps the shapes of a file that it knows.
+        self._load(
+            f"board_{len(self.rest)}", "box {} {} {} @ {}".format(*size, UPRIGHT), WOOD, at, 0.0
+        )
         self.rest.append("board")
 
-    def _load(self, name, shapes, color, position, yaw) -> None:
+    def _load(self, name, shapes, color, position, yaw, pitch=0.0) -> None:
         path = self.folder / f"{name}.urdf"
         parts = "".join(_visual(name, text, color) for text in shapes.split(";"))
         path.write_text(_URDF.format(name=name, parts=parts), encoding="utf-8")
-        turned = bullet.getQuaternionFromEuler([0, 0, yaw])
+        turned = bullet.getQuaternionFromEuler([0, pitch, yaw])
         bullet.loadURDF(str(path), position, turned, useFixedBase=True, physicsClientId=self.client)
 
     def look(self, position, yaw: float = 0.0, tilt=(0.0, 0.0)) -> tuple[dict[str, Image], Pose]:
