@@ -100,6 +100,6 @@ class UnderWay:
         took = self.parts.arm.took
         if took is None or goal.duration == 0.0 or took <= goal.duration * _LATE + 0.02:
             return outcome
-        why = self.avoidance.slowest or "the joints cannot be faster within their limits"
+        why = self.avoidance.slowest or "the arm cannot be faster within its limits"
         text = f"took {took:.2f} s instead of {goal.duration:.2f} s: {why}; {outcome.text}"
         return Outcome(state="succeeded", cause=Cause.SLOWER, text=text)

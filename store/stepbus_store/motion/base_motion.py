@@ -36,9 +36,6 @@ _BACK_TURN = 0.3
 _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
 
-_EMERGENCY = 1.5
-"""Of the hardest braking without slip, for what appears within its path."""
-
 
 def _length(segment: Segment | Curve) -> float:
     return abs(segment.length) * (_BACK_TURN if segment.turns else 1.0)
@@ -253,8 +250,10 @@ class BaseMotion:
         if drive is None:
             return
         segment, turns = drive.segment, drive.segment.turns
-        s, speed, _ = drive.now()
+        s, speed, push = drive.now()
         settings = self._settings
+        # What the reference brakes by itself is not left to its time.
+        own = max(-math.copysign(push, push * speed), 0.0) * self._scale**2
         limits, speed = settings.limits_of(segment), abs(speed)
         safe = settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
         turning, slowing = (
@@ -263,8 +262,8 @@ class BaseMotion:
         agile = segment.fastest(s, turning, slowing)
         wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
-        hardest = _EMERGENCY * settings.braking(turns=turns).acceleration[0]
-        fall = hardest / max(speed, 1e-9) * dt
+        hardest = settings.hardest(speed * self._scale, gap, turns=turns)
+        fall = max(hardest - own, 0.0) / max(speed, 1e-9) * dt
         self._scale += min(max(wanted - self._scale, -float(fall)), rise)
         if drive.is_over:
             drive.late += dt
@@ -344,6 +343,9 @@ class BaseMotion:
         state = self.state
         text = f"stands at x {state.x:.4f} m, y {state.y:.4f} m, "
         text += f"yaw {math.degrees(state.yaw):.2f}°"
+        if self._behind is not None:
+            # It has backed off: what is told of its distance to things stays true.
+            self._pose = Reference.standing(state.x, state.y, state.yaw)
         if self._target is not None:
             x, y, yaw = self._target
             miss = math.hypot(x - state.x, y - state.y)
@@ -370,11 +372,15 @@ class BaseMotion:
         """Start the next segment, once nothing is under way; none left: all is done."""
         while self._drive is None and self._halt is None and self._waiting:
             segment = self._waiting.popleft()(self.state)
-            if segment is not None:
+            if segment is not None and not self._is_slight(segment):
                 start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
                 limits = self._settings.limits_of(segment)
                 self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
         self._done = self._drive is None and self._halt is None
+
+    def _is_slight(self, segment: Segment | Curve) -> bool:
+        """Return whether a turn is so small that the base gets there while it stands."""
+        return segment.turns and abs(segment.length) < self._settings.angle / 2
 
     def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
         """Bring the reference of a segment to rest, from the speed that it has now."""

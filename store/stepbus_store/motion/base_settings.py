@@ -12,6 +12,9 @@ PLANNED = 0.8
 _ON_CURVES = 0.95
 """Share of the largest turning speed that a curve may take: below it, the base still finds back."""
 
+_EMERGENCY = 1.5
+"""Of the hardest braking without slip, for what appears within its path."""
+
 _BRAKE_RISE = 0.04
 """Time in which the hardest braking builds up [s]."""
 
@@ -75,6 +78,16 @@ class BaseSettings:
         speed = self.turn_speed if turns else self.speed
         brake = self.turn_brake if turns else self.brake
         return MotionLimits.of_one(speed, brake, brake / _BRAKE_RISE)
+
+    def hardest(self, speed: float, gap: float, *, turns: bool) -> float:
+        """Return how hard to brake for what is near [m/s², rad/s²].
+
+        speed: [m/s, rad/s]. gap: to the nearest thing [m]. Only where the hardest stop without slip
+        would not do, it is harder.
+        """
+        brake = float(self.braking(turns=turns).acceleration[0])
+        room = max(gap - self.clearance, 1e-6) / (self.reach if turns else 1.0)
+        return brake * (_EMERGENCY if speed**2 > 2.0 * brake * room else 1.0)
 
     def safe_speed(self, gap: float, *, turns: bool, curvature: float = 0.0) -> float:
         """Return the largest speed with which the base stops in time [m/s, rad/s].

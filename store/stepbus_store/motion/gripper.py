@@ -201,7 +201,8 @@ class Gripper:
             self._holds_width = state.width
             text = f"held: {_mm(state.width)} wide, {state.force:.1f} N"
             return Outcome(state="succeeded", text=text)
-        if is_still and abs(state.width - goal.width) <= self._settings.tolerance:
+        opens = goal.width > self._began_at and not state.holding
+        if (is_still or opens) and abs(state.width - goal.width) <= self._settings.tolerance:
             return Outcome(state="succeeded", text=f"{_mm(state.width)} wide, holds nothing")
         if still < self._settings.patience:
             return None

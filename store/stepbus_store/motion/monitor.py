@@ -42,8 +42,9 @@ class CollisionMonitor:
     """Finds what a robot touches that its goal does not allow, step by step.
 
     The pads may touch `touches`, what is held until they have let go of it, and anything while they
-    grip; what is held may touch `touches` and what it touched when it was taken; wheels and casters
-    may touch the ground. A touch that is there when a goal starts counts only once it becomes
+    grip, but no harder than a grip takes, and where they do not grip, not press on it; what is held
+    may touch `touches` and what it touched when it was taken; wheels and casters may touch the
+    ground. A touch that is there when a goal starts counts only once it becomes
     harder, so that the robot can leave. Near things, other than what is held and moves along, slow
     the arm down, so that each link can stop before it touches them; a link that passes by counts
     with a share of its speed.
@@ -129,7 +130,7 @@ class CollisionMonitor:
             if not self._is_ours(row.other)
         ]
         return Watch(
-            collision=self._hardest(watched),
+            collision=self._hardest([*watched, *self._pressed()]),
             near=(nearest.ours, nearest.other) if nearest else None,
             gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
             room=max(min(rooms, default=math.inf), 0.0),
@@ -263,6 +264,18 @@ class CollisionMonitor:
         if self.held in pair:
             return bool((pair - {self.held}) & (self._touches | self._grasp.stood_on))
         return False
+
+    def _pressed(self) -> list[_Row]:
+        """Return what a pad presses on that it may touch, where that is no grip or too hard."""
+        settings = self._settings
+        rows = []
+        for row in self._last:
+            others = {row.ours, row.other}.difference(settings.pads)
+            if len(others) == 1 and self._is_allowed(row):
+                grips = self._grips or bool(others & (self._grasp.between | {self.held}))
+                if row.force > (settings.grip_force if grips else settings.more_force):
+                    rows.append(row)
+        return rows
 
     def _may_close(self, row: _Row) -> bool:
         """Return whether the goal under way can make a gap smaller.

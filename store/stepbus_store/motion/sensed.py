@@ -19,7 +19,8 @@ class MonitorSettings:
     links: of the robot; base_links: those that only the base moves, not the arm. pads: those that
     may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
     what they stand on at the start. force: above it a touch is a collision [N]. more_force: the
-    same, on top of the force at the start of the goal [N].
+    same, on top of the force at the start of the goal [N]. grip_force: of a pad that grips;
+    one that does not, may press on what it may touch with `more_force` [N].
     within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
     [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
     slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
@@ -34,6 +35,7 @@ class MonitorSettings:
     ignore: frozenset[str] = frozenset()
     force: float = 0.5
     more_force: float = 5.0
+    grip_force: float = 30.0
     within: float = 0.08
     brake: float = 1.0
     reaction: float = 0.05

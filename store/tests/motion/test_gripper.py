@@ -133,7 +133,7 @@ def test_a_contact_that_flickers_is_not_lost():
 def test_letting_go_on_purpose_is_no_loss():
     hand = Hand(thing=0.066)
     hand.go(0.0)
-    assert hand.go(0.1).text == "100.0 mm wide, holds nothing"
+    assert hand.go(0.1).text == "99.6 mm wide, holds nothing"
     assert not any(hand.step()[1] for _ in range(50))
 
 

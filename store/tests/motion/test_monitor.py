@@ -80,6 +80,23 @@ def test_only_pads_may_touch_what_the_goal_allows():
     assert stand.look(("bottle", "left_pad", 5.0, 0.0)).collision.other == "bottle"
 
 
+def test_a_pad_that_does_not_grip_may_not_press_on_what_it_may_touch():
+    stand = Stand()
+    stand.monitor.start(["can"])
+    watch = stand.look(("can", "left_pad", 5.1, 0.0))
+    assert str(watch.collision) == "left_pad touches can with 5.1 N"
+
+
+@pytest.mark.parametrize(("force", "counts"), [(29.0, False), (31.0, True)])
+def test_a_pad_that_grips_may_not_press_harder_than_a_grip_takes(force, counts):
+    stand = Stand()
+    stand.take_can()
+    pads = (("can", "left_pad", force, 0.0), ("can", "right_pad", 15.0, 0.0))
+    assert (stand.look(FLOOR, *pads, holding=True).collision is not None) == counts
+    stand.monitor.start(["can"], grips=True)
+    assert (stand.look(FLOOR, ("can", "left_pad", force, 0.0)).collision is not None) == counts
+
+
 def test_pads_that_grip_may_touch_anything():
     stand = Stand()
     stand.monitor.start(grips=True)

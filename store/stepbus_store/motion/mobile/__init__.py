@@ -109,6 +109,9 @@ class Params(JointParams):
     """Links that may touch the ground. Default: those with `wheel` or `caster` in their names."""
     collision_force: Positive = 0.5
     """Above it a forbidden touch is a collision [N]."""
+    grip_force: Positive = 30.0
+    """Above it the touch of a pad that grips is one as well; of one that does not, above 5 N
+    [N]."""
     contact_range: Positive = 0.08
     """How far contacts report things; neither base nor arm is ever faster than it could stop within
     that [m]."""

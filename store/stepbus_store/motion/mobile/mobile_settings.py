@@ -194,6 +194,7 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
         pads=(params.pads[0], params.pads[-1]),
         ignore=frozenset(ignore),
         force=params.collision_force,
+        grip_force=params.grip_force,
         within=params.slow_within,
         brake=params.arm_brake,
         creep=params.arm_creep,

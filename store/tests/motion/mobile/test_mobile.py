@@ -200,7 +200,7 @@ def test_a_duration_that_could_not_be_kept_is_reported_with_the_reason(robot):
 def test_a_duration_that_the_limits_do_not_allow_is_reported(robot):
     end = robot.go(0, "move_joints", joints=["pan"], values=[1.5], duration=0.5)
     assert end.cause == "slower"
-    assert "s instead of 0.50 s: the joints cannot be faster within their limits" in end.text
+    assert "s instead of 0.50 s: the arm cannot be faster within its limits" in end.text
 
 
 def test_a_duration_that_was_kept_is_not_worth_a_word(robot):
