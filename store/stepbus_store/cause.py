@@ -41,6 +41,8 @@ class Cause(StrEnum):
     # Of an attempt, from the mission.
     BLIND = "blind"
     DROPPED = "dropped"
+    HIDDEN = "hidden"
+    LYING = "lying"
     MISPLACED = "misplaced"
     MISSING = "missing"
     NO_ANSWER = "no_answer"

@@ -1,10 +1,10 @@
 """Decides when each state ends, and with which outcome: one function per state."""
 
-import math
 from collections.abc import Callable, Mapping
 
 from stepbus_store.cause import Cause
 from stepbus_store.mission.report import Unsold
+from stepbus_store.mission.rest import NO_ANSWER, at_rest, halted
 from stepbus_store.mission.state import APPROACHES, Outcome, Sale, StoreState
 from stepbus_store.mission.state_table import BESIDE, STATES
 from stepbus_store.mission.stock import Item
@@ -26,24 +26,17 @@ REFUSED = (
 )  # fmt: skip
 """Causes that another approach to the item may remove."""
 
-PLANNABLE = ("shift", "lift", "lower", "place", "up", "back_off")
+PLANNABLE = ("approach", "shift", "lift", "lower", "place", "up", "back_off")
 """States for whose straight line a planned path may stand."""
+
+CURABLE = (Cause.BLOCKED, Cause.LIMITS, Cause.SINGULAR)
+"""Causes for which no straight line may lead where a planned path does."""
 
 _APPROACHING = ("approaching it", "following it", "opening less", "moving down")
 """Activities before the gripper has closed."""
 
-_NO_ANSWER = "the controller does not answer"
-_LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
-"""Causes after which a participant is missing: the run ends soon, and nothing may move then."""
-
-_UPRIGHT = math.radians(8.0)
-"""Tilt from which the base counts as overturned, or about to be."""
-
 _SAME_WIDTH = 1e-3
 """Difference of two openings that need no motion of the fingers [m]."""
-
-_AT_REST = 0.005
-"""Velocity below which the base is at rest [m/s, rad/s]."""
 
 
 def choose(store: StoreState) -> Outcome | None:
@@ -92,9 +85,15 @@ def _next_item(store: StoreState, sale: Sale) -> Item | None:
 
 
 def _sold_out(store: StoreState, sale: Sale) -> str:
-    counts = f"{len(store.sold)} sold, {len(store.missing)} missing"
+    missing = store.missing.values()
+    counts = f"{len(store.sold)} sold, {sum(why == Cause.MISSING for why in missing)} missing"
+    for why in (Cause.LYING, Cause.HIDDEN):
+        if count := sum(why == other for other in missing):
+            counts += f", {count} {why}"
     if sale.order.item:
-        return f"shelf empty, {sale.order.item} is not there; {counts}"
+        lies_or_hides = store.missing.get(sale.order.item) not in (None, Cause.MISSING)
+        there = f"is {store.missing[sale.order.item]}" if lies_or_hides else "is not there"
+        return f"shelf empty, {sale.order.item} {there}; {counts}"
     return f"shelf empty, no {sale.order.type} is left; {counts}"
 
 
@@ -181,7 +180,7 @@ def _timeout(store: StoreState) -> Outcome | None:
     status, waits = store.inputs.status, store.settings.waits
     goal = f"goal {store.visit.goal} ({store.visit.goal_type})"
     if status is None and store.elapsed >= waits.answer:
-        text = f"{_NO_ANSWER}: {goal} has no status after {waits.answer:g} s; is it running?"
+        text = f"{NO_ANSWER}: {goal} has no status after {waits.answer:g} s; is it running?"
         return Outcome(name="failed", cause=Cause.NO_ANSWER, text=text)
     if status is not None and store.elapsed >= waits.motion:
         text = f"not done, {goal} is still {status.state} after {waits.motion:g} s"
@@ -229,7 +228,7 @@ def check_lift(store: StoreState) -> Outcome | None:
 
 
 def _held(store: StoreState, cause: Cause, text: str) -> Outcome | None:
-    if store.elapsed < store.settings.waits.still:
+    if store.elapsed < store.settings.waits.grip:
         return None
     _, item = store.now
     gripper, yaw = store.inputs.gripper, store.expected().yaw
@@ -288,59 +287,6 @@ def check_width(store: StoreState) -> Outcome | None:
     return Outcome(name="too_wide" if is_wide else "wide")
 
 
-def at_rest(store: StoreState) -> Outcome | None:
-    """Wait until the arm is at rest and the base has been at rest for a while."""
-    visit, waits = store.visit, store.settings.waits
-    base = store.inputs.odometry
-    status = store.inputs.status
-    base_at_rest = max(abs(base.vx), abs(base.wz)) < _AT_REST
-    if not base_at_rest or status is None or status.state != "succeeded":
-        visit.since_ns = None
-    elif visit.since_ns is None:
-        visit.since_ns = store.inputs.t_ns
-    if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
-        store.rest = "everything is at rest"
-        if overturned(store) is not None:
-            store.rest = f"all motors are at rest; {_tilted(store)}"
-        cause = store.problem.cause if store.problem is not None else ""
-        recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED, Cause.TILTED)
-        return Outcome(name="recover" if recovers else "rest")
-    if store.elapsed < waits.halt:
-        return None
-    store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
-    return Outcome(name="restless")
-
-
-def overturned(store: StoreState) -> Outcome | None:
-    """Return that the base is tilted more than it may be."""
-    if store.tilt <= _UPRIGHT:
-        return None
-    return Outcome(name="failed", cause=Cause.TILTED, text=_tilted(store))
-
-
-def _tilted(store: StoreState) -> str:
-    return f"the robot is tilted by {math.degrees(store.tilt):.0f}°"
-
-
-def rest_of(store: StoreState) -> str:
-    """Return whether the base is at rest, where nothing is commanded to the arm."""
-    base = store.inputs.odometry
-    if max(abs(base.vx), abs(base.wz)) < _AT_REST and overturned(store) is None:
-        return "everything is at rest"
-    return f"not at rest, {_restless(store)}"
-
-
-def _restless(store: StoreState) -> str:
-    base, status = store.inputs.odometry, store.inputs.status
-    if overturned(store) is not None:
-        return _tilted(store)
-    if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
-        return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
-    if status is None:
-        return _NO_ANSWER
-    return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
-
-
 def recovered(store: StoreState) -> Outcome | None:
     """Wait until the arm is back at rest, or until there is no way."""
     outcome = arrived(store)
@@ -348,6 +294,16 @@ def recovered(store: StoreState) -> Outcome | None:
         is_back = outcome.name == "done"
         store.rest += "; the arm is back at rest" if is_back else f"; {outcome.text}"
     return outcome
+
+
+def parked(store: StoreState) -> Outcome | None:
+    """Wait until the arm is tucked in; where there is no way, everything is sold nevertheless."""
+    outcome = arrived(store)
+    if outcome is None or outcome.cause not in (Cause.NO_PATH, Cause.BLOCKED):
+        return outcome
+    doing = STATES[store.visit.state].doing
+    store.log.append(("warning", f"{doing}: {outcome.text}; the arm stays where it is"))
+    return Outcome(name="stays")
 
 
 CHECKS: Mapping[str, Check] = {
@@ -364,6 +320,8 @@ CHECKS: Mapping[str, Check] = {
     "arrive": landed,
     "come_home": landed,
     "verify": verify,
+    "park": parked,
+    "halt": halted,
     "retry": retry,
     "stop": at_rest,
     "recover": recovered,

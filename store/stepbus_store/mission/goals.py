@@ -48,8 +48,10 @@ def inspect(store: StoreState) -> Goal:
 
 
 def approach(store: StoreState) -> Goal:
-    """Move above the item that was found."""
-    return _above(store, _approach_height(store))
+    """Move closer above the item; straight down, unless the gripper turns on the way."""
+    sale, _ = store.now
+    goal_type: _Moving = "move_to_pose" if sale.tries else "move_linear"
+    return _pose(store, goal_type, store.expected(), _approach_height(store))
 
 
 def shift(store: StoreState) -> Goal:
@@ -212,6 +214,7 @@ GOALS: Mapping[str, MakeGoal] = {
     "release": open_gripper,
     "back_off": back_off,
     "stop": stop,
+    "halt": stop,
     "recover": recover,
     "depart": depart,
     "fold": fold,

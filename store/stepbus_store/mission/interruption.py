@@ -2,7 +2,7 @@
 
 from stepbus_schemas import EmergencyStop
 from stepbus_store.cause import Cause
-from stepbus_store.mission.checks import rest_of
+from stepbus_store.mission.rest import rest_of
 from stepbus_store.mission.state import Outcome, StoreState
 from stepbus_store.mission.state_table import BESIDE, STATES
 
@@ -13,6 +13,11 @@ class Interruption:
     def __init__(self) -> None:
         self._stop: EmergencyStop | None = None
         self.is_over = False
+
+    @property
+    def is_held(self) -> bool:
+        """Return whether an emergency stop is in force."""
+        return self._stop is not None
 
     def holds(self, store: StoreState, now: EmergencyStop | None) -> bool:
         """Return whether nothing may be commanded; report the stop, and its release."""

@@ -6,7 +6,17 @@ from typing import Annotated, Literal
 
 import msgspec
 
-from stepbus_participant import Count, File, Finite, Positive, Settings, Text, Vector3, suggest
+from stepbus_participant import (
+    Count,
+    File,
+    Finite,
+    NonNegative,
+    Positive,
+    Settings,
+    Text,
+    Vector3,
+    suggest,
+)
 from stepbus_participant.parameters import Keys
 from stepbus_store.mission.stock import types_in
 
@@ -91,6 +101,8 @@ class Waits(Settings):
     """For the first detections [s]."""
     still: Positive = 0.2
     """After a motion, before detections count [s]."""
+    grip: Positive = 0.2
+    """After the gripper has closed or lifted, before it counts as holding the item [s]."""
     rest: Positive = 0.5
     """Everything is at rest for this long, before a measurement and in an emergency stop [s]."""
     halt: Positive = 10.0
@@ -146,8 +158,8 @@ class Params(Settings):
     """How far an item may extend into the gripper beyond the tip [m]."""
     width_tolerance: Positive = 0.008
     """How much thinner than expected a held item may be [m]."""
-    down: Positive = 1.5
-    """Duration of the motions down and up [s]."""
+    down: NonNegative = 1.5
+    """Duration of the motions down and up; 0: as fast as the limits allow [s]."""
     view_height: Positive = 0.2
     """Height of the tip above the item for detection [m]."""
     approach_height: Positive = 0.1

@@ -19,6 +19,7 @@ class PortNames:
     contacts: str | None
     stop: str | None
     imu: str | None
+    camera: str | None
     goal: str
     events: str
     summary: str
@@ -27,7 +28,7 @@ class PortNames:
 def find_ports(ports: Ports) -> PortNames:
     """Return the names of the ports; problems are added to `ports`."""
     events, summary_port = ports.event_outputs()
-    ports.outputs_are("Goal/1", "Event/1")
+    ports.outputs_are("Goal/1", "Event/1", "CameraTrigger/1")
     poses, planogram = ports.input_beside("Poses/1", "planogram")
     odometry, pose = ports.input_beside("BaseState/1", "pose")
     return PortNames(
@@ -41,6 +42,7 @@ def find_ports(ports: Ports) -> PortNames:
         contacts=ports.optional_input_of("Contacts/1"),
         stop=ports.optional_input_of("EmergencyStop/1"),
         imu=ports.optional_input_of("Imu/1"),
+        camera=ports.optional_output_of("CameraTrigger/1"),
         goal=ports.output_of("Goal/1"),
         events=events,
         summary=summary_port,

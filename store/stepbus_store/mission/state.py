@@ -106,8 +106,9 @@ class Visit:
     """One visit to a state.
 
     start_ns: when it started [ns]. goal: id of the goal sent, -1: none. views: detections
-    received. last_text: latest text of the running goal's status. since_ns: since when the
-    condition holds that the state waits for [ns]. is_planned: a planned path stands for a line.
+    received. asked_ns: when the latest image was asked for, None: none yet [ns]. last_text: latest
+    text of the running goal's status. since_ns: since when the condition holds that the state waits
+    for [ns]. is_planned: a planned path stands for a line.
     """
 
     state: str
@@ -115,6 +116,7 @@ class Visit:
     goal: int = -1
     goal_type: str = ""
     views: int = 0
+    asked_ns: int | None = None
     last_text: str = ""
     since_ns: int | None = None
     is_planned: bool = False
@@ -164,11 +166,11 @@ class StoreState:
     """All that the states read and write.
 
     settings: of the scenario. planned: number of orders at the start. witness: of items that move;
-    None: that is not watched. started: number of orders started. missing: names of items not found.
-    unsold: orders that were left out. log: entries of this step. problem: the latest failure;
-    doing: the activity that failed; attempts_text: how many attempts failed. rest: how the
-    emergency stop went. trip: id of the goal of the base beside which others are carried out, with
-    its destination, activity and latest text.
+    None: that is not watched. started: number of orders started. missing: items that could not be
+    taken, and why. unsold: orders that were left out. log: entries of this step. problem: the
+    latest failure; doing: the activity that failed; attempts_text: how many attempts failed. rest:
+    how the emergency stop went. trip: id of the goal of the base beside which others are carried
+    out, with its destination, activity and latest text.
     """
 
     settings: Params
@@ -179,7 +181,7 @@ class StoreState:
     inputs: Inputs
     sale: Sale | None = None
     started: int = 0
-    missing: list[str] = field(default_factory=list)
+    missing: dict[str, str] = field(default_factory=dict)
     sold: list[str] = field(default_factory=list)
     results: list[SaleResult] = field(default_factory=list)
     unsold: list[Unsold] = field(default_factory=list)
@@ -236,6 +238,19 @@ class StoreState:
             self.problem = outcome
             self.doing = outcome.doing or STATES[self.visit.state].doing
             self.attempts_text = ""
+
+    def all_unsold(self) -> list[Unsold]:
+        """Return the orders that were left out, the one that failed, and those after it."""
+        rows, problem, sale = list(self.unsold), self.problem, self.sale
+        known = {row.number for row in rows} | {result.number for result in self.results}
+        if problem and sale and sale.number not in known:
+            name = sale.item.name if sale.item else str(sale.order)
+            rows.append(Unsold(number=sale.number, order=name, reason=f"failed while {self.doing}"))
+        known |= {row.number for row in rows}
+        for number, order in enumerate(self.settings.orders, 1):
+            if number not in known:
+                rows.append(Unsold(number=number, order=str(order), reason="not tried"))
+        return rows
 
     def failure(self) -> str:
         """Return a sentence about the failure, and how the stop went."""

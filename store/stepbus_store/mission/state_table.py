@@ -10,12 +10,13 @@ class State:
 
     doing: its activity, as in `... failed while <doing>`. then: outcome → next state; the first
     one is the nominal flow. carries: the gripper carries an item; losing it is the outcome
-    `dropped`.
+    `dropped`. looks: it needs images.
     """
 
     doing: str
     then: Mapping[str, str]
     carries: bool = False
+    looks: bool = False
 
 
 def _goal(doing: str, then: str) -> State:
@@ -52,11 +53,13 @@ STATES: Mapping[str, State] = {
     "find": State(
         doing="searching for it",
         then={"found": "approach", "missing": "order", "blind": "stop"},
+        looks=True,
     ),
     "approach": _grasp("approaching it", "correct"),
     "correct": State(
         doing="locating it from close up",
         then={"steady": "check_width", "moved": "shift", "missing": "retry", "blind": "stop"},
+        looks=True,
     ),
     "check_width": State(doing="opening", then={"wide": "down", "too_wide": "narrow"}),
     "narrow": _grasp("opening less", "down"),
@@ -73,15 +76,27 @@ STATES: Mapping[str, State] = {
     "home": _carry("driving home", "above"),
     "above": _carry("moving above the outlet", "aim"),
     "aim": State(
-        doing="locating the outlet", then={"aimed": "place", "dropped": "stop"}, carries=True
+        doing="locating the outlet",
+        then={"aimed": "place", "dropped": "stop"},
+        carries=True,
+        looks=True,
     ),
     "place": _carry("placing it", "let_go"),
     "let_go": _goal("releasing it", "up"),
     "up": _goal("leaving it in the outlet", "verify"),
-    "verify": State(doing="verifying its pose", then={"good": "order", "misplaced": "stop"}),
-    "park": _goal("tucking the arm in after the last sale", "end"),
+    "verify": State(
+        doing="verifying its pose", then={"good": "order", "misplaced": "stop"}, looks=True
+    ),
+    "park": State(
+        doing="tucking the arm in after the last sale",
+        then={"done": "end", "stays": "halt", "failed": "stop"},
+    ),
     "end": State(doing="being done", then={}),
     "lower": _carry("lowering it", "check_height"),
+    "halt": State(
+        doing="stopping after the last sale",
+        then={"rest": "end", "recover": "end", "restless": "stop"},
+    ),
     "depart": _goal("driving to the shelf", "fold"),
     "fold": _goal("tucking the arm in", "ready"),
     "ready": _goal("opening the gripper", "reach"),

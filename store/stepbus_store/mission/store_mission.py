@@ -22,6 +22,7 @@ from stepbus_participant import (
 )
 from stepbus_schemas import (
     BaseState,
+    CameraTrigger,
     Contacts,
     Description,
     Detections,
@@ -37,12 +38,13 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
-from stepbus_store.mission.checks import PLANNABLE, check_of, overturned
+from stepbus_store.mission.checks import CURABLE, PLANNABLE, check_of
 from stepbus_store.mission.goals import GOALS
 from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
 from stepbus_store.mission.port_names import find_ports
-from stepbus_store.mission.report import WITNESSES, Unsold, summary
+from stepbus_store.mission.report import WITNESSES, summary
+from stepbus_store.mission.rest import overturned
 from stepbus_store.mission.state import (
     ASIDES,
     Inputs,
@@ -55,6 +57,7 @@ from stepbus_store.mission.state import (
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.true_base import TrueBase
+from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
@@ -70,8 +73,8 @@ class StoreMission(Participant):
     map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
     from what others moved; and one EmergencyStop/1, during which nothing is commanded;
     and one Imu/1 with orientation, of the base, which must not tilt.
-    Outputs: Goal/1, and Event/1 with the log; an output of type Event/1 named `summary` carries the
-    report.
+    Outputs: Goal/1; CameraTrigger/1, if the camera takes images on request; Event/1 with the log;
+    an output of type Event/1 named `summary` carries the report.
     `Params` has the parameters; `store/docs/mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
@@ -83,6 +86,7 @@ class StoreMission(Participant):
         self._ports = find_ports(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
+        self._images = 0
         self._further: list[str] = []
         self._statuses: dict[int, GoalStatus] = {}
         self._failure = ""
@@ -121,8 +125,9 @@ class StoreMission(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return empty descriptions: no output has named elements."""
-        ports = (self._ports.goal, self._ports.events, self._ports.summary)
-        return dict.fromkeys(ports, Description())
+        ports = self._ports
+        named = (ports.goal, ports.camera, ports.events, ports.summary)
+        return dict.fromkeys((name for name in named if name is not None), Description())
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the stock from the plant's description.
@@ -157,7 +162,17 @@ class StoreMission(Participant):
         messages: dict[str, Message] = {} if goal is None else {self._ports.goal: goal}
         if store.visit.state in LAST:
             self._end(step, store)
-        return messages | self._events(store)
+        return messages | self._look(store) | self._events(store)
+
+    def _look(self, store: StoreState) -> dict[str, Message]:
+        """Return a request for an image, where one is wanted and the camera waits for requests."""
+        port, is_stopped = self._ports.camera, self._interruption.is_held
+        if port is None or is_stopped or not wants_image(store):
+            return {}
+        store.visit.asked_ns = store.inputs.t_ns
+        self._images += 1
+        frame, spot = store.settings.base_frame, looked_at(store)
+        return {port: CameraTrigger(id=self._images - 1, frame=frame, position=spot)}
 
     def _observe(self, step: Step) -> StoreState:
         """Update the state with the inputs of this step; take inventory at the first one."""
@@ -256,9 +271,9 @@ class StoreMission(Participant):
                 return goal
 
     def _planned_instead(self, store: StoreState, outcome: Outcome) -> Goal | None:
-        """Return the goal of a state whose straight line is blocked, along a planned path."""
+        """Return the goal of a state that no straight line leads to, along a planned path."""
         visit = store.visit
-        is_line = outcome.cause == Cause.BLOCKED and visit.goal_type == "move_linear"
+        is_line = visit.goal_type == "move_linear" and outcome.cause in CURABLE
         if not is_line or visit.state not in PLANNABLE:
             return None
         store.report(f"{outcome.text}; along a planned path instead", "warning")
@@ -266,11 +281,15 @@ class StoreMission(Participant):
         return self._send(store, visit)
 
     def _elsewhere(self, store: StoreState, outcome: Outcome) -> Goal | None:
-        """Return the goal to another place, where there is no way to the one before the shelf."""
+        """Return the goal to another place before the shelf, or the outlet.
+
+        That is where there is no way to the one so far, or from there none for the arm.
+        """
         sale = store.sale
         trip = TRIPS.get(store.visit.state)
-        of_base = outcome.doing or store.visit.state in (*TRIPS.values(), "arrive", "come_home")
-        if sale is None or trip is None or outcome.cause != Cause.NO_PATH or not of_base:
+        served = (*TRIPS.values(), "reach", "arrive", "come_home")
+        can_help = outcome.doing or store.visit.state in served
+        if sale is None or trip is None or outcome.cause != Cause.NO_PATH or not can_help:
             return None
         if sale.asides + 1 == len(ASIDES):
             return None
@@ -331,7 +350,7 @@ class StoreMission(Participant):
             orders,
             duration,
             failure=self._failure,
-            unsold=_all_unsold(store),
+            unsold=store.all_unsold(),
             by=WITNESSES[self._settings.verification],
         )
         return [("info", text)]
@@ -345,21 +364,6 @@ def _lost(inputs: Inputs) -> Outcome | None:
     if pose is not None and not math.isfinite(pose.x + pose.y + pose.yaw):
         return Outcome(name="failed", cause=Cause.NO_POSE, text="the base's pose is unknown")
     return None
-
-
-def _all_unsold(store: StoreState) -> list[Unsold]:
-    """Return the orders that were left out, the one that failed, and those after it."""
-    rows, problem = list(store.unsold), store.problem
-    known = {row.number for row in rows} | {result.number for result in store.results}
-    if problem and store.sale and store.sale.number not in known:
-        name = store.sale.item.name if store.sale.item else str(store.sale.order)
-        text = f"failed while {store.doing}"
-        rows.append(Unsold(number=store.sale.number, order=name, reason=text))
-    known |= {row.number for row in rows}
-    for number, order in enumerate(store.settings.orders, 1):
-        if number not in known:
-            rows.append(Unsold(number=number, order=str(order), reason="not tried"))
-    return rows
 
 
 def _event(port: str, log: Sequence[LogEntry]) -> dict[str, Message]:

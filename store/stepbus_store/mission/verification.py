@@ -9,10 +9,45 @@ from stepbus_store.mission.geometry import Spot, spot_of, tilt_of, yaw_of
 from stepbus_store.mission.goals import ODOMETRY
 from stepbus_store.mission.report import SaleResult
 from stepbus_store.mission.state import Outcome, StoreState
+from stepbus_store.mission.state_table import STATES
 from stepbus_store.mission.witness import Witness
 
 _AIMS = 2
 """Views of the outlet before an item is put down: the second one is corrected by the first."""
+
+
+_LIES = math.radians(45.0)
+"""Tilt from which an item that is seen lies."""
+
+_HIDDEN = 0.5
+"""Share of an item's place that something else hides, from which the view says nothing of it."""
+
+_AGAIN = 0.2
+"""After so long without an answer, another image is asked for [s]."""
+
+
+def wants_image(store: StoreState) -> bool:
+    """Return whether the state waits for an image that it has not asked for."""
+    visit = store.visit
+    if not STATES[visit.state].looks or store.elapsed < store.settings.waits.still:
+        return False
+    if visit.asked_ns is None or store.inputs.detections is not None:
+        return True
+    return store.since(visit.asked_ns) >= _AGAIN
+
+
+def looked_at(store: StoreState) -> Point | None:
+    """Return where the top of the item is expected, in the base's frame [m]; None: nowhere."""
+    state = store.visit.state
+    if state not in ("find", "correct", "verify"):
+        return None
+    sale, item = store.now
+    spot, height = store.expected(), item.top
+    if state == "verify":
+        spot = store.in_odometry(store.settings.outlet_spot(sale.number - 1, store.planned))
+        height = store.settings.outlet.position[2] + item.top - item.bottom
+    ahead, left = spot_of(store.inputs.odometry).sees(spot.x, spot.y)
+    return (ahead, left, height)
 
 
 def find(store: StoreState) -> Outcome | None:
@@ -21,7 +56,7 @@ def find(store: StoreState) -> Outcome | None:
     spot = _locate(store)
     if isinstance(spot, Outcome):
         if spot.name == "missing":
-            store.missing.append(item.name)
+            store.missing[item.name] = spot.cause
             store.report(spot.text, "warning")
         return spot
     if spot is not None:
@@ -84,16 +119,16 @@ def _locate(store: StoreState) -> Spot | Outcome | None:
     visit.views += 1
     seen = nearest(store, store.inputs.detections, store.expected())
     if seen is None and visit.views == store.settings.views:
-        return Outcome(
-            name="missing", cause=Cause.MISSING, text=_missing(store, store.inputs.detections)
-        )
+        return _missing(store, store.inputs.detections)
     return None if seen is None else seen[0]
 
 
-def nearest(store: StoreState, detections: Detections, expected: Spot) -> tuple[Spot, float] | None:
+def nearest(
+    store: StoreState, detections: Detections, expected: Spot, *, lies: bool = False
+) -> tuple[Spot, float] | None:
     """Return the detection of the item's type nearest to a spot, and the height of its centre [m].
 
-    None: none is near enough.
+    None: none that stands is near enough. lies: look for one that lies.
     """
     _, item = store.now
     _check(detections)
@@ -101,10 +136,12 @@ def nearest(store: StoreState, detections: Detections, expected: Spot) -> tuple[
     spots = [
         (_in_odometry(store, detections.frame, position, yaw_of(orientation)), position[2])
         for item_type, position, orientation in rows
-        if item_type == item.type
+        if item_type == item.type and (tilt_of(orientation) > _LIES) == lies
     ]
     seen = min(spots, key=lambda row: _distance(row[0], expected), default=None)
-    if seen is None or _distance(seen[0], expected) > store.settings.tolerances.found:
+    # What has toppled has its middle half its height away.
+    near = store.settings.tolerances.found + ((item.top - item.bottom) / 2 if lies else 0.0)
+    if seen is None or _distance(seen[0], expected) > near:
         return None
     return seen
 
@@ -140,16 +177,25 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
     return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)
 
 
-def _missing(store: StoreState, detections: Detections) -> str:
+def _missing(store: StoreState, detections: Detections) -> Outcome:
+    """Return why the item cannot be taken: it lies, something hides it, or it is not there."""
     _, item = store.now
     near = store.settings.tolerances.found * 1e3
+    expected, views = store.expected(), f"in {store.visit.views} views"
+    if lying := nearest(store, detections, expected, lies=True):
+        off = _distance(lying[0], expected) * 1e3
+        text = f"{item.name} lies {off:.0f} mm from where it should stand"
+        return Outcome(name="missing", cause=Cause.LYING, text=f"lying, {text}")
+    if detections.hidden > _HIDDEN:
+        text = f"something hides {detections.hidden:.0%} of where {item.name} should be {views}"
+        return Outcome(name="missing", cause=Cause.HIDDEN, text=f"hidden, {text}")
     types = (
         ", ".join(t for t in dict.fromkeys(detections.types) if t in store.stock.types) or "nothing"
     )
-    return (
-        f"missing, no {item.type} within {near:g} mm of where {item.name} should be in "
-        f"{store.visit.views} views; seen: {types}"
+    text = (
+        f"no {item.type} within {near:g} mm of where {item.name} should be {views}; seen: {types}"
     )
+    return Outcome(name="missing", cause=Cause.MISSING, text=f"missing, {text}")
 
 
 def verify(store: StoreState) -> Outcome | None:
@@ -198,6 +244,10 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
             return None
         near = settings.tolerances.found * 1e3
         text = f"no upright {item.type} is seen within {near:g} mm of its spot"
+        if nearest(store, detections, spot, lies=True) is not None:
+            text += "; one lies there"
+        elif detections.hidden > _HIDDEN:
+            text += f"; something hides {detections.hidden:.0%} of that"
         return Outcome(name="misplaced", cause=Cause.MISPLACED, text=f"misplaced, {text}")
     at, height = seen
     result = SaleResult(

@@ -24,6 +24,9 @@ from stepbus_schemas import (
 from stepbus_store.world_model import Params
 from stepbus_store.world_model.localization import Localization, Uncertainty
 
+_UPRIGHT = 0.1
+"""Parts x and y of a quaternion below which an item stands; one that lies stays in its place."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Seen:
@@ -251,7 +254,7 @@ class WorldModel(Participant):
         base, (_, _, yaw) = self._base(), self._localization.pose
         seen = []
         for name, at, turn in rows:
-            if name != mark:
+            if name != mark and abs(turn[0]) + abs(turn[1]) < _UPRIGHT:
                 x, y, _ = base.act(np.array(at)).tolist()
                 seen.append(Seen(type=name, x=x, y=y, yaw=yaw + _yaw(turn)))
         items.see(seen)

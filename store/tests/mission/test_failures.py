@@ -78,6 +78,14 @@ def failed(store, **params):
             ),
         ),
         (
+            {"hidden": ("cola_a1_3",), "covered": 0.8},
+            {"orders": [{"item": "cola_a1_3"}]},
+            (
+                "sale 1 (cola_a1_3) failed while choosing an item: shelf empty, cola_a1_3 is "
+                "hidden; 0 sold, 0 missing, 1 hidden"
+            ),
+        ),
+        (
             {},
             {"opening": 0.06},
             (
@@ -385,6 +393,13 @@ def test_a_base_that_drives_beside_its_arm_finds_another_place_too():
     drives = [goal.base for goal in result.goals if goal.type == "go_together"]
     assert [place[1] for place in drives[:2]] == pytest.approx([-0.2, 0.1])
     assert [place[0] for place in drives[2:]] == pytest.approx([0.0, 0.3])
+
+
+def test_where_the_arm_finds_no_way_from_its_place_the_base_takes_another_one():
+    result = sell(FakeStore(shelf_a(*GOODS), fails={("reach", 1): "no_path"}), together=True)
+    assert "1 of 1 sales are done" in result.end
+    drives = [goal.base for goal in result.goals if goal.type == "go_together"]
+    assert [place[1] for place in drives[:2]] == pytest.approx([-0.2, 0.1])
 
 
 def test_where_there_is_no_place_left_the_sale_fails():

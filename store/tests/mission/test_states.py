@@ -80,6 +80,9 @@ def test_every_passage_of_the_table_is_walked():
     found |= walked(together | {"waits": {"lost": 0.3}}, drops=(("bring", 1),))
     found |= walked({"recover": True}, fails={("drive", 1): "jammed"})
     found |= walked({"recover": True}, fails={("drive", 1): "jammed", ("recover", 1): "no_path"})
+    parked = {("park", 1): "no_path"}
+    found |= walked(fails=parked) | walked({"recover": True}, fails=parked)
+    found |= walked(fails=parked, silent=(("halt", 1),))
     for state in ("depart", "return"):
         found |= walked(together, fails_late={(state, 1): "jammed"})
         found |= walked(together, silent=((state, 1),))

@@ -20,6 +20,7 @@ class Result:
 
     goals: list
     events: list
+    requests: list
     summary: str
     end: str
     error: str
@@ -45,11 +46,11 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
     ask: gets the mission before its step 50, to call it.
     """
     localized = store.drift is not None
-    mission = StoreMission(config(localized=localized, **params))
+    mission = StoreMission(config(localized=localized, requests=store.requested, **params))
     mission.start({port: store.description() for port in ("poses", "planogram")})
     walked = _watch(mission)
     stand = Stand(mission)
-    result = Result([], [], "", "", "", walked)
+    result = Result([], [], [], "", "", "", walked)
     for index in range(steps):
         if index == 50 and ask is not None:
             ask(mission.calls())
@@ -64,7 +65,7 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             messages |= {"poses": store.planogram, "pose": store.pose()}
         if store.news and (status := store.news.pop(0)) is not None:
             messages["goal_status"] = status
-        if index % 5 == 0 and (found := store.detections()) is not None:
+        if store.is_due(index) and (found := store.detections()) is not None:
             messages["detections"] = found
         try:
             published = stand.update(index, **messages)
@@ -72,6 +73,7 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
             result.error = str(exc)
             break
         _take(result, published)
+        store.asked = published.get("camera")
         if "goal" in published:
             store.carry_out(published["goal"], walked[-1][2])
         if stand.end_reason:
@@ -84,6 +86,8 @@ def sell(store: FakeStore, steps: int = 20_000, ask=None, **params) -> Result:
 def _take(result: Result, published) -> None:
     if "goal" in published:
         result.goals.append(published["goal"])
+    if "camera" in published:
+        result.requests.append((result.walked[-1][2], published["camera"]))
     if "events" in published:
         result.events.append(published["events"])
     if "summary" in published:

@@ -46,8 +46,11 @@ PARAMS = {
 }
 
 
-def config(*, localized: bool = False, **params) -> Config:
-    """Return the configuration of a mission; localized: wired as in `store`, else `store/truth`."""
+def config(*, localized: bool = False, requests: bool = False, **params) -> Config:
+    """Return the configuration of a mission; localized: wired as in `store`, else `store/truth`.
+
+    requests: whether it asks for images.
+    """
     inputs = {
         "poses": ("plant", "Poses/1"),
         "detections": ("perception", "Detections/1"),
@@ -73,6 +76,7 @@ def config(*, localized: bool = False, **params) -> Config:
             "goal": OutputConfig(type="Goal/1"),
             "events": OutputConfig(type="Event/1"),
             "summary": OutputConfig(type="Event/1"),
+            **({"camera": OutputConfig(type="CameraTrigger/1")} if requests else {}),
         },
         params={**PARAMS, **params},
     )
@@ -121,6 +125,8 @@ class FakeStore:
     falls over then. seen_width: what the gripper says instead of the truth [m].
     frame: that the detections say they are given in. drift: where the map has the origin of
     odometry, x, y, yaw [m, rad]; then the mission gets a planogram and a pose instead of the truth.
+    requested: the camera waits for requests; loses: how many of these it loses. covered: share of
+    every spot that is hidden.
     """
 
     things: dict[str, Thing]
@@ -146,6 +152,9 @@ class FakeStore:
     seen_width: float | None = None
     frame: str = "chassis"
     drift: tuple | None = None
+    requested: bool = False
+    loses: int = 0
+    covered: float = 0.0
 
     def __post_init__(self):
         self.base = (0.0, 0.0, 0.0)
@@ -159,6 +168,7 @@ class FakeStore:
         self.news = []
         self.trip = -1
         self.pictures = 0
+        self.asked = None
         self.stop = EmergencyStop(active=False)
         self.is_dark = self.dark == ("order", 0)
         self.planogram = self.poses()
@@ -203,6 +213,14 @@ class FakeStore:
         width = self.width if self.seen_width is None else self.seen_width
         return GripperState(width=width, force=15.0 if holding else 0.0, holding=holding)
 
+    def is_due(self, index: int) -> bool:
+        """Return whether there is an image at a step."""
+        if not self.requested:
+            return index % 5 == 0
+        lost = self.asked is not None and self.loses > 0
+        self.loses -= lost
+        return self.asked is not None and not lost
+
     def detections(self) -> Detections | None:
         """Return what the camera sees of the items near the gripper, in the frame of the base."""
         if self.is_dark:
@@ -224,8 +242,12 @@ class FakeStore:
                 (c * x + s * y, c * y - s * x, t.z + CENTRES.get(t.kind, 0.0))
                 for _, x, y, t in seen
             ],
-            orientation=[(0.0, 0.0, math.sin(h), math.cos(h)) for h in half],
+            orientation=[
+                t.orientation if t.tilt else (0.0, 0.0, math.sin(h), math.cos(h))
+                for h, (*_, t) in zip(half, seen, strict=True)
+            ],
             confidence=[1.0] * len(seen),
+            hidden=self.covered,
         )
 
     def imu(self) -> Imu:

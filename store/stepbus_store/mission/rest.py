@@ -1,0 +1,78 @@
+"""Whether everything is at rest: after an emergency stop, and at the end."""
+
+import math
+
+from stepbus_store.cause import Cause
+from stepbus_store.mission.state import Outcome, StoreState
+
+NO_ANSWER = "the controller does not answer"
+
+_LOST = (Cause.NO_ANSWER, Cause.NO_PERCEPTION, Cause.NO_PLAN, Cause.NO_POSE)
+"""Causes after which a participant is missing: the run ends soon, and nothing may move then."""
+
+_UPRIGHT = math.radians(8.0)
+"""Tilt from which the base counts as overturned, or about to be."""
+
+_AT_REST = 0.005
+"""Velocity below which the base is at rest [m/s, rad/s]."""
+
+
+def at_rest(store: StoreState) -> Outcome | None:
+    """Wait until the arm is at rest and the base has been at rest for a while."""
+    visit, waits = store.visit, store.settings.waits
+    base = store.inputs.odometry
+    status = store.inputs.status
+    base_at_rest = max(abs(base.vx), abs(base.wz)) < _AT_REST
+    if not base_at_rest or status is None or status.state != "succeeded":
+        visit.since_ns = None
+    elif visit.since_ns is None:
+        visit.since_ns = store.inputs.t_ns
+    if visit.since_ns is not None and store.since(visit.since_ns) >= waits.rest:
+        store.rest = "everything is at rest"
+        if overturned(store) is not None:
+            store.rest = f"all motors are at rest; {_tilted(store)}"
+        cause = store.problem.cause if store.problem is not None else ""
+        recovers = store.settings.recover and cause not in (*_LOST, Cause.ARM_JAMMED, Cause.TILTED)
+        return Outcome(name="recover" if recovers else "rest")
+    if store.elapsed < waits.halt:
+        return None
+    store.rest = f"not at rest after {waits.halt:g} s, {_restless(store)}"
+    return Outcome(name="restless")
+
+
+def overturned(store: StoreState) -> Outcome | None:
+    """Return that the base is tilted more than it may be."""
+    if store.tilt <= _UPRIGHT:
+        return None
+    return Outcome(name="failed", cause=Cause.TILTED, text=_tilted(store))
+
+
+def _tilted(store: StoreState) -> str:
+    return f"the robot is tilted by {math.degrees(store.tilt):.0f}°"
+
+
+def rest_of(store: StoreState) -> str:
+    """Return whether the base is at rest, where nothing is commanded to the arm."""
+    base = store.inputs.odometry
+    if max(abs(base.vx), abs(base.wz)) < _AT_REST and overturned(store) is None:
+        return "everything is at rest"
+    return f"not at rest, {_restless(store)}"
+
+
+def _restless(store: StoreState) -> str:
+    base, status = store.inputs.odometry, store.inputs.status
+    if overturned(store) is not None:
+        return _tilted(store)
+    if max(abs(base.vx), abs(base.wz)) >= _AT_REST:
+        return f"the base moves at {base.vx:.3f} m/s and {base.wz:.3f} rad/s"
+    if status is None:
+        return NO_ANSWER
+    return f"the controller reports {status.state}" + (f", {status.text}" if status.text else "")
+
+
+def halted(store: StoreState) -> Outcome | None:
+    """Wait until everything is at rest after the last sale."""
+    outcome = at_rest(store)
+    if outcome is not None and outcome.name == "restless":
+        return Outcome(name="restless", cause=Cause.NOT_SETTLED, text=store.rest)
+    return outcome
