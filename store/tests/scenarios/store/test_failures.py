@@ -209,7 +209,7 @@ def test_around_what_blocks_the_first_way_another_one_is_taken(tmp_path):
 
 
 def test_what_comes_into_the_way_during_the_motion_is_gone_around(tmp_path):
-    result = store(tmp_path, script(f"at: 5.2s, {POST_ASIDE}", POST_AWAY), APART)
+    result = store(tmp_path, script(f"at: 4.8s, {POST_ASIDE}", POST_AWAY), APART)
     recording = Recording(result.recording)
     assert "mission: 1 of 1 sales are done" in result.reason
     plans = arm_plans(recording)
