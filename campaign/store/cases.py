@@ -15,6 +15,8 @@ from stepbus_plant.stock import Item
 from stepbus_plant.world_file import load_world
 
 _TYPES = ("cola", "juice", "water", "soup")
+_HEIGHTS = {"cola": 0.116, "juice": 0.121, "water": 0.151, "soup": 0.101}
+"""Where something stands on an item, above its lower end [m]."""
 _KILLABLE = ("perception", "mission", "controller", "planner")
 _ARM = (
     "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint",
@@ -110,8 +112,8 @@ def _sudden(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     if chance.random() < 0.5:
         at, x = chance.uniform(0.3, 1.2), chance.uniform(1.05, 1.3)
     else:
-        # On its way home, at least 0.2 m away: before 9 s it is still at the shelf.
-        at, x = chance.uniform(10.0, 10.6), chance.uniform(-0.25, 0.1)
+        # On its way home, at least 0.2 m away: before 8 s it is still at the shelf.
+        at, x = chance.uniform(8.5, 9.1), chance.uniform(-0.25, 0.1)
     body = chance.choice(["pillar", "crate"])
     return {"script": [_put(body, at, x, chance.uniform(-0.35, 0.35))]}
 
@@ -126,7 +128,7 @@ def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     x, speed = chance.uniform(1.0, 1.2), chance.uniform(0.4, 0.7)
     if chance.random() < 0.5:
         # Before the base comes, or before it goes home.
-        start, x = chance.choice([(0.0, x), (8.5, 0.6 * x)])
+        start, x = chance.choice([(0.0, x), (7.0, 0.6 * x)])
         begin = _put("crate", max(start - 0.1, 0.0), x, -1.5)
         return {"script": [begin, _walk(start + 0.1, x, 1.5, 3.0 / speed)]}
     start, nearest = chance.uniform(0.2, 1.0), chance.uniform(0.62, 0.75)
@@ -142,7 +144,7 @@ def _people(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _arm_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Put the post near the shelf before the arm gets there."""
-    at = chance.choice([0.0, chance.uniform(3.2, 4.2), chance.uniform(4.6, 6.0)])
+    at = chance.choice([0.0, chance.uniform(2.8, 3.8), chance.uniform(4.0, 5.8)])
     x, y = chance.uniform(1.95, 2.1), chance.uniform(-0.5, 0.6)
     return {"script": [_put("pillar", at, x, y, z=chance.choice([0.0, chance.uniform(0.2, 0.5)]))]}
 
@@ -153,10 +155,10 @@ def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]
         late = chance.uniform(0.0, 1.0)
         # The wrist comes along here a little later, while the base still drives.
         x, y = 0.83 - 0.8 * late + chance.uniform(-0.1, 0.1), chance.uniform(0.5, 0.72)
-        return {"scenario": "store", "script": [_put("pillar", 11.4 + late, x, y)]}
+        return {"scenario": "store", "script": [_put("pillar", 9.6 + late, x, y)]}
     x, y = chance.uniform(0.22, 0.4), chance.uniform(0.4, 0.58)
     height = -chance.uniform(0.45, 0.6)
-    script = [_put("pillar", chance.uniform(16.8, 17.5), x, y, z=height)]
+    script = [_put("pillar", chance.uniform(13.1, 13.7), x, y, z=height)]
     return {"scenario": "store", "script": script}
 
 
@@ -189,6 +191,29 @@ def _turned(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
     return {"script": [_put(item.name, 0.2, x + dx, y + dy, z=z, yaw=yaw)]}
 
 
+def _lying(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Lay the item down on its place, in any direction."""
+    item = _first(common)
+    x, y, z = item.position
+    heading = chance.uniform(-math.pi, math.pi)
+    # The origin of an item is its lower end.
+    x, y = x - 0.05 * math.cos(heading), y - 0.05 * math.sin(heading)
+    action = {
+        **_put(item.name, 0.2, x, y, z=z + 0.036),
+        "orientation_rpy": [0, math.pi / 2, heading],
+    }
+    return {"scenario": "store", "script": [action]}
+
+
+def _hidden(chance: random.Random, common: Mapping[str, Any]) -> dict[str, Any]:
+    """Put another item onto the one that is ordered."""
+    item = _first(common)
+    x, y, z = item.position
+    above = next(name for name, row in _items(common["seed"]).items() if row.type != item.type)
+    action = _put(above, 0.2, x + chance.uniform(-0.01, 0.01), y, z=z + _HEIGHTS[item.type])
+    return {"scenario": "store", "script": [action]}
+
+
 def _shelf(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Move the shelf, but not what stands on it."""
     dx, dy = chance.uniform(-0.015, 0.015), chance.uniform(-0.03, 0.03)
@@ -197,23 +222,23 @@ def _shelf(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _kill(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
-    return {"killed": chance.choice(_KILLABLE), "at_step": chance.randrange(20, 1050)}
+    return {"killed": chance.choice(_KILLABLE), "at_step": chance.randrange(20, 900)}
 
 
 def _jam(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Jam a wheel while the base drives, or a joint of the arm while it moves."""
     if chance.random() < 0.6:
-        at = chance.choice([chance.uniform(0.5, 3.0), chance.uniform(9.8, 13.0)])
+        at = chance.choice([chance.uniform(0.5, 3.0), chance.uniform(8.3, 11.0)])
         return {
             "script": [{"at": f"{at:.3f}s", "jam": chance.choice(["left_wheel", "right_wheel"])}]
         }
-    at = chance.choice([chance.uniform(4.4, 9.5), chance.uniform(13.5, 16.5)])
+    at = chance.choice([chance.uniform(3.9, 7.8), chance.uniform(11.4, 13.4)])
     return {"script": [{"at": f"{at:.3f}s", "jam": chance.choice(_ARM)}]}
 
 
 def _camera(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Block the camera, for good or for some seconds."""
-    at, length = chance.uniform(0.5, 9.0), chance.uniform(0.5, 3.0)
+    at, length = chance.uniform(0.5, 6.0), chance.uniform(0.5, 3.0)
     script: list[Action] = [{"at": f"{at:.3f}s", "camera": "camera"}]
     if chance.random() < 0.5:
         script.append({"at": f"{at + length:.3f}s", "camera": "camera", "off": False})
@@ -222,7 +247,7 @@ def _camera(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 
 def _stop(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Stop everything at any time, and release it some seconds later."""
-    at, length = chance.uniform(0.3, 17.0), chance.uniform(0.3, 4.0)
+    at, length = chance.uniform(0.3, 13.5), chance.uniform(0.3, 4.0)
     script: list[Action] = [
         {"at": f"{at:.3f}s", "emergency_stop": True},
         {"at": f"{at + length:.3f}s", "emergency_stop": False},
@@ -233,7 +258,7 @@ def _stop(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
 def _lost(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]:
     """Lose a message that others wait for."""
     who = chance.choice(["plant", "controller", "mission"])
-    return {"fault": f"drop {who} at {chance.randrange(20, 1000)}"}
+    return {"fault": f"drop {who} at {chance.randrange(20, 800)}"}
 
 
 FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, Any]]] = {
@@ -243,6 +268,8 @@ FAMILIES: Mapping[str, Callable[[random.Random, Mapping[str, Any]], dict[str, An
     "posts at the shelf": _arm_posts,
     "deeper item": _deeper,
     "turned item": _turned,
+    "lying item": _lying,
+    "hidden item": _hidden,
     "moved shelf": _shelf,
     "killed participant": _kill,
     "jammed joint": _jam,
