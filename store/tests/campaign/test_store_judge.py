@@ -125,7 +125,7 @@ def test_the_cases_of_a_seed_are_the_same_each_time_and_have_every_family():
     rows = cases(64, 3)
     assert list(map(str, rows)) == list(map(str, cases(64, 3)))
     assert len({case.family for case in rows}) == 15
-    assert sum(case.scenario == "store" for case in rows) == 12
+    assert sum(case.scenario == "store" for case in rows) == 18
     assert {word for case in rows for word in case.arguments()} >= {"--fault", "--in-process"}
 
 
