@@ -204,7 +204,8 @@ class BaseMotion:
     def ahead(self, route: Iterable[PlannedSegment] | None = None) -> list[tuple[float, Point]]:
         """Return poses along the route that is left, and how far each is from its end [m].
 
-        route: instead of that. The poses are about 0.1 m apart; a turn counts as an arc.
+        route: instead of that. No point of the robot moves much more than 0.1 m between two; a turn
+        counts as an arc.
         """
         poses: list[Point] = [(self.state.x, self.state.y, self.state.yaw)]
         lengths = [0.0]
@@ -215,7 +216,9 @@ class BaseMotion:
         parts += [(segment, 0.0) for segment in self._planned_ahead(route)]
         for segment, start in parts:
             left = (segment.length - start) * (_BACK_TURN if segment.turns else 1.0)
-            count = max(math.ceil(abs(left) / _APART), 1)
+            # In a turn, what an arm holds out goes the farthest.
+            farthest = (segment.length - start) * self._settings.reach if segment.turns else left
+            count = max(math.ceil(abs(farthest) / _APART), 1)
             for n in range(1, count + 1):
                 at = segment.at(start + (segment.length - start) * n / count, 0.0)
                 poses.append((at.x, at.y, at.yaw))

@@ -88,6 +88,10 @@ class Link:
     shapes: tuple[Solid, ...]
 
 
+_MOVED = 2e-3
+"""Displacement between two messages from which something moves [m]."""
+
+
 class Obstacles:
     """All links that are not the robot's.
 
@@ -169,6 +173,14 @@ class Obstacles:
     def placement(self, poses: Poses, index: int) -> Any:
         """Return the pose of one link in `frame`, as `pinocchio.SE3`."""
         return _pose(poses, self._frame).inverse() * _pose(poses, index)
+
+    def moving(self, before: Poses, now: Poses) -> frozenset[str]:
+        """Return the links that have moved from one message to the next."""
+        return frozenset(
+            name
+            for name, link in self.links.items()
+            if math.dist(before.position[link.index], now.position[link.index]) > _MOVED
+        )
 
     def base_moved(self, before: Poses, now: Poses) -> float:
         """Return the displacement of the robot's `frame` [m]."""

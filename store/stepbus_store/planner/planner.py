@@ -2,7 +2,7 @@
 
 import math
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
@@ -176,6 +176,8 @@ class Planner(Participant):
         self._map: Any = None
         self._route: RouteMonitor | None = None
         self._next_route: RouteMonitor | None = None
+        self._last_poses: Poses | None = None
+        self._moving: frozenset[str] = frozenset()
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
@@ -239,7 +241,10 @@ class Planner(Participant):
             self._report(messages, "warning", text)
             self._unknown = []
         if step.is_new(self._poses_port):
-            self._obstacles.check(step.read(self._poses_port, Poses))
+            poses = step.read(self._poses_port, Poses)
+            self._obstacles.check(poses)
+            self._moving = self._obstacles.moving(self._last_poses or poses, poses)
+            self._last_poses = poses
         request = step.get(self._request_port, PlanRequest)
         if request is not None and request.id != self._request_id:
             self._start_planning(step, request)
@@ -263,7 +268,8 @@ class Planner(Participant):
         if request.base is not None and poses is not None:
             self._map = map_in_world(self._obstacles, request.base[0], poses)
             # The worker sees what is seen now, however long it takes.
-            answer = self._worker.submit(self._plan_route, request, poses, self._view.snapshot())
+            view, moving = self._view.snapshot(), self._moving
+            answer = self._worker.submit(self._plan_route, request, poses, view, moving)
         else:
             answer = self._worker.submit(
                 self.planner.plan, request, poses, cancelled.is_set, self._map
@@ -276,11 +282,18 @@ class Planner(Participant):
             poses=poses,
         )
 
-    def _plan_route(self, request: PlanRequest, poses: Poses, view: LidarView) -> Plan:
-        """Plan around what the map has, and what the lidars see; watch that from then on."""
+    def _plan_route(
+        self, request: PlanRequest, poses: Poses, view: LidarView, moving: Set[str]
+    ) -> Plan:
+        """Plan around what the map has, and what the lidars see; watch that from then on.
+
+        moving: what of the map moves. It may be gone a moment later, as what is only seen.
+        """
         mapped = self._base_planner.mapped(request, poses)
         seen = view.things(mapped)
-        plan = self._base_planner.plan(request, mapped, seen)
+        still = [thing for thing in mapped if thing.link not in moving]
+        passing = [thing for thing in mapped if thing.link in moving]
+        plan = self._base_planner.plan(request, still, [*seen, *passing])
         self._next_route = None
         if self._scan_ports and plan.route and request.base is not None:
             route = [request.base[0], *plan.route]

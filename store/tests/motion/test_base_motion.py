@@ -308,3 +308,12 @@ def test_a_base_goes_gently_after_what_it_has_lost():
     assert max(rates(base.speeds)) <= 0.4 * 1.02
     assert max(rates(base.turns)) <= 0.8 * 1.02
     assert (base.x, base.y) == pytest.approx((2.0, 0.0), abs=3e-3)
+
+
+def test_ahead_in_a_turn_no_point_of_a_robot_moves_far_between_two_poses():
+    motion = DiffDrive(reach=0.9).motion
+    motion.start(Goal(id=0, type="turn", by=1.5), motion.state)
+    yaws = [yaw for _, (_, _, yaw) in motion.ahead()]
+    assert yaws[-1] == pytest.approx(1.5)
+    steps = [0.9 * (b - a) for a, b in itertools.pairwise(yaws)]
+    assert max(steps) <= 0.1 + 1e-9

@@ -335,6 +335,21 @@ def test_what_moves_elsewhere_or_may_be_touched_does_not_matter(planner):
     assert after_the_pillar_moves(planner, (0.6, 0.0, 0.5), soft)[0] == [(29, 1, "")]
 
 
+@pytest.mark.parametrize(("moves", "cause"), [(True, "occupied"), (False, "goal_in_collision")])
+def test_a_place_that_something_passes_is_occupied_and_not_out_of_reach(planner, moves, cause):
+    stand, _ = planner()
+    drive = PlanRequest(id=2, start=[], goal=[], base=((0.0, 0.0, 0.0), (0.0, -2.0, 0.0)))
+    plan = None
+    for k in range(20):
+        at = (0.03 * (k if moves else 5) - 0.15, -2.0, 0.5)
+        _, poses = scenery((*PILLAR[:2], at))
+        out = stand.update(k, poses=poses, **({"request": drive} if k == 5 else {}))
+        plan = out.get("plan", plan)
+    assert plan is not None
+    assert plan.cause == cause
+    assert plan.text.startswith("pillar is ")
+
+
 BASES = [(0.0, 3.0, 0.0), (0.0, 1.5, 0.0), (0.0, 0.0, 0.0)]
 
 
