@@ -15,7 +15,7 @@ Check = Callable[[StoreState], Outcome | None]
 
 HOPELESS = (
     Cause.ARM_JAMMED, Cause.INVALID, Cause.LIMITS, Cause.NO_ANSWER, Cause.NO_FORCE, Cause.NO_PLAN,
-    Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.SINGULAR, Cause.TILTED,
+    Cause.NOT_DONE, Cause.NOT_HOLDABLE, Cause.NOT_SETTLED, Cause.SINGULAR, Cause.TILTED,
     Cause.UNREACHABLE,
 )  # fmt: skip
 """Causes that another attempt at the same item does not remove."""
