@@ -57,6 +57,19 @@ def test_the_mp4_of_a_camera_has_even_sizes_its_times_and_motion(camera, tmp_pat
     assert reds[-1] - reds[0] > 30
 
 
+@pytest.mark.parametrize(("step_ms", "size"), [(900, (65, 33)), (1100, (640, 480))])
+def test_of_a_camera_that_takes_few_images_the_scene_is_shown(tmp_path, step_ms, size):
+    about = Description(names=["crate"], details=SHAPES)
+    ports = {
+        "camera": ("Image/1", [], [image(step) for step in range(4)]),
+        "poses": ("Poses/1", about, [pose(step) for step in range(4)]),
+    }
+    recording = write(tmp_path / "run.mcap", step_ms * 1_000_000, **ports)
+    assert main(["export", str(recording), "--video", str(tmp_path / "a.gif")]) == 0
+    with Pillow.open(tmp_path / "a.gif") as film:
+        assert film.size == size
+
+
 def test_the_gif_of_a_camera_moves(camera, tmp_path):
     assert main(["export", str(camera), "--video", str(tmp_path / "a.gif")]) == 0
     with Pillow.open(tmp_path / "a.gif") as film:

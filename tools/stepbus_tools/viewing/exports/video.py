@@ -22,6 +22,8 @@ _FRAMES_PER_S = 25
 _SIZE = (640, 480)
 _MOST_GIF_FRAMES = 750
 _SHORTEST_GIF_MS = 40
+_RARE_NS = 1_000_000_000
+"""Images that are farther apart on the average make no film [ns]."""
 """A GIF counts in hundredths of a second, and viewers slow down what is faster."""
 _MS = Fraction(1, 1000)
 _VIEWPOINT_HELP = (
@@ -38,8 +40,8 @@ def _export(
 ) -> Exported:
     """Write a film of a recording; target: ends in .mp4 or .gif.
 
-    camera: a port of images; empty: the first. viewpoint: draws the scene instead. Without a camera
-    in the recording, and without a viewpoint, the scene is drawn from a corner. Raises
+    camera: a port of images; empty: the first that takes one a second or more. viewpoint: draws the
+    scene instead. Without such a camera and a viewpoint, the scene is drawn from a corner. Raises
     RecordingFailed when there is nothing to show, WiringError for another ending, camera or
     viewpoint.
     """
@@ -63,7 +65,7 @@ VIDEO = Exporter(
     write=_export,
     help=".mp4 or .gif of the recorded camera, or of the scene where there is none",
     options={
-        "camera": ("PORT", "with --video: a port of images; default: the first"),
+        "camera": ("PORT", "with --video: a port of images; default: the first with one a second"),
         "viewpoint": ("FROM", _VIEWPOINT_HELP),
     },
 )
@@ -72,13 +74,19 @@ VIDEO = Exporter(
 def _camera(recording: Recording, name: str) -> Port | None:
     """Return the port whose images are shown; None: the scene is drawn."""
     if not name:
-        return next((port for port in recording.of_type("Image/1") if port.last_step >= 0), None)
+        return next(filter(_films, recording.of_type("Image/1")), None)
     port = recording[name]
     if port.type != "Image/1":
         raise WiringError(f"{name} is {port.type}, no camera")
     if port.last_step < 0:
         raise RecordingFailed(f"{port.topic} of {recording.path} has no image")
     return port
+
+
+def _films(camera: Port) -> bool:
+    """Return whether a camera has images, and takes them often enough to show what happens."""
+    times = camera.t_ns
+    return len(times) > 0 and times[-1] - times[0] <= _RARE_NS * max(len(times) - 1, 1)
 
 
 def _seen(camera: Port, reached: Reached, problems: list[str]) -> Iterator[Shot]:
