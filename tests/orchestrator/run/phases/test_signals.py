@@ -65,7 +65,8 @@ def test_a_signal_ends_the_run_cleanly_with_its_own_code(tmp_path, start, number
     result = json.loads((tmp_path / "out" / "result.json").read_text())
     assert result["exit_code"] == ExitCode.INTERRUPTED
     recording = Recording(tmp_path / "out" / "run.mcap")
-    assert (recording.damage, len(recording["plant/joint_state"]) > 100) == ("", True)
+    assert recording.damage == ""
+    assert len(recording["plant/joint_state"]) >= result["steps"] > 0
 
 
 def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_temp, start):
@@ -76,7 +77,7 @@ def test_a_killed_orchestrator_leaves_no_process_and_no_folder(tmp_path, own_tem
     assert comes_true(lambda: leftovers(tmp_path) == [])
     assert comes_true(lambda: list(own_temp.iterdir()) == [])
     recording = Recording(tmp_path / "out" / "run.mcap")
-    assert len(recording["plant/joint_state"]) > 100
+    assert len(recording["plant/joint_state"]) > 0
 
 
 def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_path, start):
