@@ -1,0 +1,83 @@
+"""How everything of stepbus looks: its mark, typefaces and colours.
+
+Reports, pages, pictures and the site take them from here. Seven colours and two line styles tell
+fourteen lines apart; the colours differ for readers with any colour blindness too, which
+`tests/tools/test_look.py` measures, and have a contrast of 3:1 with what they are drawn on.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+TEXT_FONT = '"Inter", "Segoe UI", system-ui, -apple-system, "Helvetica Neue", sans-serif'
+NUMBER_FONT = '"JetBrains Mono", ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace'
+
+LINES = ("#0668bb", "#e8480c", "#16966a", "#ad3288", "#3d96d8", "#6a8f08", "#2f3b48")
+"""Colours of lines on white: blue, red, green, purple, sky, olive, ink."""
+LINES_DARK = ("#5d86ff", "#f2672c", "#35b882", "#bb6fc8", "#8ae0ff", "#e6d21a", "#ffffff")
+"""The same on a dark page."""
+
+PAPER: Mapping[str, str] = {
+    "ink": "#1b2430",
+    "soft": "#56626f",
+    "line": "#dbe1e8",
+    "paper": "#ffffff",
+    "raised": "#f5f7fa",
+    "accent": "#0668bb",
+    "good": "#1a7f4b",
+    "bad": "#c0262d",
+    "warn": "#9a6700",
+}
+"""Colours of a page by day."""
+NIGHT: Mapping[str, str] = {
+    "ink": "#e6ebf1",
+    "soft": "#a3b0be",
+    "line": "#333d49",
+    "paper": "#14191f",
+    "raised": "#1c232b",
+    "accent": "#7aa2ff",
+    "good": "#4cc38a",
+    "bad": "#ff7a80",
+    "warn": "#e5b454",
+}
+"""Colours of a page by night."""
+
+MARK = (
+    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
+    '<rect width="32" height="32" rx="7" fill="#0668bb"/>'
+    '<path d="M6 23h6v-5h7v-5h7" fill="none" stroke="#fff" stroke-width="3" '
+    'stroke-linecap="round" stroke-linejoin="round"/>'
+    '<circle cx="6" cy="23" r="2.5" fill="#fff"/><circle cx="26" cy="13" r="2.5" fill="#fff"/>'
+    '<path d="M6 8h20" stroke="#9fd0ff" stroke-width="3" stroke-linecap="round"/></svg>'
+)
+"""The mark: steps below a bus. An SVG of 32 × 32."""
+
+
+@dataclass(frozen=True)
+class LineStyle:
+    """How a line is drawn: the number of its colour, and whether it is broken."""
+
+    color: int
+    is_broken: bool
+
+
+def line_style(number: int) -> LineStyle:
+    """Return the style of the line with a number; a joint's is its place among all joints."""
+    rest, color = divmod(number, len(LINES))
+    return LineStyle(color, bool(rest % 2))
+
+
+def style_sheet() -> str:
+    """Return the colours and typefaces as custom properties of CSS, by day and by night."""
+    day, night = (
+        "".join(f"--{name}:{value};" for name, value in (*page.items(), *_numbered(lines)))
+        for page, lines in ((PAPER, LINES), (NIGHT, LINES_DARK))
+    )
+    fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
+    return (
+        f":root{{color-scheme:light dark;{fonts}{day}}}"
+        f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}"
+    )
+
+
+def _numbered(lines: tuple[str, ...]) -> list[tuple[str, str]]:
+    return [(f"c{number}", value) for number, value in enumerate(lines)]
