@@ -67,15 +67,22 @@ def line_style(number: int) -> LineStyle:
 
 
 def style_sheet() -> str:
-    """Return the colours and typefaces as custom properties of CSS, by day and by night."""
+    """Return the colours and typefaces as CSS: custom properties, by day and by night.
+
+    Of class `l0` is a line of the first colour, of class `f0` what is filled with it.
+    """
     day, night = (
         "".join(f"--{name}:{value};" for name, value in (*page.items(), *_numbered(lines)))
         for page, lines in ((PAPER, LINES), (NIGHT, LINES_DARK))
     )
     fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
+    classes = "".join(
+        f".l{n}{{stroke:var(--c{n})}}.f{n}{{fill:var(--c{n});background:var(--c{n})}}"
+        for n in range(len(LINES))
+    )
     return (
         f":root{{color-scheme:light dark;{fonts}{day}}}"
-        f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}"
+        f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}{classes}"
     )
 
 

@@ -63,6 +63,11 @@ def builtin_names() -> tuple[str, ...]:
     return tuple(_builtin_files())
 
 
+def builtin_name(file: Path) -> str | None:
+    """Return the name of the scenario that ships in a file; None of any other file."""
+    return next((name for name, known in _builtin_files().items() if known == file), None)
+
+
 def _builtin_files() -> dict[str, Path]:
     """Return the built-in scenarios by name, sorted."""
     files = [file for folder in scenario_folders().values() for file in folder.glob("*/*.yaml")]

@@ -21,7 +21,7 @@ def test_the_summary_names_the_worst_of_many_joints():
     reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
     summary, tracking = Tracked(), Tracking(states={"a": state}, references={"b": reference})
     summary.take(tracking)
-    assert summary.lines() == ["tracking RMSE after 2 s: at most 0.06 rad (j6)"]
+    assert summary.lines() == ["tracking RMSE after 2 s: at most 60 mrad (j6)"]
 
 
 def test_nothing_loads_matplotlib_before_it_plots():
@@ -74,4 +74,4 @@ def test_the_worst_of_many_joints_is_named_for_each_unit():
     summary, tracking = Tracked(), Tracking(states={"a": state}, references={"b": wanted})
     summary.take(tracking)
     (line,) = summary.lines()
-    assert line == "tracking RMSE after 2 s: at most 0.06 rad (j6), 0.07 m (j7)"
+    assert line == "tracking RMSE after 2 s: at most 60 mrad (j6), 70 mm (j7)"

@@ -103,21 +103,24 @@ def report_command(
     recordings: Annotated[Sequence[Path], {"metavar": "RECORDING", "nargs": "+"}],
     *,
     out: Path | None = None,
+    no_replay: bool = False,
 ) -> int:
     """Write report.html of a run, or compare several.
 
     Writes one HTML file that opens without a network: outcome and reason, curves of joints and of
-    every other port with numbers, events and faults, step times, camera stills. Several recordings
-    share their charts. `stepbus run` writes that of each run by itself.
+    every other port with numbers, the scene in motion, events and faults, step times, camera
+    stills. Several recordings share their charts. `stepbus run` writes that of each run by itself,
+    without the scene in motion.
 
     recordings: the run.mcap of a run, or its folder; several are compared. out: the page (default:
-    report.html beside the first recording).
+    report.html beside the first recording). no_replay: without the scene in motion, which takes
+    some seconds.
 
     $ stepbus report runs/arm
     $ stepbus report runs/pd runs/pid --out comparison.html
     """
     problems: list[str] = []
-    path = write_page(recordings, out, problems)
+    path = write_page(recordings, out, problems, has_replay=not no_replay)
     for line in problems:
         print_error(line)
     say(f"wrote {path}")

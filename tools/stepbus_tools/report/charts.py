@@ -20,44 +20,100 @@ Role = Literal["measured", "error", "reference", "command", "target"]
 """What a line is: what was, what it was apart from what it should be, or what it should be."""
 
 _MOST_JOINTS = 20
+_NEAR = 0.6
+"""Share of a limit from which on it is drawn."""
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
-_DASHED: Sequence[tuple[Role, str]] = (("reference", "reference"), ("command", "commanded"))
+_WANTED: Sequence[tuple[Role, str]] = (("reference", "reference"), ("command", "commanded"))
 
 
 @dataclass(frozen=True)
 class ChartLine:
-    """A line of a chart. points: times [s] and values."""
+    """A line of a chart. points: times [s] and values.
+
+    number: of its style, see `look.line_style`. run: among several.
+    """
 
     label: str
     points: Line
     role: Role = "measured"
+    number: int = 0
+    run: int = 0
 
 
 @dataclass(frozen=True)
 class Chart:
-    """Lines over time. unit: of their values; may be empty. limits: of them, where there are."""
+    """Lines over time. unit: of their values; may be empty. limits: of them, where there are.
+
+    is_path: its lines are no values over time, but x and y, both in its unit.
+    """
 
     title: str
     unit: str
     lines: Sequence[ChartLine]
     limits: Sequence[float] = ()
+    is_path: bool = False
+
+    @property
+    def largest(self) -> float:
+        """Return the largest absolute value of all lines."""
+        sizes = (float(np.nanmax(np.abs(line.points[1]), initial=0.0)) for line in self.lines)
+        return max((size for size in sizes if np.isfinite(size)), default=0.0)
+
+    @property
+    def used(self) -> float | None:
+        """Return which share of the range between its limits the measured lines use.
+
+        None without two limits, or without a measured line.
+        """
+        if len(self.limits) != 2 or not self.limits[0] < self.limits[1]:
+            return None
+        middle, half = sum(self.limits) / 2, (self.limits[1] - self.limits[0]) / 2
+        shares = [
+            float(np.nanmax(np.abs(line.points[1] - middle))) / half
+            for line in self.lines
+            if line.role == "measured" and np.isfinite(line.points[1]).any()
+        ]
+        return max(shares, default=None)
+
+    @property
+    def is_near_limit(self) -> bool:
+        """Return whether a line comes so near to a limit that both belong in one picture."""
+        return self.used is not None and self.used >= _NEAR
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """A time that all charts show [s]. level: of a `TimelineEvent`, or empty."""
+
+    t: float
+    level: str = ""
+    text: str = ""
+
+
+def path_of(port: PortCurves) -> Line | None:
+    """Return x and y of where a base was [m]; None of another port."""
+    if port.port.type != "BaseState/1" or not {"x", "y"} <= port.fields.keys():
+        return None
+    (tx, x), (ty, y) = (port.fields[name].curve.line(0) for name in ("x", "y"))
+    t = np.union1d(tx, ty)
+    return np.interp(t, tx, x), np.interp(t, ty, y)
 
 
 def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
     """Return error, position, velocity and torque, or force, of a joint; some may be empty."""
     state, reference = curves.state_of(joint), curves.reference_of(joint)
     is_sliding = curves.is_prismatic(joint)
-    unit = "m" if is_sliding else "rad"
+    unit, number = "m" if is_sliding else "rad", curves.measured.index(joint)
 
     def of(port: SignalCurves | None, quantity: str) -> Line | None:
         return None if port is None else port.of(quantity, joint)
 
     def chart(title: str, unit: str, limits: Sequence[str], *rows: _Row) -> Chart:
-        return Chart(title, unit, _lines(rows), _limits(state, joint, limits))
+        return Chart(title, unit, _lines(rows, number), _limits(state, joint, limits))
 
     commands: list[_Row] = [
-        (f"command {number or ''}".strip(), of(port, "values"), "command")
-        for number, port in enumerate(curves.torques)
+        (f"command {index or ''}".strip(), of(port, "values"), "command")
+        for index, port in enumerate(curves.torques)
     ]
     return [
         chart("error", unit, (), ("error", curves.error(joint), "error")),
@@ -90,9 +146,10 @@ _Row = tuple[str, Line | None, Role]
 """Label, points and role of a line that may be absent."""
 
 
-def _lines(rows: Iterable[_Row]) -> list[ChartLine]:
-    """Return the lines that have any number."""
-    return [ChartLine(n, row, role) for n, row, role in rows if row and np.isfinite(row[1]).any()]
+def _lines(rows: Iterable[_Row], number: int) -> list[ChartLine]:
+    """Return the lines that have any value. number: of their style."""
+    shown = [(name, row, role) for name, row, role in rows if row and np.isfinite(row[1]).any()]
+    return [ChartLine(name, row, role, number) for name, row, role in shown]
 
 
 def _limits(state: SignalCurves | None, joint: str, keys: Sequence[str]) -> list[float]:
@@ -125,27 +182,29 @@ def _united(
     joints: Sequence[str], charts: Sequence[Chart], wanted: str, more: str
 ) -> Iterator[Chart]:
     """Yield the chart of a quantity of several joints, where it is measured."""
-    first, solid, dashed = charts[0], list[ChartLine](), list[ChartLine]()
+    first, solid, wide = charts[0], list[ChartLine](), list[ChartLine]()
     for joint, chart in zip(joints, charts, strict=False):
         points = {line.role: line.points for line in reversed(chart.lines)}
         shown = points.get("measured") or points.get("error")
         if shown is None and "command" in points:
             shown = points.pop("command")
-        solid += [ChartLine(joint, shown)] if shown else []
-        for role, label in _DASHED:
-            dashed += [ChartLine(label, points[role], role)] if role in points else []
+        number = chart.lines[0].number if chart.lines else 0
+        solid += [ChartLine(joint, shown, number=number)] if shown else []
+        for role, label in _WANTED:
+            wide += [ChartLine(label, points[role], role, number)] if role in points else []
     if solid:
         title = f"error: {wanted} − measured" if first.title == "error" else first.title
-        yield Chart(title + more, first.unit, [*solid, *dashed])
+        yield Chart(title + more, first.unit, [*solid, *wide])
 
 
 def field_chart(field: FieldCurve, most: int) -> Chart:
     """Return the chart of a field of a port. most: lines."""
-    rows: list[_Row] = [
-        (label, field.curve.line(number), "measured")
+    lines = [
+        ChartLine(label, points, number=number)
         for number, label in enumerate(field.labels[:most])
+        if np.isfinite((points := field.curve.line(number))[1]).any()
     ]
-    return Chart(field.title, field.unit, _lines(rows))
+    return Chart(field.title, field.unit, lines)
 
 
 def signal_names(recording: Recording) -> list[str]:
@@ -190,5 +249,7 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
             names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
             raise WiringError(f"{text}: there is no [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
-    lines = [ChartLine(title if is_single else labels[i], field.curve.line(i)) for i in numbers]
+    lines = [
+        ChartLine(title if is_single else labels[i], field.curve.line(i), number=i) for i in numbers
+    ]
     return Chart(title, field.unit, lines)

@@ -1,52 +1,134 @@
 """Charts as one picture: report.png, `stepbus plot`."""
 
 import io
+import math
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
 from stepbus_tools.columns import readable
-from stepbus_tools.report.charts import Chart, all_joints, field_chart
-from stepbus_tools.report.curves import Curve, JointCurves, PortCurves, read_ports
+from stepbus_tools.look import LINES, PAPER, line_style
+from stepbus_tools.report.charts import (
+    Chart,
+    ChartLine,
+    Mark,
+    all_joints,
+    field_chart,
+    path_of,
+)
+from stepbus_tools.report.curves import Curve, JointCurves, Line, PortCurves, read_ports
 from stepbus_tools.report.summary import NO_DYNAMICS, lacks_dynamics, read_joints, scenario_name
+from stepbus_tools.report.units import prefixed
 from stepbus_tools.whole_file import replaced
 
-_COLOURS = ("#1f77b4", "#d95f02", "#2ca02c", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f", "#17becf")
-_DASHED = {"color": "black", "linestyle": (0, (4, 6)), "linewidth": 1.1, "zorder": 3}
-_MOST_ROWS = 12
-_SOLID = ("measured", "error")
+_SIZE = (5.2, 2.7)
+"""Of a panel [inch]."""
+_MOST_COLUMNS = 3
+_MOST_NAMES = 14
+_MOST_ROWS = 8
+_MARKS = {"failure": "bad", "error": "bad", "fault": "warn", "warning": "warn"}
+"""Level of a mark → its colour."""
+_PLANNED = ("reference", "command")
+_NOWHERE: Line = (np.empty(0), np.empty(0))
 
 
 def draw(
-    title: str, charts: Sequence[Chart], form: str = "png", *, mark_s: float | None = None
+    title: str, charts: Sequence[Chart], form: str = "png", *, marks: Sequence[Mark] = ()
 ) -> bytes:
-    """Return charts as a picture, one below the other. mark_s: a time that is marked [s].
+    """Return charts as a picture, in up to three columns. marks: of time, in all charts.
 
     form: `png`, `svg`, `pdf`. Raises ValueError for another, ExtraMissing without matplotlib.
     """
     _, figures = need("a plot", "matplotlib", "matplotlib.figure")
-    figure = figures.Figure(figsize=(14, 1 + 3 * len(charts)), dpi=100, layout="constrained")
-    figure.suptitle(title)
-    axes = figure.subplots(len(charts), 1, sharex=True, squeeze=False).flatten()
-    axes[-1].set_xlabel("time [s]")
-    for axis, chart in zip(axes, charts, strict=True):
-        _draw(axis, chart)
-        if mark_s is not None:
-            axis.axvline(mark_s, color="grey", linewidth=1)
+    columns = min(_MOST_COLUMNS, math.ceil(math.sqrt(len(charts))))
+    rows = math.ceil(len(charts) / columns)
+    size = (max(9.0, columns * _SIZE[0]), 0.8 + max(3.4 if rows == 1 else 0, rows * _SIZE[1]))
+    figure = figures.Figure(figsize=size, dpi=110, layout="constrained")
+    figure.suptitle(title, x=0.01, ha="left", fontweight="bold")
+    axes = figure.subplots(rows, columns, squeeze=False).flatten()
+    span = _span(charts, marks)
+    names = _shared_names(charts)
+    for axis, chart in zip(axes, charts, strict=False):
+        solid = {line.label for line in chart.lines if _is_solid(line)}
+        _draw(axis, chart, is_named=not names.keys() >= solid)
+        if chart.is_path:
+            axis.set_aspect("equal", adjustable="datalim")
+            axis.set(xlabel="x [m]", ylabel="y [m]")
+            continue
+        # What ended the run lies above all else.
+        for mark in sorted(marks, key=lambda one: one.level == "failure"):
+            _mark(axis, mark)
+        axis.set_xlabel("time [s]")
+        axis.set_xlim(*span)
+    for axis in axes[len(charts) :]:
+        axis.set_axis_off()
+    # What was wanted has the colour of what was measured, so its legend is grey.
+    wanted = {line.label: line for chart in charts for line in chart.lines if not _is_solid(line)}
+    samples = {label: _look(ChartLine(label, _NOWHERE, number=n)) for label, n in names.items()}
+    samples |= {name: _look(line) | {"color": PAPER["soft"]} for name, line in wanted.items()}
+    if samples:
+        handles = [axes[0].plot(*_NOWHERE, **look)[0] for look in samples.values()]
+        place = {"loc": "outside lower left", "frameon": False, "fontsize": 9}
+        figure.legend(handles, list(samples), ncols=min(7, len(handles)), **place)
     stream = io.BytesIO()
     figure.savefig(stream, format=form)
     return stream.getvalue()
 
 
-def save(title: str, charts: Sequence[Chart], target: Path, *, mark_s: float | None = None) -> None:
+def _mark(axis: Any, mark: Mark) -> None:
+    color = PAPER[_MARKS.get(mark.level, "soft")]
+    axis.axvline(mark.t, color=color, linewidth=1.2)
+    side = "right" if mark.level == "failure" else "left"
+    place = {"xycoords": ("data", "axes fraction"), "rotation": 90, "va": "top", "ha": side}
+    axis.annotate(mark.level, (mark.t, 0.98), color=color, fontsize=8, **place)
+
+
+def _span(charts: Sequence[Chart], marks: Sequence[Mark]) -> tuple[float, float]:
+    """Return where the time axis of all charts begins and ends [s]."""
+    lines = [line.points[0] for chart in charts if not chart.is_path for line in chart.lines]
+    times = np.concatenate([*lines, np.array([mark.t for mark in marks])])
+    low, high = (float(times.min()), float(times.max())) if len(times) else (0.0, 1.0)
+    room = 0.02 * (high - low) or 0.5
+    return low - room, high + room
+
+
+def _is_solid(line: ChartLine) -> bool:
+    return line.role in ("measured", "error")
+
+
+def _shared_names(charts: Sequence[Chart]) -> dict[str, int]:
+    """Return name → style of the lines that several charts have, such as joints."""
+    counted = Counter(
+        (line.label, line.number) for chart in charts for line in filter(_is_solid, chart.lines)
+    )
+    shared = {label: number for (label, number), count in counted.items() if count > 1}
+    return shared if 1 < len(shared) <= _MOST_NAMES else {}
+
+
+def _look(line: ChartLine) -> dict[str, Any]:
+    """Return how matplotlib draws a line."""
+    style = line_style(line.number)
+    color = LINES[style.color]
+    if line.role in _PLANNED:
+        return {"color": color, "linewidth": 5, "alpha": 0.35}
+    if line.role == "target":
+        return {"color": color, "linewidth": 1.2, "linestyle": ":"}
+    broken = (0, (5, 2)) if style.is_broken else "-"
+    return {"color": color, "linewidth": 1.5, "linestyle": broken}
+
+
+def save(title: str, charts: Sequence[Chart], target: Path, *, marks: Sequence[Mark] = ()) -> None:
     """Write charts as a picture; raises as `draw`, RecordingFailed when it cannot be written."""
     try:
-        picture = draw(title, charts, target.suffix[1:] or "png", mark_s=mark_s)
+        picture = draw(title, charts, target.suffix[1:] or "png", marks=marks)
     except ExtraMissing:
         raise
     except ValueError as exc:
@@ -55,25 +137,31 @@ def save(title: str, charts: Sequence[Chart], target: Path, *, mark_s: float | N
         part.write_bytes(picture)
 
 
-def _draw(axis: Any, chart: Chart) -> None:
-    axis.set_title(chart.title, loc="left", fontsize=10)
-    axis.set_ylabel(f"[{chart.unit}]" if chart.unit else "")
+def _draw(axis: Any, chart: Chart, *, is_named: bool) -> None:
+    factor, unit = (1.0, "m") if chart.is_path else prefixed(chart.largest, chart.unit)
+    used = f"   {100 * chart.used:.0f} % of limit used" if chart.used is not None else ""
+    axis.set_title(chart.title + used, loc="left", fontsize=10)
+    axis.set_ylabel(f"[{unit}]" if unit else "")
     axis.grid(visible=True, alpha=0.3)
     axis.margins(x=0.01)
-    labels: list[str] = []
-    for number, line in enumerate(chart.lines):
+    # What should be lies below what was.
+    lines = sorted(chart.lines, key=lambda one: one.role not in _PLANNED)
+    for line in lines:
         curve = Curve()
         curve.add(line.points[0], line.points[1][:, None])
-        solid = {"color": _COLOURS[number % len(_COLOURS)], "linewidth": 2}
-        # What is dashed is black, so its legend names it once.
-        label = line.label if line.label not in labels else None
-        axis.plot(*curve.line(0), label=label, **(solid if line.role in _SOLID else _DASHED))
-        labels.append(line.label)
-    if labels and labels != [chart.title.rpartition(": ")[2]]:
-        columns = 1 + (len(set(labels)) - 1) // _MOST_ROWS
-        place = {"loc": "upper left", "bbox_to_anchor": (1.01, 1.0), "borderaxespad": 0.0}
-        # Beside the axis, it covers no curve.
-        axis.legend(**place, frameon=False, fontsize=9, ncols=columns)
+        t, values = curve.line(0)
+        axis.plot(t, factor * values, label=line.label, **_look(line))
+    if chart.is_near_limit:
+        for limit in chart.limits:
+            axis.axhline(factor * limit, color=PAPER["bad"], linewidth=1, linestyle=(0, (5, 3)))
+    solid = {line.label: axis.lines[i] for i, line in enumerate(lines) if _is_solid(line)}
+    if (
+        is_named
+        and not chart.is_path
+        and list(solid) not in ([], [chart.title.rpartition(": ")[2]])
+    ):
+        columns = 1 + (len(solid) - 1) // _MOST_ROWS
+        axis.legend(solid.values(), solid, frameon=False, fontsize=8, ncols=columns, loc="best")
 
 
 REPORT_FILE = "report.png"
@@ -102,16 +190,23 @@ def write_report(path: Path, *, has_plots: bool = True) -> list[str]:
 
 
 def draw_report(
-    recording: Recording, joints: JointCurves, ports: Sequence[PortCurves]
+    recording: Recording,
+    joints: JointCurves,
+    ports: Sequence[PortCurves],
+    marks: Sequence[Mark] = (),
 ) -> Iterator[str]:
-    """Write report.png beside a recording, and yield the line of the summary about it."""
+    """Write report.png beside a recording, and yield the line of the summary about it.
+
+    marks: what it shows of events: the serious ones.
+    """
     charts = [*all_joints(joints), *port_charts(ports)]
     if charts:
         target = recording.path.with_name(REPORT_FILE)
         try:
             title = scenario_name(recording)
             more = f", {NO_DYNAMICS}" if lacks_dynamics(recording) else ""
-            save(f"{title}{more}", charts, target)
+            shown = [mark for mark in marks if mark.level in _MARKS]
+            save(f"{title}{more}", charts, target, marks=shown)
         except (StepbusError, OSError) as exc:
             yield f"no plots  {exc}"
         else:
@@ -120,13 +215,19 @@ def draw_report(
 
 def port_charts(ports: Sequence[PortCurves]) -> list[Chart]:
     """Return a chart for each field of bases, grippers, sensors and own types, up to eight."""
-    fields = [
-        replace(field_chart(field, _MOST_LINES), title=f"{port.name}: {field.title}")
-        for port in ports
-        if is_pictured(port.port)
-        for field in port.fields.values()
-    ]
-    return fields[:_MOST_FIELDS]
+    charts: list[Chart] = []
+    for port in ports:
+        if is_pictured(port.port):
+            path = path_of(port)
+            if path is not None:
+                line = ChartLine("path", path)
+                charts.append(Chart(f"{port.name}: path from above", "m", [line], is_path=True))
+            charts += [
+                replace(field_chart(field, _MOST_LINES), title=f"{port.name}: {field.title}")
+                for field in port.fields.values()
+                if path is None or field.title not in {"x", "y"}
+            ]
+    return charts[:_MOST_FIELDS]
 
 
 def is_pictured(port: Port) -> bool:

@@ -16,6 +16,7 @@ from stepbus_participant import open_regular, read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import UNDECODABLE, StepbusError
 from stepbus_tools.report.curves import JointCurves
+from stepbus_tools.report.units import engineering
 
 NO_DYNAMICS = "joints and base follow their commands at once"
 _PARTS = ("compute", "transport", "record", "wait")
@@ -130,7 +131,7 @@ class Tracked:
         when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
         if len(rmse) > _MOST_NAMED:
             return [f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
-        values = (f"{joint} {value:.3g} {self._units[joint]}" for joint, value in rmse.items())
+        values = (f"{joint} {engineering(rmse[joint], self._units[joint])}" for joint in rmse)
         return [f"tracking RMSE {when}: {', '.join(values)}"]
 
     def _worst(self, rmse: Mapping[str, float]) -> Iterator[str]:
@@ -139,4 +140,4 @@ class Tracked:
             joints = [joint for joint in rmse if self._units[joint] == unit]
             if joints:
                 worst = max(joints, key=lambda joint: rmse[joint])
-                yield f"{rmse[worst]:.3g} {unit} ({worst})"
+                yield f"{engineering(rmse[worst], unit)} ({worst})"

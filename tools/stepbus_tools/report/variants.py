@@ -7,7 +7,7 @@ from pathlib import Path
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
-from stepbus_tools.report.charts import Chart, ChartLine, Role, find_signals
+from stepbus_tools.report.charts import Chart, ChartLine, Mark, Role, find_signals
 from stepbus_tools.report.picture import save
 
 _MOST_VARIANTS = 4
@@ -35,6 +35,7 @@ def draw_variants(
     mark_s = 0.0
     for name, path in {_RECORDED: recording, **branches}.items():
         role: Role = "reference" if name == _RECORDED else "measured"
+        number = list(branches).index(name) + 1 if name in branches else 0
         with Recording(path) as opened:
             if name == _RECORDED:
                 rows = (port.last for port in opened.ports.values())
@@ -44,14 +45,14 @@ def draw_variants(
                 for line in chart.lines:
                     title = f"{chart.title}: {line.label}".removesuffix(f": {chart.title}")
                     lines = panels.setdefault((title, chart.unit), [])
-                    lines.append(ChartLine(name, line.points, role))
+                    lines.append(ChartLine(name, line.points, role, number))
     if not panels:
         raise WiringError(
             f"{recording} has no joint to draw; choose signals with --plot, e.g. of "
             f"`stepbus plot {recording}`"
         )
     charts = [Chart(*key, _around(mark_s, lines)) for key, lines in panels.items()]
-    save(str(recording), charts, target, mark_s=mark_s)
+    save(str(recording), charts, target, marks=[Mark(t=mark_s)])
     return [chart.title for chart in charts]
 
 

@@ -1,5 +1,6 @@
 """A recording as one HTML file: its scene in motion, with a time slider, offline."""
 
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,6 +20,17 @@ _DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     """Write a recording's scene as one HTML file; its problems are what it does not show."""
+    html, problems = scene_html(recording, reached)
+    with replaced(target) as path:
+        path.write_text(html, encoding="utf-8")
+    return Exported(paths=[target], problems=problems)
+
+
+def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[str]]:
+    """Return a recording's scene as one page, and what it does not show.
+
+    Raises RecordingFailed where there is no scene.
+    """
     scene, history = build_scene(recording), History(recording)
     last = history.last_step
     if last < 0 or not scene.has_looks:
@@ -40,9 +52,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
         html: str = serializer.as_html().replace("{darkMode:false}", _DARK, 1)
     finally:
         page.close()
-    with replaced(target) as path:
-        path.write_text(html, encoding="utf-8")
-    return Exported(paths=[target], problems=scene.notes)
+    return html, scene.notes
 
 
 SCENE = Exporter(

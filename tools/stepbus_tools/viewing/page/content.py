@@ -2,16 +2,14 @@
 
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
-from stepbus_tools.report.charts import Chart, ChartLine, field_chart, joint_charts
+from stepbus_tools.look import line_style
+from stepbus_tools.report.charts import Chart, ChartLine, Mark, field_chart, joint_charts
 from stepbus_tools.report.curves import (
     ContactCurves,
     JointCurves,
@@ -23,8 +21,8 @@ from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, result_of, scenario_name
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import read_timeline
+from stepbus_tools.viewing.page.scene_end import scene_at_end
 from stepbus_tools.viewing.page.step_times import read_step_times
-from stepbus_tools.viewing.render import scene_still
 
 _JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")
 _SHAPELESS = ("Detections/1", "Goal/1", "LaserScan/1", "Plan/1", "PlanRequest/1", "PointCloud/1")
@@ -33,19 +31,19 @@ _TITLES = {"BaseState/1": "Base", "Contacts/1": "Contacts", "GripperState/1": "G
 _QUIET = ("ControllerStatus/1", "Transforms/1", "Poses/1", "BaseCommand/1")
 """Types that ship whose charts are folded."""
 _MOST_LINES = 12
-_MOST_OPEN = 4
-"""More joints than that are folded, but the one with the largest error."""
 _MOST_JOINTS = 14
 _STILLS = 4
+_FEW_EVENTS = 30
 
 
 @dataclass(frozen=True, kw_only=True)
 class Group:
-    """Charts under one title."""
+    """Charts under one title. is_open: whether they are seen at once. color: of a joint."""
 
     title: str
-    is_open: bool
     charts: Sequence[Chart]
+    is_open: bool = True
+    color: int | None = None
 
 
 class Stills(PortReader):
@@ -70,7 +68,8 @@ class RunPage:
     """One run, read piece by piece.
 
     label: among several runs; empty for one alone. lines: of its summary. events_left: how many are
-    not shown. problems: what cannot be shown, a sentence each. still: the scene at its end.
+    not shown. problems: what cannot be shown, a sentence each. scene: at its end, where it has one.
+    groups: of charts.
 
     Raises RecordingFailed when it is no recording, or has no messages of types that it knows.
     """
@@ -101,9 +100,24 @@ class RunPage:
             ]
             self.ports = [reader for reader in readers if isinstance(reader, PortCurves)]
             self.cameras = [reader for reader in readers if isinstance(reader, Stills)]
-            self.events, self.events_left = read_timeline(recording, self.result)
+            events, self.events_left = read_timeline(recording, self.result)
+            self.events = [replace(one, text=self.local(one.text)) for one in events]
             self.times = read_step_times(self.path.parent) if self.result else {}
-            self.still = scene_still(recording)
+            self.scene = scene_at_end(recording)
+        self.groups = list(_groups(self))
+
+    @property
+    def marks(self) -> list[Mark]:
+        """Return what all charts show of its events: all of few, the serious ones of many."""
+        return [
+            Mark(t=one.t_ns * 1e-9, level=one.level, text=f"{one.source}: {one.text}")
+            for one in self.events
+            if one.level != "info" or len(self.events) <= _FEW_EVENTS
+        ]
+
+    def local(self, text: str) -> str:
+        """Return a text without the folder of the run: nobody else has this machine's folders."""
+        return text.replace(f"{self.path.parent}/", "")
 
 
 def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
@@ -121,8 +135,8 @@ def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:
     return readers, list(lost.values())
 
 
-def groups(run: RunPage) -> Iterator[Group]:
-    """Yield all charts of a run: those of all joints, of each joint, of each port."""
+def _groups(run: RunPage) -> Iterator[Group]:
+    """Yield all charts of a run: those of all joints, of each joint, the worst first, of ports."""
     joints = run.joints.measured
     charts = {joint: [c for c in joint_charts(run.joints, joint) if c.lines] for joint in joints}
     errors = {joint: c for joint in joints for c in charts[joint] if c.title == "error"}
@@ -134,11 +148,11 @@ def groups(run: RunPage) -> Iterator[Group]:
     if len(joints) > 1 and overview:
         more = len(joints) - _MOST_JOINTS
         title = f"Error of all joints{f' ({more} more below)' if more > 0 else ''}"
-        yield Group(title=title, is_open=True, charts=overview)
-    worst = max(joints, key=lambda joint: _largest(errors.get(joint)), default="")
-    for joint in joints:
-        is_open = len(joints) <= _MOST_OPEN or joint == worst
-        yield Group(title=joint, is_open=is_open, charts=charts[joint])
+        yield Group(title=title, charts=overview)
+    worst = sorted(joints, key=lambda one: -errors[one].largest if one in errors else 1.0)
+    for joint in worst:
+        color = line_style(joints.index(joint)).color
+        yield Group(title=joint, charts=charts[joint], color=color)
     for port in run.ports:
         fields = [f for f in port.fields.values() if len(f.labels) <= _MOST_LINES]
         shown = [chart for field in fields if (chart := field_chart(field, _MOST_LINES)).lines]
@@ -153,17 +167,4 @@ def _named_errors(
 ) -> Iterator[ChartLine]:
     for joint in joints:
         if joint in errors and errors[joint].unit == unit:
-            yield ChartLine(joint, errors[joint].lines[0].points)
-
-
-def _largest(chart: Chart | None) -> float:
-    return 0.0 if chart is None else float(np.nanmax(np.abs(chart.lines[0].points[1])))
-
-
-def path_of(port: PortCurves) -> Array:
-    """Return where a base was, shape (p, 2) [m]; no point of another port."""
-    if port.port.type != "BaseState/1" or not {"x", "y"} <= port.fields.keys():
-        return np.empty((0, 2))
-    (tx, x), (ty, y) = (port.fields[name].curve.line(0) for name in ("x", "y"))
-    t = np.union1d(tx, ty)
-    return np.column_stack((np.interp(t, tx, x), np.interp(t, ty, y)))
+            yield replace(errors[joint].lines[0], label=joint)

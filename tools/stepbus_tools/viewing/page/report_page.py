@@ -1,84 +1,97 @@
 """Writes report.html: the data of its curves, and a section for each thing it shows."""
 
-import base64
 import json
-import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 from importlib.resources import files
 from importlib.resources.abc import Traversable
 from importlib.util import find_spec
+from itertools import zip_longest
 from pathlib import Path
 from string import Template
-from typing import Any
+from typing import NamedTuple
+from urllib.parse import quote
 
 import numpy as np
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_participant import ExtraMissing, lacks
 from stepbus_tools.columns import dotted
-from stepbus_tools.report.charts import ChartLine, Role
-from stepbus_tools.report.curves import Curve
+from stepbus_tools.look import MARK, style_sheet
+from stepbus_tools.report.charts import path_of
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
-from .content import RunPage, groups, path_of
+from .content import RunPage
+from .curves_html import Curves
+from .head import again, head
+from .mission import is_summary
+from .plan import path_from_above
+from .replay import REPLAY_POLICY, packed_replay, replay_html
 from .step_times import lateness_html, times_html
-from .svg import figure, path_from_above
+from .svg import figure
 
 PAGE_FILE = "report.html"
+_POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
 _WIDEST = 480
 """Pixels of a camera still; a larger one is thinned."""
-_MOST_POINTS = 2000
-_MOST_WARNINGS = 10
-_FEW_EVENTS = 30
-_STYLES: Mapping[Role, Mapping[str, object]] = {
-    "measured": {},
-    "error": {"color": 3},
-    "reference": {"dash": True, "color": 1},
-    "command": {"dash": True, "color": 1},
-    "target": {"dash": True, "color": 2},
-}
-"""What a line is → how the script draws it."""
 
 
 def write_page(
-    paths: Sequence[Path], target: Path | None = None, problems: list[str] | None = None
+    paths: Sequence[Path],
+    target: Path | None = None,
+    problems: list[str] | None = None,
+    *,
+    has_replay: bool = False,
 ) -> Path:
     """Write the page of a run, or of several beside each other; return its path.
 
     paths: of recordings, or the folders of their runs. target: default: report.html beside the
-    first recording. problems: gets what cannot be shown.
+    first recording. problems: gets what cannot be shown. has_replay: the page has the scene in
+    motion too, which takes seconds and about a megabyte.
 
     Raises RecordingFailed when a recording cannot be read or the page cannot be written,
     ExtraMissing without uPlot.
     """
     runs = [RunPage(path) for path in paths]
+    replays = [packed_replay(run.path) if has_replay and run.scene else "" for run in runs]
     if problems is not None:
         problems += [f"{run.path}: {text}" for run in runs for text in run.problems]
-    return render_page(runs, target or runs[0].path.with_name(PAGE_FILE))
+    return render_page(runs, target or runs[0].path.with_name(PAGE_FILE), replays)
 
 
-def render_page(runs: Sequence[RunPage], target: Path) -> Path:
-    """Write the page of runs that have been read; raises as `write_page`."""
+def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = ()) -> Path:
+    """Write the page of runs that have been read; raises as `write_page`.
+
+    replays: of their scenes, packed; none where they are empty.
+    """
     library, assets = _uplot(), files(__package__ or "") / "assets"
     if len(runs) > 1:
         folders = [run.path.parent.name or run.path.stem for run in runs]
         for run, folder in zip(runs, folders, strict=True):
             run.label = folder if len(set(folders)) == len(folders) else str(run.path)
+    curves = Curves(runs)
+    sections = [
+        Section("curves", "Curves", curves.html()),
+        Section("path", "Path of the base, from above", _path(runs)),
+        Section("camera", "Camera", "".join(map(_camera_stills, runs))),
+        Section("happenings", "Events and faults", _events(runs)),
+        Section("timing", "Step times", "".join(map(_times, runs))),
+        Section("again", "Run it again", "".join(map(again, runs))),
+    ]
     title = " · ".join(dict.fromkeys(run.name for run in runs))
     text = Template(_read(assets / "page.html")).substitute(
         title=escape(f"{title}: {'comparison' if len(runs) > 1 else 'report'}"),
-        head="".join(map(_head, runs)),
-        stills=_section("The scene at its end", _scenes(runs)),
-        pictures=_section("Camera", "".join(map(_camera_stills, runs))),
-        path=_section("Path of the base, from above", path_from_above(_paths(runs))),
-        happenings=_section("Events and faults", _events(runs)),
-        timing=_section("Step times", "".join(map(_times, runs))),
-        again=_section("Run it again", "".join(map(_again, runs))),
-        style=_read(library / "uPlot.min.css") + _read(assets / "page.css"),
+        policy=REPLAY_POLICY if any(replays) else _POLICY,
+        icon=quote(MARK),
+        mark=MARK + "stepbus",
+        several=" several" if len(runs) > 1 else "",
+        head="".join(map(head, runs)),
+        scene=_scenes(runs, replays),
+        contents="".join(f'<a href="#{s.id}">{s.title}</a>' for s in sections if s.content),
+        sections="".join(map(str, sections)),
+        style=style_sheet() + _read(library / "uPlot.min.css") + _read(assets / "page.css"),
         library=_read(library / "uPlot.iife.js"),
-        data=_script(_data(runs)),
+        data=_script(curves.data()),
         script=_read(assets / "page.js"),
     )
     with replaced(target) as part:
@@ -105,129 +118,26 @@ def _script(value: object) -> str:
     return json.dumps(value, separators=(",", ":")).replace("<", "\\u003c")
 
 
-# --- the charts ---------------------------------------------------------------------------
+class Section(NamedTuple):
+    """A section of the page; one without content is not there."""
+
+    id: str
+    title: str
+    content: str
+
+    def __str__(self) -> str:
+        """Return it as HTML."""
+        inner = f"<h2>{self.title}</h2>{self.content}"
+        return f'<section id="{self.id}">{inner}</section>' if self.content else ""
 
 
-class _Arrays:
-    """All numbers of a page as base64; equal arrays, such as the times of most, are there once."""
-
-    def __init__(self) -> None:
-        self._places: dict[bytes, int] = {}
-
-    def line(self, line: ChartLine) -> dict[str, Any]:
-        """Return a line of a chart, as the script takes it."""
-        curve = Curve(_MOST_POINTS)
-        t, values = line.points
-        curve.add(t, np.where(np.isfinite(values), values, np.nan)[:, None])
-        t, values = curve.line(0)
-        at, y = self._place(b"d", t.astype("<f8")), self._place(b"f", values.astype("<f4"))
-        return {"label": line.label, "t": at, "y": y, **_STYLES[line.role]}
-
-    def encoded(self) -> list[str]:
-        """Return each array: `d` or `f`, then its little-endian numbers as base64."""
-        return [data[:1].decode() + base64.b64encode(data[1:]).decode() for data in self._places]
-
-    def _place(self, form: bytes, values: Array) -> int:
-        return self._places.setdefault(form + values.tobytes(), len(self._places))
-
-
-def _data(runs: Sequence[RunPage]) -> Mapping[str, Any]:
-    """Return what the script shows: all charts, marks, and their last time [s]."""
-    arrays = _Arrays()
-    ends_s = [t for run in runs for t in (run.end_s, *(one.t_ns * 1e-9 for one in run.events))]
-    return {
-        "groups": _groups(runs, arrays),
-        "marks": [
-            {"t": one.t_ns * 1e-9, "level": one.level}
-            for run in runs
-            for one in run.events
-            if one.level != "info" or len(run.events) <= _FEW_EVENTS
-        ],
-        # What ended a run comes a step behind its last message.
-        "end": max(ends_s),
-        "arrays": arrays.encoded(),
-    }
-
-
-def _groups(runs: Sequence[RunPage], arrays: _Arrays) -> list[Mapping[str, Any]]:
-    """Return the groups of all runs: each chart once, with the lines of all in it."""
-    merged: dict[str, tuple[bool, dict[tuple[str, str], dict[str, Any]]]] = {}
-    for number, run in enumerate(runs):
-        for group in groups(run):
-            _, charts = merged.setdefault(group.title, (group.is_open, {}))
-            for chart in group.charts:
-                row = {"title": chart.title, "unit": chart.unit, "limits": chart.limits}
-                kept = charts.setdefault((chart.title, chart.unit), {**row, "lines": []})
-                seen = {(line["t"], line["y"]) for line in kept["lines"]}
-                for line in map(arrays.line, chart.lines):
-                    if not run.label:
-                        kept["lines"].append(line)
-                    # What is the same for all, such as a reference, is there once.
-                    elif (line["t"], line["y"]) not in seen or not line.get("dash"):
-                        label = f"{run.label} {line['label']}"
-                        kept["lines"].append({**line, "label": label, "color": number})
-    return [
-        {"title": title, "open": is_open, "charts": list(charts.values())}
-        for title, (is_open, charts) in merged.items()
-    ]
-
-
-# --- the rest -----------------------------------------------------------------------------
-
-
-def _section(title: str, content: str) -> str:
-    return f"<section><h2>{title}</h2>{content}</section>" if content else ""
-
-
-def _head(run: RunPage) -> str:
-    result = run.result
-    name = escape(run.name + (f" ({run.label})" if run.label else ""))
-    verdict, why = "unknown", "There is no result.json beside the recording."
-    problems = list(run.problems)
-    if result is not None:
-        verdict, why = result.outcome, result.reason
-        why = "It ran to its end." if why == verdict else why
-        if result.exit_code and result.participant:
-            why += f" ({result.participant}, step {result.at_step}, exit code {result.exit_code})"
-        warnings = result.warnings[:_MOST_WARNINGS]
-        problems += [f"{w.level}: {w.source}, step {w.step}: {w.text}" for w in warnings]
-    shown = "".join(f'<p class="problem">{escape(text)}</p>' for text in problems)
-    lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines)
-    cells = "".join(
-        f"<div><dt>{key}</dt><dd>{escape(value)}</dd></div>" for key, value in _facts(run)
-    )
-    return (
-        f'<header><h1>{name} <span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
-        f'<p class="reason">{escape(why)}</p>{shown}<dl>{cells}</dl>'
-        f"{f'<ul>{lines}</ul>' if lines else ''}</header>"
-    )
-
-
-def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
-    result = run.result
-    yield "recording", str(run.path)
-    if result is None:
-        yield "last step", str(run.last_step)
-        return
-    yield "steps", f"{result.steps} of {result.step_ns * 1e-6:g} ms"
-    yield "simulated", f"{result.simulated_s:g} s"
-    yield "wall time", f"{result.wall_s:.2f} s, {result.real_time_factor:.2f} × real time"
-    yield "seed, window, transport", f"{result.seed}, {result.window}, {result.transport}"
-    if result.faults:
-        yield "faults", ", ".join(result.faults)
-    drops = ", ".join(f"{count} by {name}" for name, count in result.drops.items() if count)
-    if drops:
-        yield "dropped messages", drops
-    yield "sha256", result.sha256[:16]
-
-
-def _scenes(runs: Sequence[RunPage]) -> str:
+def _scenes(runs: Sequence[RunPage], replays: Sequence[str]) -> str:
     rows = [
-        figure(run.still, f"{run.label} t = {run.end_s:.2f} s".strip())
-        for run in runs
-        if run.still is not None
+        figure(run.scene.still, f"{run.label} t = {run.end_s:.2f} s".strip()) + replay_html(packed)
+        for run, packed in zip_longest(runs, replays, fillvalue="")
+        if isinstance(run, RunPage) and run.scene is not None
     ]
-    return f'<div class="stills scene">{"".join(rows)}</div>' if rows else ""
+    return f'<div class="scene">{"".join(f"<div>{row}</div>" for row in rows)}</div>'
 
 
 def _camera_stills(run: RunPage) -> str:
@@ -243,13 +153,15 @@ def _camera_stills(run: RunPage) -> str:
     return f'<div class="stills">{"".join(rows)}</div>' if rows else ""
 
 
-def _paths(runs: Sequence[RunPage]) -> dict[str, Array]:
-    return {
-        f"{run.label} {port.name}".strip(): points
+def _path(runs: Sequence[RunPage]) -> str:
+    paths = {
+        f"{run.label} {port.name}".strip(): np.column_stack(path)
         for run in runs
         for port in run.ports
-        if len(points := path_of(port))
+        if (path := path_of(port)) is not None
     }
+    things = next((run.scene.things for run in runs if run.scene is not None), ())
+    return path_from_above(paths, things)
 
 
 def _events(runs: Sequence[RunPage]) -> str:
@@ -259,6 +171,7 @@ def _events(runs: Sequence[RunPage]) -> str:
         f"<td>{escape(one.text)}</td></tr>"
         for run in runs
         for one in run.events
+        if not is_summary(one)
     )
     left = sum(run.events_left for run in runs)
     more = f"<p>{left} more are in the recording.</p>" if left else ""
@@ -271,11 +184,3 @@ def _times(run: RunPage) -> str:
     late = run.result.real_time if run.result else None
     title = f"<h3>{escape(run.label)}</h3>" if run.label else ""
     return title + times_html(run.times) + (lateness_html(late) if late else "")
-
-
-def _again(run: RunPage) -> str:
-    rows = [f"stepbus rerun {shlex.quote(str(run.path))}"]
-    if run.result is not None and run.result.file:
-        sets = "".join(f" --set {shlex.quote(text)}" for text in run.result.overrides)
-        rows.insert(0, f"stepbus run {shlex.quote(run.result.file)}{sets}")
-    return "".join(f"<pre>{escape(row)}</pre>" for row in rows)

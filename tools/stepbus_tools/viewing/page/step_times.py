@@ -20,7 +20,7 @@ _EDGES_US: NDArray[np.float64] = np.logspace(0, 6, 37)
 """Of the bins of the histogram [µs]; the last one has the rest too."""
 _WIDTH, _HEIGHT = 640.0, 220.0
 _MOST_LABELS = 6
-_COLOURS = 8
+_COLOURS = 7
 
 _decode = msgspec.msgpack.Decoder(StepTiming).decode
 
@@ -75,7 +75,7 @@ def times_html(times: Mapping[str, StepTimes]) -> str:
         compute, wait = (x / max(1, one.steps) for x in (one.compute, one.wait))
         shares = "".join(
             f'<i class={style} style="width:{100 * time / most:.1f}%"></i>'
-            for style, time in (("c0", compute), ("wait", wait))
+            for style, time in (("f0", compute), ("wait", wait))
         )
         rows.append(
             f"<tr><td>{escape(name)}</td><td>{in_units(compute * 1e-3)}</td>"
@@ -118,7 +118,7 @@ def _histogram(rows: Mapping[str, Sequence[int]], labels: Sequence[str]) -> str:
                 height = max(1.0, counts[index] / most * _HEIGHT)
                 x = (index - first) * slot + number * slot / len(rows)
                 parts.append(
-                    f'<rect class="c{number % _COLOURS}" x="{x:.1f}" y="{_HEIGHT - height:.1f}" '
+                    f'<rect class="f{number % _COLOURS}" x="{x:.1f}" y="{_HEIGHT - height:.1f}" '
                     f'width="{max(1.0, width):.1f}" height="{height:.1f}"><title>{escape(name)}, '
                     f"up to {escape(labels[index])}: {counts[index]}</title></rect>"
                 )
@@ -126,6 +126,7 @@ def _histogram(rows: Mapping[str, Sequence[int]], labels: Sequence[str]) -> str:
         x = (index - first) * slot
         parts.append(f'<text x="{x:.1f}" y="{_HEIGHT + 18}">{escape(labels[index])}</text>')
     return (
-        f'<svg role="img" viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>'
+        f'<svg class="histogram" role="img" aria-label="how many steps took how long" '
+        f'viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>'
         f"{legend(list(rows))}"
     )

@@ -3,16 +3,13 @@
 import base64
 import struct
 import zlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from html import escape
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.analysis.signals import Array
-
-_COLOURS = 8
-_MOST_POINTS = 2000
+from stepbus_tools.look import LINES
 
 
 def legend(names: Sequence[str]) -> str:
@@ -20,43 +17,10 @@ def legend(names: Sequence[str]) -> str:
     return (
         '<p class="legend">'
         + "".join(
-            f'<span><i class="c{i % _COLOURS}"></i>{escape(name)}</span>'
+            f'<span><i class="f{i % len(LINES)}"></i>{escape(name)}</span>'
             for i, name in enumerate(names)
         )
         + "</p>"
-    )
-
-
-def path_from_above(paths: Mapping[str, Array]) -> str:
-    """Return the paths of bases, x to the right and y up. paths: name → shape (p, 2), [m]."""
-    every = np.concatenate([np.empty((0, 2)), *paths.values()])
-    every = every[np.isfinite(every).all(axis=1)]
-    if not len(every):
-        return ""
-    low, high = every.min(axis=0), every.max(axis=0)
-    span = float(max(high - low)) or 1.0
-    edge = 0.08 * span + 0.05
-    x, y = low[0] - edge, -high[1] - edge
-    width, height = high[0] - low[0] + 2 * edge, high[1] - low[1] + 2 * edge
-    parts = []
-    for number, points in enumerate(paths.values()):
-        step = max(1, len(points) // _MOST_POINTS)
-        kept = np.concatenate((points[::step], points[-1:]))
-        dots = " ".join(f"{a:.4g},{-b:.4g}" for a, b in kept if np.isfinite(a + b))
-        start, end = points[0], points[-1]
-        parts.append(
-            f'<polyline class="c{number % _COLOURS}" points="{dots}"/>'
-            f'<circle class="c{number % _COLOURS}" cx="{end[0]:.4g}" cy="{-end[1]:.4g}" '
-            f'r="{span / 60:.4g}"><title>end</title></circle>'
-            # Wider, so that it is seen around the end of a base that has come back.
-            f'<circle class="start" cx="{start[0]:.4g}" cy="{-start[1]:.4g}" r="{span / 40:.4g}">'
-            "<title>start</title></circle>"
-        )
-    box = f"{x:.4g} {y:.4g} {width:.4g} {height:.4g}"
-    size = f"{high[0] - low[0]:.2f} m × {high[1] - low[1]:.2f} m"
-    return (
-        f'<svg class="path" role="img" viewBox="{box}">{"".join(parts)}</svg>{legend(list(paths))}'
-        f"<p>{size}; open circle: start, x ahead to the right, y to the top</p>"
     )
 
 

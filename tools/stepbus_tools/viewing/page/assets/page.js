@@ -17,8 +17,10 @@ function numbers(index) {
 
 const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-function scale(unit) {
-  return degrees && unit.startsWith("rad") ? [180 / Math.PI, unit.replace("rad", "°")] : [1, unit];
+// By what to multiply the numbers of a chart, and the unit they have then.
+function scale(chart) {
+  const unit = chart.unit || "";
+  return degrees && unit.startsWith("rad") ? [180 / Math.PI, unit.replace("rad", "°")] : chart.scale;
 }
 
 function short(y) {
@@ -27,41 +29,47 @@ function short(y) {
   return size && (size < 1e-3 || size >= 1e5) ? y.toExponential(1) : String(+y.toPrecision(4));
 }
 
-function marks(limits, factor) {
-  return {
-    hooks: {
-      draw: (u) => {
-        const { ctx } = u;
-        const { left, top, width, height } = u.bbox;
-        ctx.save();
-        ctx.beginPath();
-        ctx.rect(left, top, width, height);
-        ctx.clip();
-        ctx.lineWidth = devicePixelRatio;
-        for (const one of report.marks) {
-          const x = u.valToPos(one.t, "x", true);
-          const bad = one.level === "error" || one.level === "failure";
-          const warn = one.level === "warning" || one.level === "fault";
-          ctx.strokeStyle = color(bad ? "--bad" : warn ? "--warn" : "--soft");
-          ctx.setLineDash(bad || warn ? [] : [devicePixelRatio, 5 * devicePixelRatio]);
-          ctx.beginPath();
-          ctx.moveTo(x, top);
-          ctx.lineTo(x, top + height);
-          ctx.stroke();
-        }
-        ctx.strokeStyle = color("--bad");
-        ctx.setLineDash([2 * devicePixelRatio, 4 * devicePixelRatio]);
-        for (const limit of limits) {
-          const y = u.valToPos(limit * factor, "y", true);
-          ctx.beginPath();
-          ctx.moveTo(left, y);
-          ctx.lineTo(left + width, y);
-          ctx.stroke();
-        }
-        ctx.restore();
-      },
-    },
+const serious = { failure: "--bad", error: "--bad", fault: "--warn", warning: "--warn" };
+
+function marks(chart, factor) {
+  const draw = (u) => {
+    const { ctx } = u;
+    const { left, top, width, height } = u.bbox;
+    const dot = devicePixelRatio;
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(left, top, width, height);
+    ctx.clip();
+    ctx.lineWidth = dot;
+    ctx.font = `${11 * dot}px sans-serif`;
+    let row = 0;
+    for (const one of report.marks) {
+      const x = u.valToPos(one.t, "x", true);
+      ctx.strokeStyle = ctx.fillStyle = color(serious[one.level] || "--soft");
+      ctx.setLineDash(serious[one.level] ? [] : [dot, 5 * dot]);
+      ctx.beginPath();
+      ctx.moveTo(x, top);
+      ctx.lineTo(x, top + height);
+      ctx.stroke();
+      if (serious[one.level]) {
+        const isLeft = x < left + width / 2;
+        ctx.textAlign = isLeft ? "left" : "right";
+        const text = `${one.level}: ${one.text}`.slice(0, 60);
+        ctx.fillText(text, x + (isLeft ? 4 : -4) * dot, top + (12 + 13 * (row++ % 4)) * dot);
+      }
+    }
+    ctx.strokeStyle = color("--bad");
+    ctx.setLineDash([5 * dot, 3 * dot]);
+    for (const limit of chart.limits) {
+      const y = u.valToPos(limit * factor, "y", true);
+      ctx.beginPath();
+      ctx.moveTo(left, y);
+      ctx.lineTo(left + width, y);
+      ctx.stroke();
+    }
+    ctx.restore();
   };
+  return { hooks: { draw } };
 }
 
 function tables(lines, factor) {
@@ -88,40 +96,61 @@ function selected(plot) {
 
 const pointed = (type) => type === "mousemove" || type === "mouseleave";
 
+const dashes = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
+const planned = (line) => line.role === "reference" || line.role === "command";
+
+function look(line) {
+  const dash = line.run ? dashes[line.run % 4] : line.broken ? dashes[1] : undefined;
+  return {
+    label: line.label,
+    stroke: () => color("--c" + line.color) + (planned(line) ? "59" : ""),
+    width: planned(line) ? 5 : 1.6,
+    dash: line.role === "target" ? dashes[2] : dash,
+    spanGaps: true,
+    points: { show: (u) => u.data[0].length < 3 },
+    value: (_, y) => short(y) || "–",
+  };
+}
+
+// The lines, and limits where they are near.
+function reach(chart, factor) {
+  return (_, low, high) => {
+    const near = chart.near ? chart.limits.map((limit) => limit * factor) : [];
+    const [from, to] = [Math.min(low, ...near), Math.max(high, ...near)];
+    const room = 0.06 * (to - from) || Math.abs(to) || 1;
+    return [from - room, to + room];
+  };
+}
+
 function draw(element, chart) {
-  const [factor, unit] = scale(chart.unit || "");
-  const limits = chart.limits || [];
-  const shown = limits.map((x) => +(x * factor).toPrecision(4)).join(" … ");
-  element.querySelector("h4").textContent =
-    chart.title + (unit ? ` [${unit}]` : "") + (limits.length ? `, limits ${shown}` : "");
+  const [factor, unit] = scale(chart);
+  const label = unit ? `${chart.title} [${unit}]` : chart.title;
   const axis = {
     stroke: () => color("--soft"),
     grid: { stroke: () => color("--line"), width: 1 },
     ticks: { stroke: () => color("--line"), width: 1 },
+    font: "12px sans-serif",
+    labelFont: "12px sans-serif",
+    labelSize: 18,
   };
   const end = report.end || 1;
   const options = {
     width: element.clientWidth,
-    height: 230,
+    height: 280,
     cursor: {
       sync: { key: "t", setSeries: false, filters: { pub: pointed, sub: pointed } },
       drag: { x: true, y: false, setScale: false },
     },
-    scales: { x: { time: false, min: 0, max: end }, y: {} },
-    axes: [axis, { ...axis, size: 64, values: (_, ticks) => ticks.map(short) }],
+    scales: { x: { time: false, min: 0, max: end }, y: { range: reach(chart, factor) } },
+    axes: [
+      { ...axis, label: "time [s]" },
+      { ...axis, label, size: 58, values: (_, ticks) => ticks.map(short) },
+    ],
     series: [
       { label: "t", value: (_, x) => (x === null ? "–" : x.toFixed(3) + " s") },
-      ...chart.lines.map((line, index) => ({
-        label: line.label,
-        stroke: () => color("--c" + ((line.color === undefined ? index : line.color) % 8)),
-        width: 1.5,
-        dash: line.dash ? [6, 4] : undefined,
-        spanGaps: true,
-        points: { show: (u) => u.data[0].length < 3 },
-        value: (_, y) => short(y) || "–",
-      })),
+      ...chart.lines.map(look),
     ],
-    plugins: [marks(limits, factor)],
+    plugins: [marks(chart, factor)],
     hooks: { setSelect: [selected] },
   };
   const plot = new uPlot(options, tables(chart.lines, factor), element);
@@ -131,44 +160,45 @@ function draw(element, chart) {
   charts.set(element, plot);
 }
 
-const seen = new IntersectionObserver(
-  (entries) => {
-    for (const entry of entries)
-      if (entry.isIntersecting && !charts.has(entry.target)) draw(entry.target, entry.target.chart);
-  },
-  { rootMargin: "300px" },
-);
+function chartOf(cell) {
+  const [group, index] = cell.dataset.chart.split("-");
+  return report.groups[group].charts[index];
+}
 
 function redraw() {
   for (const [element, plot] of charts) {
     plot.destroy();
     charts.delete(element);
-    seen.unobserve(element);
-    seen.observe(element);
+    draw(element, chartOf(element.parentNode));
   }
 }
 
-const room = document.getElementById("charts");
-for (const group of report.groups) {
-  const details = document.createElement("details");
-  details.open = group.open;
-  const summary = document.createElement("summary");
-  summary.textContent = group.title;
-  const grid = document.createElement("div");
-  grid.className = "charts";
-  for (const chart of group.charts) {
-    const element = document.createElement("div");
-    element.className = "chart";
-    element.chart = chart;
-    element.append(document.createElement("h4"));
-    grid.append(element);
-    seen.observe(element);
-  }
-  details.append(summary, grid);
-  room.append(details);
+const cells = [...document.querySelectorAll(".cell")];
+for (const cell of cells) {
+  const element = cell.querySelector(".chart");
+  cell.addEventListener("toggle", () => {
+    const plot = charts.get(element);
+    if (cell.open && !plot) draw(element, chartOf(cell));
+    if (!cell.open && plot) {
+      plot.destroy();
+      charts.delete(element);
+    }
+  });
 }
 
-if (report.groups.length) {
+function filter(text) {
+  const words = text.toLowerCase().split(/\s+/).filter(Boolean);
+  for (const cell of cells) {
+    const name = cell.dataset.name.toLowerCase();
+    cell.hidden = !words.every((word) => name.includes(word));
+  }
+  for (const group of document.querySelectorAll(".group")) {
+    group.hidden = !group.querySelector(".cell:not([hidden])");
+    if (words.length && !group.hidden && group.tagName === "DETAILS") group.open = true;
+  }
+}
+
+if (cells.length) {
   const [from, to] = [document.getElementById("from"), document.getElementById("to")];
   document.getElementById("bar").hidden = false;
   const end = report.end || 1;
@@ -177,22 +207,42 @@ if (report.groups.length) {
   from.addEventListener("change", typed);
   to.addEventListener("change", typed);
   document.getElementById("all").addEventListener("click", () => zoom(0, end));
-  const button = document.getElementById("unit");
+  document.getElementById("filter").addEventListener("input", (event) => filter(event.target.value));
+  const unit = document.getElementById("unit");
   const all = report.groups.flatMap((group) => group.charts);
-  button.hidden = !all.some((chart) => (chart.unit || "").startsWith("rad"));
-  button.addEventListener("click", () => {
+  unit.hidden = !all.some((chart) => (chart.unit || "").startsWith("rad"));
+  unit.addEventListener("click", () => {
     degrees = !degrees;
-    button.textContent = degrees ? "show radians" : "show degrees";
+    unit.textContent = degrees ? "show radians" : "show degrees";
     redraw();
   });
+  const open = document.getElementById("open");
+  open.addEventListener("click", () => {
+    const isAny = cells.some((cell) => cell.open);
+    for (const cell of cells) cell.open = !isAny && !cell.hidden;
+    open.textContent = isAny ? "open all" : "close all";
+  });
 }
-// On paper, the reader cannot open or scroll to a chart.
+
+// The scene in motion is another page, packed: it is unpacked when somebody wants it.
+for (const box of document.querySelectorAll(".replay"))
+  box.addEventListener("toggle", async () => {
+    if (!box.open || box.querySelector("iframe")) return;
+    const packed = box.querySelector("script").textContent;
+    const bytes = Uint8Array.from(atob(packed), (c) => c.charCodeAt(0));
+    const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
+    const html = await new Response(stream).blob();
+    const frame = document.createElement("iframe");
+    frame.title = "the scene in motion";
+    frame.src = URL.createObjectURL(new Blob([html], { type: "text/html" }));
+    box.append(frame);
+  });
+
+// What is folded is not printed; small curves need no script.
 let opened = [];
 addEventListener("beforeprint", () => {
-  opened = [...room.querySelectorAll("details:not([open])")];
+  opened = [...document.querySelectorAll("details.group:not([open])")];
   for (const details of opened) details.open = true;
-  for (const element of room.querySelectorAll(".chart"))
-    if (!charts.has(element)) draw(element, element.chart);
 });
 addEventListener("afterprint", () => {
   for (const details of opened) details.open = false;

@@ -1,0 +1,180 @@
+"""The curves of a page: small ones that need no script, and the numbers for large ones."""
+
+import base64
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_tools.look import line_style
+from stepbus_tools.report.charts import Chart, ChartLine
+from stepbus_tools.report.curves import Curve
+from stepbus_tools.report.units import engineering
+
+from .content import Group, RunPage
+from .small import scale_of, small_chart
+
+_MOST_POINTS = 2000
+_FULL = 4
+"""So many charts share the width of the page."""
+_PAST = 1.03
+"""The time axis reaches so far beyond a mark at the end of a run."""
+_BAR = (
+    '<div id="bar" hidden role="group" aria-label="Curves">'
+    '<label>show <input id="filter" type="search" placeholder="joint, port or quantity"></label>'
+    '<label>from <input id="from" type="number" step="any"></label>'
+    '<label>to <input id="to" type="number" step="any"> s</label>'
+    '<button id="all" type="button">whole run</button>'
+    '<button id="unit" type="button">show degrees</button>'
+    '<button id="open" type="button">open all</button>'
+    '</div><p class="note">A curve opens when you click it. Wide and light: what was commanded; '
+    "dotted: the target; dashed red: a limit.</p>"
+)
+_PLANNED = ("reference", "command", "target")
+
+
+class Curves:
+    """All charts of some runs, each once, with the lines of all runs in it."""
+
+    def __init__(self, runs: Sequence[RunPage]) -> None:
+        self._runs = runs
+        self.groups = _merged(runs)
+        self.marks = [mark for run in runs for mark in run.marks]
+        last = max(run.end_s for run in runs)
+        marked = max((mark.t for mark in self.marks), default=0.0)
+        # What ended a run comes a step behind its last message.
+        self.end_s = max(last, _PAST * marked if _PAST * marked > last else 0.0)
+
+    def data(self) -> Mapping[str, Any]:
+        """Return what the script draws."""
+        arrays = _Arrays()
+        return {
+            "groups": [
+                {"title": group.title, "charts": [arrays.chart(chart) for chart in group.charts]}
+                for group in self.groups
+            ],
+            "marks": [{"t": m.t, "level": m.level, "text": m.text} for m in self.marks],
+            "end": self.end_s,
+            "arrays": arrays.encoded(),
+        }
+
+    def html(self) -> str:
+        """Return all groups of small curves."""
+        shown = "".join(self._group(number, group) for number, group in enumerate(self.groups))
+        return _BAR + self._names() + shown if shown else ""
+
+    def _names(self) -> str:
+        """Return which line is which run's."""
+        samples = "".join(
+            f'<span><svg viewBox="0 0 40 8" class="small sample" aria-hidden="true">'
+            f'<path class="l0 {f"run{number % 4}" if number else ""}" d="M0 4H40"/></svg>'
+            f"{escape(run.label)}</span>"
+            for number, run in enumerate(self._runs)
+            if run.label
+        )
+        return f'<p class="legend">{samples}</p>' if samples else ""
+
+    def _group(self, number: int, group: Group) -> str:
+        name = escape(group.title)
+        swatch = "" if group.color is None else f'<i class="swatch f{group.color}"></i>'
+        title = f"<h3>{swatch}{name}</h3>"
+        cells = "".join(
+            self._cell(f"{number}-{index}", group.title, chart)
+            for index, chart in enumerate(group.charts)
+        )
+        full = " full" if len(group.charts) >= _FULL else ""
+        matrix = f'<div class="matrix{full}">{cells}</div>'
+        if group.is_open:
+            return f'<section class="group" data-name="{name}">{title}{matrix}</section>'
+        head = f"<summary>{title}</summary>"
+        return f'<details class="group" data-name="{name}">{head}{matrix}</details>'
+
+    def _cell(self, place: str, group: str, chart: Chart) -> str:
+        name, (_, unit) = escape(f"{group} {chart.title}"), scale_of(chart)
+        return (
+            f'<details class="cell" data-chart="{place}" data-name="{name}"><summary>'
+            f'<span class="name">{escape(chart.title)}{f" [{escape(unit)}]" if unit else ""}</span>'
+            f'<span class="most">{escape(_said(chart))}</span>'
+            f"{small_chart(chart, self.marks, self.end_s)}</summary>"
+            f'<div class="chart"></div></details>'
+        )
+
+
+def _said(chart: Chart) -> str:
+    """Return what a chart comes to in some words."""
+    if chart.used is not None:
+        return f"{100 * chart.used:.0f} % of limit used"
+    return f"at most {engineering(chart.largest, chart.unit)}"
+
+
+def _merged(runs: Sequence[RunPage]) -> list[Group]:
+    found: dict[str, tuple[Group, dict[tuple[str, str], Chart]]] = {}
+    for number, run in enumerate(runs):
+        for group in run.groups:
+            _, charts = found.setdefault(group.title, (group, {}))
+            for chart in group.charts:
+                key = (chart.title, chart.unit)
+                known = charts.setdefault(key, replace(chart, lines=[]))
+                lines = list(_of_run(run, number, chart, known))
+                charts[key] = replace(known, lines=[*known.lines, *lines])
+    return [replace(group, charts=list(charts.values())) for group, charts in found.values()]
+
+
+def _of_run(run: RunPage, number: int, chart: Chart, known: Chart) -> Iterator[ChartLine]:
+    """Yield the lines that a run adds; what is the same for all, as a reference, is there once."""
+    for line in chart.lines:
+        if line.role not in _PLANNED or not any(_is_same(line, one) for one in known.lines):
+            label = f"{run.label} {line.label}".strip()
+            yield replace(line, label=label, run=number)
+
+
+def _is_same(line: ChartLine, other: ChartLine) -> bool:
+    rows = zip(line.points, other.points, strict=True)
+    return all(np.array_equal(one, two, equal_nan=True) for one, two in rows)
+
+
+class _Arrays:
+    """All numbers of a page as base64; equal arrays, such as the times of most, are there once."""
+
+    def __init__(self) -> None:
+        self._places: dict[bytes, int] = {}
+
+    def chart(self, chart: Chart) -> Mapping[str, Any]:
+        """Return a chart, as the script takes it."""
+        return {
+            "title": chart.title,
+            "unit": chart.unit,
+            "scale": scale_of(chart),
+            "limits": chart.limits,
+            "near": chart.is_near_limit,
+            # What should be lies below what was.
+            "lines": [
+                self._line(line)
+                for line in sorted(chart.lines, key=lambda one: one.role not in _PLANNED)
+            ],
+        }
+
+    def _line(self, line: ChartLine) -> Mapping[str, Any]:
+        curve, style = Curve(_MOST_POINTS), line_style(line.number)
+        t, values = line.points
+        curve.add(t, np.where(np.isfinite(values), values, np.nan)[:, None])
+        t, values = curve.line(0)
+        return {
+            "label": line.label,
+            "t": self._place(b"d", t.astype("<f8")),
+            "y": self._place(b"f", values.astype("<f4")),
+            "role": line.role,
+            "color": style.color,
+            "broken": style.is_broken,
+            "run": line.run,
+        }
+
+    def encoded(self) -> list[str]:
+        """Return each array: `d` or `f`, then its little-endian numbers as base64."""
+        return [data[:1].decode() + base64.b64encode(data[1:]).decode() for data in self._places]
+
+    def _place(self, form: bytes, values: Array) -> int:
+        return self._places.setdefault(form + values.tobytes(), len(self._places))

@@ -1,0 +1,146 @@
+"""The path of a base from above: equal axes, a grid, a scale bar, what stands in the world."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_tools.report.units import engineering
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.pose import Pose, rotated
+from stepbus_tools.viewing.scene.scene import Scene
+
+from .small import nice_ticks
+from .svg import legend
+
+_MOST_POINTS = 1000
+_FLOOR_M = 8.0
+_WIDTH, _TALLEST, _LOWEST = 860.0, 560.0, 200.0
+"""Size of the drawing."""
+_EDGE_M, _EDGE = 0.4, 0.15
+"""Around a path: at least so much, and this share of its size."""
+_TICKS = 8
+
+
+def outlines(scene: Scene, messages: Messages) -> list[Array]:
+    """Return what each thing without joints covers on the ground, convex, shape (n, 2) each [m].
+
+    Floors, more than 8 m in size, are left out.
+    """
+    poses, found = scene.world_poses(messages), []
+    for body in scene.bodies:
+        corners = [
+            _seen_from_above(poses[frame.name] @ visual.pose, visual.mesh.vertices)
+            for frame in scene.frames
+            if frame.body == body.name and not frame.is_ghost and not body.model.has_joints
+            for visual in frame.visuals
+        ]
+        if corners and float(np.ptp(np.concatenate(corners), axis=0).max()) < _FLOOR_M:
+            found.append(hull(np.concatenate(corners)))
+    return found
+
+
+def _seen_from_above(pose: Pose, vertices: Any) -> Array:
+    x, y, _ = rotated(pose.wxyz, vertices.T)
+    return np.column_stack((pose.position[0] + x, pose.position[1] + y))
+
+
+def hull(points: Array) -> Array:
+    """Return the convex hull of points, shape (n, 2), counter-clockwise."""
+    rows = [(float(x), float(y)) for x, y in np.unique(points.round(6), axis=0)]
+    return np.array([*_chain(rows), *_chain(rows[::-1])] or rows)
+
+
+def _chain(rows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
+    kept: list[tuple[float, float]] = []
+    for x, y in rows:
+        while len(kept) > 1:
+            (ax, ay), (bx, by) = kept[-2:]
+            if (bx - ax) * (y - ay) - (by - ay) * (x - ax) > 0:
+                break
+            kept.pop()
+        kept.append((x, y))
+    return kept[:-1]
+
+
+def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) -> str:
+    """Return the paths of bases, x to the right and y up.
+
+    paths: name → shape (p, 2) [m]. things: outlines of what stands in the world [m].
+    """
+    rows = np.concatenate([np.empty((0, 2)), *paths.values()])
+    rows = rows[np.isfinite(rows).all(axis=1)]
+    if not len(rows):
+        return ""
+    low, high = rows.min(axis=0), rows.max(axis=0)
+    edge = max(_EDGE_M, _EDGE * float(np.max(high - low)))
+    left, right = low[0] - edge, high[0] + edge
+    # Pixels of a metre; the same for both axes.
+    scale = min(_WIDTH / (right - left), _TALLEST / (high[1] - low[1] + 2 * edge))
+    height = max(_LOWEST, scale * (high[1] - low[1] + 2 * edge))
+    middle = (low + high) / 2
+    place = np.array([_WIDTH / 2, height / 2])
+
+    def at(points: Array) -> Array:
+        placed: Array = place + (points - middle) * (scale, -scale)
+        return placed
+
+    parts = [*_grid(middle, scale, height)]
+    parts += [f'<polygon class="thing" points="{_dots(at(thing))}"/>' for thing in things]
+    for number, points in enumerate(paths.values()):
+        kept = np.concatenate((points[:: max(1, len(points) // _MOST_POINTS)], points[-1:]))
+        kept = at(kept[np.isfinite(kept).all(axis=1)])
+        (sx, sy), (ex, ey) = kept[0], kept[-1]
+        parts.append(
+            f'<polyline class="l{number % 7}{" broken" if number else ""}" points="{_dots(kept)}"/>'
+            f'<circle class="f{number % 7}" cx="{ex:.1f}" cy="{ey:.1f}" r="5"><title>end</title>'
+            # Wider, so that it is seen around the end of a base that has come back.
+            f'</circle><circle class="start" cx="{sx:.1f}" cy="{sy:.1f}" r="8">'
+            "<title>start</title></circle>"
+        )
+    parts.append(_scale_bar(scale, height))
+    width_m, height_m = (engineering(float(size), "m") for size in high - low)
+    return (
+        f'<svg class="path" role="img" aria-label="path from above" '
+        f'viewBox="0 0 {_WIDTH:g} {height:.0f}">{"".join(parts)}</svg>{legend(list(paths))}'
+        f"<p>{escape(width_m)} × {escape(height_m)}; open circle: start, dot: end</p>"
+    )
+
+
+def _dots(points: Array) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
+
+
+def _grid(middle: Array, scale: float, height: float) -> Iterator[str]:
+    """Yield lines and numbers of both axes [m]."""
+    half_x, half_y = _WIDTH / 2 / scale, height / 2 / scale
+    # One distance for both, or squares would not look square.
+    ticks = nice_ticks(middle[0] - half_x, middle[0] + half_x, _TICKS)
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else 2 * half_x
+    for tick in ticks:
+        x = _WIDTH / 2 + (tick - middle[0]) * scale
+        yield f'<path class="grid" d="M{x:.1f} 0V{height:.0f}"/>'
+        yield f'<text x="{x + 3:.1f}" y="{height - 5:.0f}">{_label(tick)}</text>'
+    first = int(np.ceil((middle[1] - half_y) / step))
+    for tick in (step * n for n in range(first, int((middle[1] + half_y) // step) + 1)):
+        y = height / 2 - (tick - middle[1]) * scale
+        yield f'<path class="grid" d="M0 {y:.1f}H{_WIDTH:g}"/>'
+        yield f'<text x="4" y="{y - 3:.1f}">{_label(tick)}</text>'
+    yield f'<text x="{_WIDTH - 42:g}" y="{height - 20:.0f}">x [m]</text>'
+    yield '<text x="4" y="14">y [m]</text>'
+
+
+def _label(tick: float) -> str:
+    return f"{tick + 0.0:.4g}" if abs(tick) > 1e-9 else "0"
+
+
+def _scale_bar(scale: float, height: float) -> str:
+    length = nice_ticks(0.0, _WIDTH / 4 / scale, 2)[-1]
+    long = length * scale
+    x, y = _WIDTH - 20 - long, height - 40
+    return (
+        f'<path class="scale" d="M{x:.1f} {y - 4:.0f}v8m0 -4h{long:.1f}m0 -4v8"/>'
+        f'<text x="{x:.1f}" y="{y - 8:.0f}">{escape(engineering(length, "m"))}</text>'
+    )
