@@ -166,7 +166,7 @@ function chartOf(cell) {
 }
 
 function redraw() {
-  for (const [element, plot] of charts) {
+  for (const [element, plot] of [...charts]) {
     plot.destroy();
     charts.delete(element);
     draw(element, chartOf(element.parentNode));

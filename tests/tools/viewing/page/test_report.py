@@ -1,7 +1,6 @@
 """The page of a run: what is in it, and what it does in a browser."""
 
 import json
-import math
 import re
 import sys
 import time
@@ -9,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.browser import needs_chromium, opened
 from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
@@ -17,56 +15,18 @@ from stepbus_orchestrator.recording import TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
-from stepbus_schemas import (
-    BaseState,
-    Description,
-    Event,
-    Image,
-    JointReference,
-    JointState,
-    Scalars,
-)
+from stepbus_schemas import Event, JointReference, JointState
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
 
-LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
-STEPS = 400
 LATE = Lateness(
     factor=1.0, steps=120, p50_us=80.0, p99_us=900.0, max_us=1200.0,
     histogram={"100": 100, "1000": 19, "more": 1}, late={},
 )  # fmt: skip
 
 
-def state(step):
-    t = step / 100
-    return JointState(position=[math.sin(t), math.cos(t)], velocity=[math.cos(t), -math.sin(t)])
-
-
-def base(step):
-    return BaseState(x=step * 0.01, y=0.1 * math.sin(step / 50), yaw=0.0, vx=1.0, wz=0.0)
-
-
-def image(step):
-    data = bytes([step % 256]) * (4 * 3 * 3)
-    return Image(width=4, height=3, encoding="rgb8", data=data, focal=(4.0, 4.0), centre=(2.0, 1.5))
-
-
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory):
-    steps = range(STEPS)
-    hostile = Event(level="warning", text="</script><script>alert(1)</script>")
-    return write(
-        tmp_path_factory.mktemp("page") / "run.mcap",
-        joint_state=(
-            "JointState/1",
-            Description(names=["hip", "knee"], limits=LIMITS),
-            [state(step) for step in steps],
-        ),
-        odometry=("BaseState/1", [], [base(step) for step in steps]),
-        voltage=("Scalars/1", ["left", "right"], [Scalars(values=[12.0, 11.5])] * STEPS),
-        camera=("Image/1", [], [image(step) for step in steps]),
-        events=("Event/1", [], [None] * 100 + [hostile]),
-    )
+def state():
+    return JointState(position=[0.1, 0.2], velocity=[0.0, 0.0])
 
 
 def content(path):
@@ -113,7 +73,7 @@ def test_a_reference_may_name_some_of_the_joints(tmp_path):
     wanted = JointReference(position=[0.1], velocity=[0.0], acceleration=[0.0])
     path = write(
         tmp_path / "run.mcap",
-        joint_state=("JointState/1", ["hip", "knee"], [state(step) for step in range(9)]),
+        joint_state=("JointState/1", ["hip", "knee"], [state() for _ in range(9)]),
         reference=("JointReference/1", ["hip"], [wanted] * 9),
     )
     found = content(write_page([path]))
@@ -122,10 +82,50 @@ def test_a_reference_may_name_some_of_the_joints(tmp_path):
     assert [chart["title"] for chart in groups["knee"]] == ["position", "velocity"]
 
 
+def test_a_mission_that_ends_with_a_table_has_it_at_the_top(tmp_path):
+    text = "sale  item   place\n1     cola   0.1 mm\n2     <tea>  0.2 mm\n2 of 2 sales in 9 s"
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip", "knee"], [state()] * 3),
+        events=("Event/1", [], [Event(level="info", text="began"), Event(level="info", text=text)]),
+    )
+    page = write_page([path]).read_text()
+    head, events = (
+        page[: page.index("<nav")],
+        page[page.index('id="happenings"') : page.index("<script>")],
+    )
+    assert "<tr><th>sale</th><th>item</th><th>place</th></tr>" in head
+    assert "<tr><td>2</td><td>&lt;tea&gt;</td><td>0.2 mm</td></tr>" in head
+    assert "<p>2 of 2 sales in 9 s</p>" in head
+    assert "began" in events
+    assert "2 of 2" not in events
+
+
+def test_the_worst_joint_comes_first(tmp_path):
+    wanted = JointReference(position=[0.1, 0.9], velocity=[0, 0], acceleration=[0, 0])
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip", "knee"], [state()] * 9),
+        reference=("JointReference/1", ["hip", "knee"], [wanted] * 9),
+    )
+    titles = [group["title"] for group in content(write_page([path]))["groups"]]
+    assert titles == ["Error of all joints", "knee", "hip"]
+
+
+def test_a_page_names_no_folder_of_this_machine(tmp_path):
+    folder = tmp_path / "runs" / "failed"
+    run = ["run", "two_link", "--in-process", "--set", "duration=50ms", "--no-report"]
+    assert main([*run, "--out", str(folder)]) == 0
+    page = write_page([folder]).read_text()
+    assert str(tmp_path) not in page
+    assert "stepbus run two_link --set duration=50ms" in page
+    assert "stepbus rerun failed/run.mcap" in page
+
+
 def test_several_runs_share_their_charts(recording, tmp_path):
     other = tmp_path / "other"
     other.mkdir()
-    write(other / "run.mcap", joint_state=("JointState/1", ["hip", "elbow"], [state(0), state(9)]))
+    write(other / "run.mcap", joint_state=("JointState/1", ["hip", "elbow"], [state(), state()]))
     assert main(["report", str(recording), str(other), "--out", str(tmp_path / "both.html")]) == 0
     groups = {group["title"]: group for group in content(tmp_path / "both.html")["groups"]}
     (position,) = [c for c in groups["hip"]["charts"] if c["title"] == "position"]
@@ -152,6 +152,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     timing.close()
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
+    assert '<path class="mark failure"' in text
     assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
     assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head
@@ -165,7 +166,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
 
 
 def test_the_charts_reach_to_what_ended_the_run(tmp_path):
-    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state(0)] * 20))
+    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 20))
     Result(
         scenario="arm", outcome="failed", exit_code=4, reason="it raised", participant="plant",
         at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
@@ -173,7 +174,8 @@ def test_the_charts_reach_to_what_ended_the_run(tmp_path):
     ).save()  # fmt: skip
     write_page([path])
     found = content(tmp_path / "report.html")
-    assert found["marks"][-1]["t"] == found["end"] == pytest.approx(0.2)
+    assert found["marks"][-1]["t"] == pytest.approx(0.2)
+    assert found["end"] > found["marks"][-1]["t"]
 
 
 def test_half_a_recording_is_shown_and_its_page_says_so(recording, tmp_path):
@@ -205,76 +207,7 @@ def test_a_page_that_cannot_be_written_changes_no_exit_code(tmp_path, capsys, mo
     assert not list((tmp_path / "run").glob("*report.html*"))
 
 
-READ = """() => [...charts.values()].map(plot => ({
-    points: plot.data.slice(1).map(row => row.filter(y => y !== null).length),
-    x: [plot.scales.x.min, plot.scales.x.max],
-    ink: (() => {
-        const {width, height} = plot.ctx.canvas;
-        const bytes = plot.ctx.getImageData(0, 0, width, height).data;
-        return bytes.filter((value, index) => index % 4 === 3 && value > 0).length;
-    })(),
-}))"""
-
-
-@pytest.mark.slow
-@needs_chromium
-@pytest.mark.parametrize(("width", "dark"), [(1280, False), (390, True)])
-def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, dark):
-    with opened(write_page([recording]).as_uri(), width=width, height=2000) as watched:
-        page = watched.page
-        page.emulate_media(color_scheme="dark" if dark else "light")
-
-        def drawn():
-            plots = page.evaluate(READ)
-            return len(plots) >= 3 and all(plot["ink"] > 1000 for plot in plots)
-
-        def shows(first, last):
-            ends = [plot["x"] for plot in page.evaluate(READ)]
-            return all(end == pytest.approx([first, last], abs=0.05) for end in ends)
-
-        watched.wait(drawn, "charts")
-        assert all(sum(plot["points"]) >= STEPS for plot in page.evaluate(READ))
-        assert page.evaluate("document.documentElement.scrollWidth") <= width
-        box = page.locator(".u-over").first.bounding_box()
-        middle = box["y"] + box["height"] / 2
-        page.mouse.move(box["x"] + box["width"] / 4, middle)
-        page.mouse.down()
-        page.mouse.move(box["x"] + box["width"] / 2, middle, steps=5)
-        page.mouse.up()
-        watched.wait(lambda: shows(3.99 / 4, 3.99 / 2), "the zoom by dragging")
-        page.fill("#from", "1")
-        page.fill("#to", "2")
-        page.dispatch_event("#to", "change")
-        watched.wait(lambda: shows(1, 2), "the zoom of all charts")
-        page.click("#all")
-        watched.wait(lambda: shows(0, 3.99), "the whole run in all charts")
-        page.click("#unit")
-        watched.wait(lambda: "[°]" in page.inner_text("#charts"), "degrees")
-        background = page.evaluate("getComputedStyle(document.body).backgroundColor")
-        assert background == ("rgb(20, 25, 31)" if dark else "rgb(255, 255, 255)")
-    assert (watched.errors, watched.strangers) == ([], [])
-
-
 def test_without_its_extra_it_says_how_to_install_it(recording, monkeypatch):
     monkeypatch.setattr(report_page, "find_spec", lambda _name: None)
     with pytest.raises(ExtraMissing, match=r"needs uplot, which is not installed; pip install"):
         write_page([recording])
-
-
-@pytest.mark.slow
-@needs_chromium
-def test_on_paper_all_charts_are_drawn_and_dots_are_dots(recording):
-    with opened(write_page([recording]).as_uri(), width=1000, height=600) as watched:
-        page = watched.page
-        page.evaluate("document.querySelectorAll('details').forEach(d => { d.open = false })")
-        page.pdf()
-        charts, drawn = (
-            page.locator(f"#charts {what}").count() for what in (".chart", ".chart canvas")
-        )
-        assert charts == drawn > 5
-        assert page.locator("#charts details[open]").count() == 0
-        effects = page.locator("svg.path circle").evaluate_all(
-            "all => all.map(one => getComputedStyle(one).vectorEffect)"
-        )
-        assert effects == ["non-scaling-stroke"] * 2
-        assert not watched.errors
