@@ -29,6 +29,7 @@ from sphinx.util.docutils import SphinxDirective
 from sphinx.util.typing import stringify_annotation
 
 import stepbus
+from stepbus_tools.look import NIGHT, NUMBER_FONT, PAPER, TEXT_FONT
 
 project = "stepbus"
 extensions = ["myst_parser", "sphinx.ext.autodoc"]
@@ -65,7 +66,22 @@ html_show_copyright = False
 html_additional_pages = {"index": "to_start.html"}
 templates_path = ["."]
 html_static_path: list[str] = []
-html_theme_options = {"top_of_page_buttons": []}
+html_favicon = html_logo = "mark.svg"
+html_theme_options = {
+    "top_of_page_buttons": [],
+    "light_css_variables": {
+        "font-stack": TEXT_FONT,
+        "font-stack--monospace": NUMBER_FONT,
+        "color-brand-primary": PAPER["accent"],
+        "color-brand-content": PAPER["accent"],
+    },
+    "dark_css_variables": {
+        "color-brand-primary": NIGHT["accent"],
+        "color-brand-content": NIGHT["accent"],
+        "color-background-primary": NIGHT["paper"],
+        "color-background-secondary": NIGHT["raised"],
+    },
+}
 
 GROUPS = ("Functions", "Classes", "Messages", "Errors", "Types and constants", "Modules")
 FENCE = re.compile(r"^```(\w+)\n(.*?)^```$", re.DOTALL | re.MULTILINE)

@@ -1,11 +1,12 @@
 """The colours that everything is drawn in: told apart by every reader, on every page."""
 
 from itertools import combinations
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from stepbus_tools.look import LINES, LINES_DARK, NIGHT, PAPER, line_style, style_sheet
+from stepbus_tools.look import LINES, LINES_DARK, MARK, NIGHT, PAPER, line_style, style_sheet
 
 # Machado, Oliveira, Fernandes 2009, severity 1.0, for linear RGB.
 BLINDNESS = {
@@ -61,3 +62,8 @@ def test_the_style_sheet_has_every_colour_of_both_pages():
     text = style_sheet()
     assert all(f"--c{n}:{color};" in text for n, color in enumerate(LINES))
     assert all(color in text for color in (*LINES_DARK, *NIGHT.values()))
+
+
+def test_the_site_has_the_same_mark():
+    root = Path(__file__).parents[2]
+    assert (root / "docs" / "site" / "mark.svg").read_text().strip() == MARK

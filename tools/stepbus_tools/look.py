@@ -42,14 +42,14 @@ NIGHT: Mapping[str, str] = {
 """Colours of a page by night."""
 
 MARK = (
-    '<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 32 32">'
+    '<svg xmlns="http://www.w3.org/2000/svg" width="48" height="48" viewBox="0 0 32 32">'
     '<rect width="32" height="32" rx="7" fill="#0668bb"/>'
     '<path d="M6 23h6v-5h7v-5h7" fill="none" stroke="#fff" stroke-width="3" '
     'stroke-linecap="round" stroke-linejoin="round"/>'
     '<circle cx="6" cy="23" r="2.5" fill="#fff"/><circle cx="26" cy="13" r="2.5" fill="#fff"/>'
     '<path d="M6 8h20" stroke="#9fd0ff" stroke-width="3" stroke-linecap="round"/></svg>'
 )
-"""The mark: steps below a bus. An SVG of 32 × 32."""
+"""The mark: steps below a bus. An SVG."""
 
 
 @dataclass(frozen=True)

@@ -1,11 +1,13 @@
 "use strict";
 // The charts of a sweep's page. `sweep`: {axes, metrics, columns: name → values, run, ok, folder}.
 const dark = matchMedia("(prefers-color-scheme: dark)");
+const style = getComputedStyle(document.documentElement);
+const shade = (name) => style.getPropertyValue(name).trim();
 const at = (id) => document.getElementById(id);
 const numeric = (values) => values.every((v) => v === null || typeof v === "number");
 
 function layout(more) {
-  const ink = dark.matches ? "#e6ebf1" : "#1b2430", line = dark.matches ? "#333d49" : "#d8dee6";
+  const ink = shade("--ink"), line = shade("--line");
   const axis = { gridcolor: line, zerolinecolor: line, automargin: true };
   const { xaxis, yaxis, ...rest } = more;
   return { margin: { t: 30, r: 15, b: 45, l: 60 }, paper_bgcolor: "rgba(0,0,0,0)",
@@ -37,7 +39,7 @@ function drawAxes(metric) {
     const kept = rows(metric);
     const trace = { x: kept.map((i) => sweep.columns[name][i]), y: kept.map((i) => values[i]),
       text: kept.map((i) => `run ${sweep.run[i]}`), mode: "markers", type: "scatter",
-      marker: { size: 7, opacity: 0.7, color: "#2a78c5" } };
+      marker: { size: 7, opacity: 0.7, color: shade("--c0") } };
     const log = sweep.logarithmic.includes(name) ? "log" : undefined;
     const type = numeric(sweep.columns[name]) ? log : "category";
     draw(place, [trace], { xaxis: { title: { text: name }, type }, yaxis: { title: { text: metric } } });
@@ -106,8 +108,8 @@ function drawFront() {
   const trace = (found, more) => ({ x: found.map((p) => p[0]), y: found.map((p) => p[1]),
     text: found.map((p) => `run ${p[2]}`), type: "scatter", ...more });
   draw(at("front"), [
-    trace(points, { mode: "markers", name: "runs", marker: { opacity: 0.5, color: "#8896a5" } }),
-    trace(front, { mode: "lines+markers", name: "Pareto front", line: { color: "#d1495b" } }),
+    trace(points, { mode: "markers", name: "runs", marker: { opacity: 0.5, color: shade("--soft") } }),
+    trace(front, { mode: "lines+markers", name: "Pareto front", line: { color: shade("--c1") } }),
   ], { xaxis: { title: { text: x } }, yaxis: { title: { text: y } }, legend: { orientation: "h" } });
 }
 

@@ -9,8 +9,10 @@ from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Any
+from urllib.parse import quote
 
 from stepbus_participant import need
+from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
@@ -44,6 +46,8 @@ def write_page(
     room = files(__package__ or "")
     text = Template((room / "page.html").read_text("utf-8")).substitute(
         title=escape(f"Sweep of {plan.spec.scenario}"),
+        icon=quote(MARK),
+        style=style_sheet(),
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}",
         pictures="".join(_picture(title, path) for title, path in pictures.items()),
         causes=_causes(journal),

@@ -107,7 +107,9 @@ def test_what_ended_a_run_is_a_red_line_with_its_word_at_its_time(recording, tmp
         page = watched.page
         cell = page.locator(".cell").first
         assert cell.locator("text.failure").text_content() == "failure"
-        line, frame = (cell.locator(what).bounding_box() for what in (".mark.failure", ".grid >> nth=0"))
+        line, frame = (
+            cell.locator(what).bounding_box() for what in (".mark.failure", ".grid >> nth=0")
+        )
         at = (line["x"] + line["width"] / 2 - frame["x"]) / frame["width"]
         end = page.evaluate("report.end")
         assert at * end == pytest.approx(STEPS / 100, abs=0.02)
@@ -171,3 +173,16 @@ def test_in_a_comparison_a_run_has_a_line_style_and_a_joint_its_colour(recording
         assert [dash for _, dash in looks] == ["none", "6px, 3px"]
         names = watched.page.locator("#curves > .legend span").all_text_contents()
         assert names == [recording.parent.name, "other"]
+
+
+def test_the_scene_in_motion_is_in_the_page_and_asks_nobody(plain_run):
+    target = write_page([plain_run.recording], has_replay=True)
+    with opened(target.as_uri(), width=1280, height=900) as watched:
+        page = watched.page
+        page.locator(".replay summary").click()
+        frame = page.frame_locator(".replay iframe")
+        watched.wait(lambda: frame.locator("canvas").count() > 0, "the scene")
+        watched.wait(
+            lambda: len(np.unique(pixels(frame.locator("canvas").first))) > 20, "the robot"
+        )
+    assert (watched.errors, watched.strangers) == ([], [])
