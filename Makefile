@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots check docs bench soak campaign simulate clean setup
+.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -13,6 +13,7 @@ help:
 	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
 	@echo "make docs       build the documentation site into build/docs"
+	@echo "make pictures   make every picture of the docs from real runs (Chromium; 4 min)"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
 	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
@@ -74,6 +75,9 @@ docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
 	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs/site -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
+
+pictures: robots
+	@$(PYTHON) scripts/pictures.py $(PICTURES)
 
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)

@@ -214,7 +214,7 @@ def camera_view(log: Log, step: int) -> Picture:
     """Return colours with the detections drawn on, and depth next to it."""
     image = log.at("plant/rgb", step, Image)
     shown = np.frombuffer(image.data, dtype=np.uint8).reshape(image.height, image.width, 3)
-    large = cv2.resize(shown, None, fx=2, fy=2, interpolation=cv2.INTER_CUBIC)
+    large = cv2.resize(shown, None, fx=4, fy=4, interpolation=cv2.INTER_CUBIC)
     taken = [s for s, _ in log.all("plant/rgb") if s <= step][-1]
     poses = log.poses(taken)
     detections = log.at("perception/detections", step, Detections)
@@ -239,22 +239,22 @@ def _sizes(log: Log) -> Mapping[str, Matrix]:
 
 
 def _pixel(image: Image, point: Matrix) -> tuple[int, int]:
-    """Return where a point in the optical frame is, in an image of twice the size."""
+    """Return where a point in the optical frame is, in an image of four times the size."""
     flat = point[:2] / point[2] * image.focal + image.centre
-    return round(float(flat[0]) * 2 + 0.5), round(float(flat[1]) * 2 + 0.5)
+    return round(float(flat[0]) * 4 + 1.5), round(float(flat[1]) * 4 + 1.5)
 
 
 def _draw_box(picture: Any, image: Image, place: Matrix, half: Matrix) -> None:
     for ends in _edges():
         a, b = (_pixel(image, place[:3, :3] @ (end * half) + place[:3, 3]) for end in ends)
-        cv2.line(picture, a, b, _LINE, 1, cv2.LINE_AA)
+        cv2.line(picture, a, b, _LINE, 2, cv2.LINE_AA)
 
 
 def _label(picture: Any, text: str, at: tuple[int, int]) -> None:
-    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.42, 1)
+    (width, height), _ = cv2.getTextSize(text, cv2.FONT_HERSHEY_SIMPLEX, 0.84, 2)
     x, y = at[0] - width // 2, at[1] + height // 2
-    cv2.rectangle(picture, (x - 3, y - height - 3), (x + width + 3, y + 4), _DARK, -1)
-    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.42, _LINE, 1, cv2.LINE_AA)
+    cv2.rectangle(picture, (x - 6, y - height - 6), (x + width + 6, y + 8), _DARK, -1)
+    cv2.putText(picture, text, (x, y), cv2.FONT_HERSHEY_SIMPLEX, 0.84, _LINE, 2, cv2.LINE_AA)
 
 
 def _depth(image: Image) -> Picture:
@@ -263,20 +263,20 @@ def _depth(image: Image) -> Picture:
     seen = np.isfinite(metres)
     near, far = metres[seen].min(), metres[seen].max()
     grey = np.where(seen, 255 - 215 * (metres - near) / max(far - near, 1e-6), 0)
-    large = cv2.resize(grey.astype(np.uint8), None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST)
+    large = cv2.resize(grey.astype(np.uint8), None, fx=4, fy=4, interpolation=cv2.INTER_NEAREST)
     picture = _picture(np.repeat(large[..., None], 3, axis=2))
-    _label(picture, f"depth {near:.2f} m (light) to {far:.2f} m", (145, 20))
+    _label(picture, f"depth {near:.2f} m (light) to {far:.2f} m", (290, 40))
     return picture
 
 
 def _beside(*pictures: Picture) -> Picture:
-    gap = np.full((pictures[0].shape[0], 4, 3), 255, dtype=np.uint8)
+    gap = np.full((pictures[0].shape[0], 8, 3), 255, dtype=np.uint8)
     columns = [column for picture in pictures for column in (picture, gap)]
     return _picture(np.concatenate(columns[:-1], axis=1))
 
 
 def _titled(picture: Picture, text: str) -> Picture:
-    _label(picture, text, (14 + 4 * len(text), 18))
+    _label(picture, text, (28 + 8 * len(text), 36))
     return picture
 
 
@@ -298,18 +298,18 @@ def draw_all(log: Log, scene: Scene) -> Iterator[tuple[str, Picture]]:
     """Yield name and picture."""
     when = log.moments()
     scene.show(when.start)
-    yield "store_scene", scene.draw(SCENE, 800, 500)
+    yield "store_scene", scene.draw(SCENE, 1600, 1000)
     yield "store_above", _from_above(scene)
     yield "store_camera", camera_view(log, when.found)
     scene.show(when.grasp)
     grasp = log.poses(when.grasp)["grasp"][0]
-    yield "store_grasp", scene.draw(HAND._replace(target=grasp), 640, 480)
+    yield "store_grasp", scene.draw(HAND._replace(target=grasp), 1280, 960)
     yield "store_sale", _beside(*_sale(log, scene, when))
 
 
 def _from_above(scene: Scene) -> Picture:
     """Return the floor with x to the right and y up; names of things on it."""
-    width, height = 640, 640
+    width, height = 1280, 1280
     picture = scene.draw(ABOVE, width, height)
     scale = height / 2 / (ABOVE.distance * math.tan(math.radians(ABOVE.fov / 2)))
     for text, (x, y) in LABELS.items():
@@ -329,7 +329,7 @@ def _sale(log: Log, scene: Scene, when: Moments) -> Iterator[Picture]:
     for word, (step, look) in stations.items():
         scene.show(step)
         x, y, _ = log.poses(step)["chassis"][0]
-        picture = scene.draw(look._replace(target=(x + 0.25, y + 0.1, 0.45)), 330, 330)
+        picture = scene.draw(look._replace(target=(x + 0.25, y + 0.1, 0.45)), 660, 660)
         yield _titled(picture, f"{word}, {log.time(step):.1f} s")
 
 
