@@ -1,13 +1,17 @@
 """Where the command line prints, and what a command has come to."""
 
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import IO
 
 import msgspec
 
 _PLAIN_COLUMNS = 200
+INDENT = "    "
 _CONTROLS = (*range(9), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
 _DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _ESCAPES = {
@@ -25,16 +29,59 @@ def visible(text: str) -> str:
     return text.translate(_ESCAPES)
 
 
+def has_screen(stream: IO[str]) -> bool:
+    """Return whether a stream is a terminal that can draw a line again."""
+    # By descriptor: while a live display is on, Rich stands in for sys.stdout; and with FORCE_COLOR
+    # Rich takes any stream for a terminal.
+    try:
+        return os.isatty(stream.fileno()) and os.environ.get("TERM") != "dumb"
+    except (OSError, ValueError):
+        return False
+
+
+def columns() -> int:
+    """Return the width of the terminal, 80 where there is none."""
+    return shutil.get_terminal_size().columns
+
+
+def fold(text: str, width: int, indent: str = "") -> str:
+    """Return a text with lines that are too long broken between words, never within one.
+
+    indent: of the lines that continue another one, beside its own.
+    """
+
+    def folded(line: str) -> str:
+        if len(line) <= width:
+            return line
+        own = line[: len(line) - len(line.lstrip())]
+        # A long word, such as a path, is better broken by the terminal: it can be copied whole.
+        wrap = textwrap.TextWrapper(
+            width,
+            initial_indent=own,
+            subsequent_indent=own + indent,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        return wrap.fill(line.strip()) if line.strip() else line
+
+    return "\n".join(map(folded, text.split("\n")))
+
+
+def _write(stream: IO[str], text: str) -> None:
+    # What goes to a file or a program is one line, however long.
+    shown = visible(text)
+    stream.write((fold(shown, columns(), INDENT) if has_screen(stream) else shown) + "\n")
+    stream.flush()
+
+
 def say(text: str) -> None:
     """Print a line for people."""
-    sys.stdout.write(visible(text) + "\n")
-    sys.stdout.flush()
+    _write(sys.stdout, text)
 
 
 def print_error(text: str) -> None:
     """Print an error."""
-    sys.stderr.write(f"stepbus: {visible(text)}\n")
-    sys.stderr.flush()
+    _write(sys.stderr, f"stepbus: {text}")
 
 
 def say_json(value: object) -> None:

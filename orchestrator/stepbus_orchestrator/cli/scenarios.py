@@ -36,7 +36,7 @@ _NUMERIC = ("index", "lower", "upper", "velocity", "effort")
 _UNLIMITED = "-"
 
 
-@command()
+@command(group="run")
 def validate_command(
     scenario: ScenarioName,
     *,
@@ -75,7 +75,7 @@ def validate_command(
     )
 
 
-@command()
+@command(group="run")
 def describe_command(scenario: ScenarioName, *, set: Set = ()) -> Answer:
     """List ports, joints and limits; make no step.
 
@@ -148,7 +148,7 @@ def _cell(value: object) -> str:
     return "" if value is None else str(value)
 
 
-@command()
+@command(group="look")
 def types_command(
     source: str | None = None, *, out: Annotated[Path | None, {"metavar": "FOLDER"}] = None
 ) -> Answer:

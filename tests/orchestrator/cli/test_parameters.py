@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 import pytest
@@ -141,6 +142,7 @@ class Listing:
 
     def add_argument(self, name, help="", **_):  # noqa: A002
         self.unexplained += [] if help else [name]
+        return SimpleNamespace()
 
 
 @pytest.mark.parametrize("each", load_commands(), ids=lambda each: each.name)
