@@ -10,7 +10,7 @@ import msgspec
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer, visible
+from stepbus_orchestrator.cli.output import Answer, table, visible
 from stepbus_orchestrator.cli.parameters import DURATION, command
 from stepbus_orchestrator.processes.external import await_ticket
 from stepbus_orchestrator.processes.launcher import participant_environment
@@ -141,11 +141,9 @@ def call_command(
 
 def _table(offers: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the methods that participants offer."""
-    table = Table(box=None, pad_edge=False)
-    for column in ("participant", "method", "arguments and answer", "changes the run"):
-        table.add_column(column, overflow="fold")
+    made = table("participant", "method", "arguments and answer", "changes the run")
     for name, methods in offers.items():
         for method, item in methods.items():
             text = escape(visible(item["help"]))
-            table.add_row(name, visible(method), text, "yes" if item["changes"] else "")
-    return table
+            made.add_row(name, visible(method), text, "yes" if item["changes"] else "")
+    return made

@@ -117,7 +117,7 @@ def _outline(name: str) -> Outline:
     return Outline(loaded.summary, loaded.group)
 
 
-def make_parser(names: Iterable[str] | None = None) -> argparse.ArgumentParser:
+def make_parser(names: Iterable[str] | None = None) -> "_Parser":
     """Return the parser of commands by name; default: all."""
     parser = _Parser(prog="stepbus")
     parser.add_argument(

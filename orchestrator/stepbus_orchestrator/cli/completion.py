@@ -1,7 +1,8 @@
 """`stepbus completion`: what a shell needs to complete commands, options, scenarios and files."""
 
-import shlex
+import re
 import sys
+from collections.abc import Iterable
 from typing import Annotated, Literal
 
 from stepbus_orchestrator.cli.commands import command_names, make_parser
@@ -9,12 +10,13 @@ from stepbus_orchestrator.cli.parameters import command
 from stepbus_orchestrator.scenario.locate import builtin_names
 from stepbus_participant import need
 
-# The functions that `parameters.COMPLETIONS` names; {scenarios} and {commands} are words.
+# The functions that `parameters.COMPLETIONS` names.
+_PLAIN = re.compile(r"[\w./-]+")
 _FUNCTIONS = {
     "bash": """
-_stepbus_glob_commands() {{ compgen -W {commands} -- "$1"; }}
+_stepbus_glob_commands() {{ compgen -W '{commands}' -- "$1"; }}
 _stepbus_glob_scenarios() {{
-  compgen -W {scenarios} -- "$1"
+  compgen -W '{scenarios}' -- "$1"
   compgen -f -X '!*.yaml' -- "$1"
   compgen -d -- "$1"
 }}
@@ -24,19 +26,19 @@ _stepbus_glob_recordings() {{
 }}
 """,
     "zsh": """
-_stepbus_glob_commands() {{ compadd -- ${{=:-{commands}}}; }}
+_stepbus_glob_commands() {{ compadd -- {commands}; }}
 _stepbus_glob_scenarios() {{
-  compadd -- ${{=:-{scenarios}}}
+  compadd -- {scenarios}
   _files -g '*.yaml'
 }}
 _stepbus_glob_recordings() {{ _files -g '*.mcap'; }}
 """,
     "fish": """
 function _stepbus_glob_commands
-  string split ' ' {commands}
+  printf '%s\n' {commands}
 end
 function _stepbus_glob_scenarios
-  string split ' ' {scenarios}
+  printf '%s\n' {scenarios}
   __fish_complete_suffix .yaml
 end
 function _stepbus_glob_recordings
@@ -62,8 +64,16 @@ def completion_command(
     """
     (shtab,) = need("stepbus completion", "shtab")
     functions = _FUNCTIONS[shell].format(
-        commands=shlex.quote(" ".join((*command_names(), "which"))),
-        scenarios=shlex.quote(" ".join(builtin_names())),
+        commands=_words((*command_names(), "which")), scenarios=_words(builtin_names())
     )
-    sys.stdout.write(shtab.complete(make_parser(), shell=shell, preamble=functions) + "\n")
+    parser = make_parser()
+    for sub in parser.commands:
+        # Beside the name of a command, zsh and fish show its summary only.
+        sub.description = None
+    sys.stdout.write(shtab.complete(parser, shell=shell, preamble=functions) + "\n")
     return 0
+
+
+def _words(names: Iterable[str]) -> str:
+    """Return those names that no shell takes for anything else."""
+    return " ".join(name for name in names if _PLAIN.fullmatch(name))

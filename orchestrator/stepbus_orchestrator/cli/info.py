@@ -218,13 +218,13 @@ def _bytes(info: Info) -> str:
 
 def _outcome(info: Info) -> str:
     if info.cut_short:
-        return f"cut short: it {info.cut_short}"
-    if info.incomplete:
-        rows = (f"{name} from step {step}" for name, step in info.incomplete.items())
-        return f"{info.outcome or 'failed'}: outputs are missing of {', '.join(rows)}"
-    if info.outcome:
-        return info.outcome if info.reason == info.outcome else f"{info.outcome}: {info.reason}"
-    return f"the recording is complete; no {RESULT_FILE} of it says how the run ended"
+        ending = f"cut short: it {info.cut_short}"
+    elif info.outcome:
+        ending = info.outcome + (f": {info.reason}" if info.reason != info.outcome else "")
+    else:
+        ending = f"the recording is complete; no {RESULT_FILE} of it says how the run ended"
+    rows = ", ".join(f"{name} from step {step}" for name, step in info.incomplete.items())
+    return f"{ending}; outputs are missing of {rows}" if rows else ending
 
 
 def _length(info: Info) -> str:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer, has_screen, say, visible
+from stepbus_orchestrator.cli.output import Answer, has_screen, say, table, visible
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
@@ -152,10 +152,10 @@ def selftest_command(
 
 
 def _tested(result: SelfTest) -> Iterator[object]:
-    table = Table("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
+    made = table("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
     for verdict in result.joints:
-        table.add_row(verdict.joint, verdict.mode, *_cells(verdict))
-    yield table
+        made.add_row(verdict.joint, verdict.mode, *_cells(verdict))
+    yield made
     wrong = [verdict.joint for verdict in result.joints if not verdict.ok]
     idle = [verdict.joint for verdict in result.joints if verdict.commanded is None]
     tested = len(result.joints) - len(idle)

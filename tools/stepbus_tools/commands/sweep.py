@@ -60,7 +60,7 @@ def sweep_command(*, json: Json = False, **given: Any) -> Answer:
     that fails is a row; the exit code is 0 once every run has its row.
 
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
-    $ stepbus sweep two_link --vary 'controller.params.kp~uniform(5, 90)' --samples 9
+    $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'
     $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse
     $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
     """
