@@ -18,7 +18,8 @@ from stepbus_participant import parse_duration
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import UNDECODABLE, Event, StepbusError
 
-_MOST_TOPICS = 3
+_MOST_TOPICS, _MOST_TYPES = 3, 6
+_PYTHON = "Python "
 _FEW_PER_S = 10
 _OF_MACHINE = ("machine", "cpu")
 _OF_EVERY_RUN = (layout.CHAIN_TYPE, layout.CALLS_TYPE)
@@ -151,7 +152,7 @@ def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:
 
 def _program(row: Mapping[str, Any]) -> str:
     if "participant" in row:
-        return f"Python {row['participant']}"
+        return f"{_PYTHON}{row['participant']}"
     words = row.get("exec")
     program = " ".join(map(str, words)) if isinstance(words, list) else str(words or "external")
     bridge = row.get("bridge")
@@ -202,9 +203,8 @@ def _lines(info: Info) -> Iterator[str]:
     yield f"scenario  {info.scenario or 'none recorded'}"
     yield f"outcome   {_outcome(info)}"
     yield f"length    {_length(info)}"
-    yield f"programs  {', '.join(f'{name}: {row}' for name, row in info.programs.items())}"
-    for number, row in enumerate(info.ports):
-        yield f"{'messages' if not number else '':9} {_messages(row, info.duration_s)}"
+    yield f"programs  {_started(info.programs)}"
+    yield from _messages(info)
     levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
     yield f"events    {levels or 'none'}; faults injected: {', '.join(info.faults) or 'none'}"
     yield f"versions  {_versions(info.versions)}"
@@ -237,12 +237,30 @@ def _length(info: Info) -> str:
     return text
 
 
-def _messages(row: TypeCount, duration_s: float | None) -> str:
-    rate = row.messages / duration_s if duration_s else 0.0
-    shown = f", {rate:.0f}/s" if rate >= _FEW_PER_S else f", {rate:.2g}/s" if rate else ""
-    names = ", ".join(row.topics[:_MOST_TOPICS])
-    more = len(row.topics) - _MOST_TOPICS
-    return f"{row.messages} {row.type}{shown}: {names}{f' and {more} more' if more > 0 else ''}"
+def _started(programs: Mapping[str, str]) -> str:
+    """Return which participants there are, those in Python together."""
+    python = [name for name, program in programs.items() if program.startswith(_PYTHON)]
+    others = [f"{name} ({row})" for name, row in programs.items() if name not in python]
+    rows = [*([f"{', '.join(python)} (Python)"] if python else []), *others]
+    return ", ".join(rows) or "none recorded"
+
+
+def _messages(info: Info) -> Iterator[str]:
+    """Yield how many messages there are, and the types with most of them."""
+    total = sum(row.messages for row in info.ports)
+    ports = sum(len(row.topics) for row in info.ports)
+    yield f"messages  {total} of {ports} ports{_per_s(total, info.duration_s)}"
+    most = sorted(info.ports, key=lambda row: -row.messages)
+    for row in most[:_MOST_TYPES]:
+        names = ", ".join(row.topics[:_MOST_TOPICS]) + " …" * (len(row.topics) > _MOST_TOPICS)
+        yield f"{'':9} {row.messages} {row.type}{_per_s(row.messages, info.duration_s)}: {names}"
+    if others := [row.type for row in most[_MOST_TYPES:]]:
+        yield f"{'':9} and {len(others)} types more: {', '.join(others)}"
+
+
+def _per_s(count: int, duration_s: float | None) -> str:
+    rate = count / duration_s if duration_s else 0.0
+    return f", {rate:.0f}/s" if rate >= _FEW_PER_S else f", {rate:.2g}/s" if rate else ""
 
 
 def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
