@@ -21,6 +21,7 @@ from stepbus_schemas import UNDECODABLE, Event, StepbusError
 _MOST_TOPICS, _MOST_TYPES = 3, 6
 _PYTHON = "Python "
 _FEW_PER_S = 10
+_MEGABYTE = 10**6
 _OF_MACHINE = ("machine", "cpu")
 _OF_EVERY_RUN = (layout.CHAIN_TYPE, layout.CALLS_TYPE)
 
@@ -212,8 +213,12 @@ def _lines(info: Info) -> Iterator[str]:
 
 
 def _bytes(info: Info) -> str:
-    more = f"; {info.folder_size / 1e6:.1f} MB in its folder" if info.folder_size else ""
-    return f"{info.size / 1e6:.1f} MB{more}"
+    more = f"; {_shown_size(info.folder_size)} in its folder" if info.folder_size else ""
+    return f"{_shown_size(info.size)}{more}"
+
+
+def _shown_size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1e3:.0f} kB"
 
 
 def _outcome(info: Info) -> str:
