@@ -157,7 +157,7 @@ class RunWatch:
         steps = progress.steps or 0
         done, total = (self._run - 1) * steps + progress.step, self._runs * steps
         rate = self._rate.take(progress.elapsed_s, done, is_moving=progress.phase == "stepping")
-        if progress.phase == "starting":
+        if progress.phase in {"starting", "paused"}:
             rate = None
         reached = Reached(
             title=self._title,
