@@ -10,7 +10,7 @@ import msgspec
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer, table, visible
+from stepbus_orchestrator.cli.output import Answer, print_error, table, visible
 from stepbus_orchestrator.cli.parameters import DURATION, command
 from stepbus_orchestrator.processes.external import await_ticket
 from stepbus_orchestrator.processes.launcher import participant_environment
@@ -61,8 +61,7 @@ def join_command(
 
 
 def _notify(sentence: str) -> None:
-    sys.stderr.write(f"stepbus join: {visible(sentence)}\n")
-    sys.stderr.flush()
+    print_error(sentence, "stepbus join")
 
 
 def _become(argv: tuple[str, ...], folder: Path, environment: Mapping[str, str]) -> NoReturn:

@@ -75,21 +75,24 @@ def fold(text: str, width: int, indent: str = "") -> str:
     return "\n".join(map(folded, text.split("\n")))
 
 
-def _write(stream: IO[str], text: str) -> None:
-    # What goes to a file or a program is one line, however long.
+def write(stream: IO[str], text: str) -> None:
+    """Write a text for people, folded to the width of a terminal.
+
+    What goes to a file or a program is one line, however long.
+    """
     shown = visible(text)
-    stream.write((fold(shown, columns(), INDENT) if has_screen(stream) else shown) + "\n")
+    stream.write(fold(shown, columns(), INDENT) if has_screen(stream) else shown)
     stream.flush()
 
 
 def say(text: str) -> None:
     """Print a line for people."""
-    _write(sys.stdout, text)
+    write(sys.stdout, f"{text}\n")
 
 
-def print_error(text: str) -> None:
-    """Print an error."""
-    _write(sys.stderr, f"stepbus: {text}")
+def print_error(text: str, who: str = "stepbus") -> None:
+    """Print an error. who: says it."""
+    write(sys.stderr, f"{who}: {text}\n")
 
 
 def say_json(value: object) -> None:
