@@ -146,14 +146,14 @@ def verify(
     runs: int = 5,
     seed: int = 0,
     set: Overrides = (),  # noqa: A002  as --set on the command line
-    keep: str | PathLike[str] | None = None,
+    out: str | PathLike[str] | None = None,
 ) -> Verification:
     """Run a scenario several times, with other start orders, delays, windows and transports.
 
-    runs: how often, at least 2. seed: of start orders and delays. keep: a new folder for the runs;
+    runs: how often, at least 2. seed: of start orders and delays. out: a new folder for the runs;
     default: a temporary one, which stays only where a run failed or differed.
     """
-    return verify_scenario(load(scenario, set=set), runs=runs, seed=seed, keep=keep)
+    return verify_scenario(load(scenario, set=set), runs=runs, seed=seed, out=out)
 
 
 def call(

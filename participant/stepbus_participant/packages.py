@@ -13,7 +13,17 @@ from urllib.parse import unquote, urlparse
 from stepbus_schemas import WiringError
 
 _EXTRAS = {
-    "run": ("greenlet", "mcap", "msgpack", "numpy", "rich", "ruamel", "trustme", "zstandard"),
+    "run": (
+        "greenlet",
+        "mcap",
+        "msgpack",
+        "numpy",
+        "rich",
+        "ruamel",
+        "shtab",
+        "trustme",
+        "zstandard",
+    ),
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
     "report": ("matplotlib", "uplot"),
     "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),

@@ -153,7 +153,7 @@ def test_describe_lists_the_ports():
 
 @pytest.mark.slow
 def test_verify_keeps_only_what_differs(tmp_path):
-    found = stepbus.verify("two_link", runs=2, set=SHORT, keep=tmp_path / "kept")
+    found = stepbus.verify("two_link", runs=2, set=SHORT, out=tmp_path / "kept")
     assert (found.failed, found.different) == (None, None)
     assert sorted(path.name for path in (tmp_path / "kept").iterdir()) == ["1", "2"]
 

@@ -6,7 +6,8 @@ import re
 import pytest
 from support.paths import DOCS
 
-from stepbus_orchestrator.cli.commands import load_commands
+from stepbus_orchestrator.cli.commands import load_commands, outlines
+from stepbus_orchestrator.cli.parameters import GROUPS
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.locate import builtin_names
 
@@ -22,8 +23,20 @@ def options(command):
     return set(re.findall(r"(?<![\w-])--?\w[\w-]*", parser.format_usage()))
 
 
-def test_every_command_has_its_section_in_the_order_of_the_help():
-    assert list(SECTIONS) == [command.name for command in load_commands()]
+def test_every_command_has_its_section():
+    assert sorted(SECTIONS) == sorted(command.name for command in load_commands())
+
+
+def test_the_table_has_the_groups_and_the_order_of_the_help():
+    rows = [
+        (group, name) for group in GROUPS for name, row in outlines().items() if row[1] == group
+    ]
+    listed = re.findall(r"^\| (?:\*\*(\w+)\*\*|\[`(\w+))", INTRODUCTION, re.MULTILINE)
+    group, shown = "", []
+    for heading, name in listed:
+        group = heading or group
+        shown += [(group, name)] if name else []
+    assert shown == rows
 
 
 @pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)

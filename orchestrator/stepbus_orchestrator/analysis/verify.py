@@ -17,6 +17,7 @@ from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.processes.delays import Delays
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.inprocess.local_run import check_scenario
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import Scenario, Transport
@@ -119,48 +120,50 @@ def verify(
     *,
     runs: int = 5,
     seed: int = 0,
-    keep: str | PathLike[str] | None = None,
+    out: str | PathLike[str] | None = None,
     on_result: Callable[[TrialResult, int], None] = lambda _result, _count: None,
+    observer: Observer | None = None,
     interrupt: threading.Event | None = None,
     owns_descriptors: bool = False,
 ) -> Verification:
     """Run a scenario several times, until one fails or differs from the first.
 
-    runs: number of runs in separate processes. seed: seed of the start orders and delays. keep:
-    keep the runs in this new folder. Default: a temporary one, which stays only where a run failed
-    or differed. on_result: gets each trial when it has ended, and how many there are. interrupt:
-    ends the current run, as a failure. owns_descriptors: whether this process can host all
-    participants too, as of `InProcess`; then it does, last.
+    runs: number of runs in separate processes. seed: seed of the start orders and delays. out: keep
+    the runs in this new folder. Default: a temporary one, which stays only where a run failed or
+    differed. on_result: gets each trial when it has ended, and how many there are. observer:
+    watches each run. interrupt: ends the current run, as a failure. owns_descriptors: whether this
+    process can host all participants too, as of `InProcess`; then it does, last.
 
     Raises RecordingFailed when the folder cannot be made.
     """
     trials = plan(scenario, runs, seed, in_process=owns_descriptors)
-    with _folder(keep) as folder:
+    with _folder(out) as folder:
         verification = run_trials(
             scenario,
             trials,
             folder,
             seed=seed,
             on_result=lambda result: on_result(result, len(trials)),
+            observer=observer,
             interrupt=interrupt,
             owns_descriptors=owns_descriptors,
         )
-    if keep is None and not (verification.failed or verification.different):
+    if out is None and not (verification.failed or verification.different):
         shutil.rmtree(folder)
     return verification
 
 
 @contextlib.contextmanager
-def _folder(keep: str | PathLike[str] | None) -> Iterator[Path]:
+def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
     """Make the folder of the runs; remove it where the first one could not even begin."""
     try:
-        if keep is not None:
-            make_new_folder(Path(keep))
-        folder = Path(keep or tempfile.mkdtemp(prefix="verify-stepbus-"))
+        if out is not None:
+            make_new_folder(Path(out))
+        folder = Path(out or tempfile.mkdtemp(prefix="verify-stepbus-"))
     except OSError as exc:
         raise RecordingFailed(
-            f"cannot make the folder {keep}: {exc.strerror}; choose a new one with "
-            f"{argument('--keep')}"
+            f"cannot make the folder {out}: {exc.strerror}; choose a new one with "
+            f"{argument('--out')}"
         ) from exc
     try:
         yield folder
@@ -177,6 +180,7 @@ def run_trials(
     *,
     seed: int,
     on_result: Callable[[TrialResult], None],
+    observer: Observer | None = None,
     interrupt: threading.Event | None = None,
     owns_descriptors: bool = False,
 ) -> Verification:
@@ -193,7 +197,7 @@ def run_trials(
             if trial.in_process
             else Processes(start_order=trial.start_order, around=delays.around),
         )
-        result = run(_changed(scenario, trial), options, interrupt=interrupt)
+        result = run(_changed(scenario, trial), options, observer, interrupt)
         done = TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))
         on_result(done)
         verification = Verification(results=(*verification.results, done), folder=folder)

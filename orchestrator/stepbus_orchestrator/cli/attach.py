@@ -10,15 +10,15 @@ import msgspec
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer, visible
-from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.cli.output import Answer, print_error, table, visible
+from stepbus_orchestrator.cli.parameters import DURATION, command
 from stepbus_orchestrator.processes.external import await_ticket
 from stepbus_orchestrator.processes.launcher import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
 from stepbus_orchestrator.scenario.program import command as program_command
 from stepbus_orchestrator.scenario.program import start_command
-from stepbus_participant import parse_duration, suggest
+from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import BridgeFormat, WiringError
 
@@ -26,12 +26,14 @@ _RUN = "run"
 """Stands for the run itself, as if it were a participant."""
 
 
-@command()
+@command(group="attach")
 def join_command(
     ticket: Path,
     program: Sequence[str] = (),
     *,
-    wait: Annotated[str, {"metavar": "DURATION"}] = "60s",
+    wait: Annotated[
+        float, {**DURATION, "help": "how long to wait for the run (default: 60s)"}
+    ] = 60.0,
 ) -> int:
     """Start a participant of a run from another terminal, container or debugger.
 
@@ -41,13 +43,13 @@ def join_command(
     (docs/guide/running/attach.md). The exit code is that of the program.
 
     ticket: the ticket, as the run prints it. program: command line of the program, after `--`;
-    default: that of the scenario. wait: how long to wait for the run, where it is not there yet.
+    default: that of the scenario.
 
     $ stepbus join runs/two_link-20260101-120000/controller.ticket
     $ stepbus join /tmp/c.ticket -- python my_controller.py
     $ stepbus join --wait 10min /tmp/c.ticket -- python -m pdb my_controller.py
     """
-    awaited = await_ticket(ticket, parse_duration(wait) * 1e-9, _notify)
+    awaited = await_ticket(ticket, wait, _notify)
     folder = Path.cwd() if program else Path(awaited.folder)
     bridge = (
         BridgeSpec(format=awaited.bridge, describe=awaited.describe) if awaited.bridge else None
@@ -59,8 +61,7 @@ def join_command(
 
 
 def _notify(sentence: str) -> None:
-    sys.stderr.write(f"stepbus join: {visible(sentence)}\n")
-    sys.stderr.flush()
+    print_error(sentence, "stepbus join")
 
 
 def _become(argv: tuple[str, ...], folder: Path, environment: Mapping[str, str]) -> NoReturn:
@@ -73,7 +74,7 @@ def _become(argv: tuple[str, ...], folder: Path, environment: Mapping[str, str])
         raise WiringError(f"{exc.filename or argv[0]}: {exc.strerror}") from exc
 
 
-@command()
+@command(group="attach")
 def bridge_command(
     program: Sequence[str],
     *,
@@ -101,7 +102,7 @@ def bridge_command(
     )
 
 
-@command()
+@command(group="attach")
 def call_command(
     run: Path,
     participant: str = "",
@@ -117,12 +118,12 @@ def call_command(
     run: folder of a running run. participant: participant to ask, or `run`: the run itself; without
     it, lists all methods. method: method to call. args: arguments, as YAML values.
 
-    $ stepbus call runs/two_link-20260101-120000
-    $ stepbus call runs/two_link-20260101-120000 plant joint_position joint1
-    $ stepbus call runs/two_link-20260101-120000 plant set_joint_position joint1 0.5
-    $ stepbus call runs/two_link-20260101-120000 mission set_target joint1 30deg 0.5
-    $ stepbus call runs/two_link-20260101-120000 controller set kp 90
-    $ stepbus call runs/two_link-20260101-120000 run pause
+    $ stepbus call runs/arm
+    $ stepbus call runs/arm plant joint_position joint1
+    $ stepbus call runs/arm plant set_joint_position joint1 0.5
+    $ stepbus call runs/arm mission set_target joint1 30deg 0.5
+    $ stepbus call runs/arm controller set kp 90
+    $ stepbus call runs/arm run pause
     """
     if not method:
         offered = call(run).value
@@ -139,11 +140,9 @@ def call_command(
 
 def _table(offers: Mapping[str, Mapping[str, Any]]) -> Table:
     """Return the methods that participants offer."""
-    table = Table(box=None, pad_edge=False)
-    for column in ("participant", "method", "arguments and answer", "changes the run"):
-        table.add_column(column, overflow="fold")
+    made = table("participant", "method", "arguments and answer", "changes the run")
     for name, methods in offers.items():
         for method, item in methods.items():
             text = escape(visible(item["help"]))
-            table.add_row(name, visible(method), text, "yes" if item["changes"] else "")
-    return table
+            made.add_row(name, visible(method), text, "yes" if item["changes"] else "")
+    return made

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.live import displayed
 from stepbus_orchestrator.cli.output import Answer, print_error, say
-from stepbus_orchestrator.cli.parameters import Json, Trust, command
+from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command
 from stepbus_orchestrator.cli.rerun import OUT, new_folder
 from stepbus_orchestrator.cli.run import Names, after_run
 from stepbus_orchestrator.cli.signals import interruptible
@@ -23,8 +23,10 @@ _PICTURE = "variants.png"
 
 
 @command(
+    group="test",
     of=branch,
     is_run=True,
+    recording=RECORDING,
     out=OUT,
     at={"metavar": "STEP"},
     calls={"flag": "--call", "metavar": "CALL"},

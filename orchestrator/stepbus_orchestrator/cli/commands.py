@@ -1,41 +1,43 @@
 """The parser of the command line: finds the command that is typed, and executes it."""
 
 import argparse
+import ast
 import contextlib
 import re
 import sys
-import textwrap
 from collections.abc import Iterable, Sequence
 from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
-from stepbus_orchestrator.cli.output import print_error
+from stepbus_orchestrator.cli.output import fold, print_error
 from stepbus_orchestrator.cli.stdout_buffer import hurry
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
 
-from .parameters import Command
-
-_COLUMNS = 79
+from .parameters import Command, Outline, outline_in
 
 _MODULES = {
     "run": "run",
     "validate": "scenarios",
     "describe": "scenarios",
-    "types": "scenarios",
-    "call": "attach",
     "new": "new",
-    "replay": "compare",
-    "diff": "compare",
-    "verify": "verify",
-    "rerun": "rerun",
-    "branch": "branch",
+    "info": "info",
+    "types": "scenarios",
     "recover": "recover",
-    "bridge": "attach",
+    "replay": "compare",
+    "rerun": "rerun",
+    "verify": "verify",
+    "diff": "compare",
+    "branch": "branch",
     "join": "attach",
+    "bridge": "attach",
+    "call": "attach",
+    "help": "help",
+    "completion": "completion",
 }
 """Command of the core → its module here, where it is called `<name>_command`.
 
@@ -55,7 +57,7 @@ def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
     if names is not None:
         return tuple(map(_load, names))
     commands = []
-    for name in dict.fromkeys((*_MODULES, *named_points(COMMANDS))):
+    for name in command_names():
         try:
             commands.append(_load(name))
         except WiringError as exc:
@@ -81,14 +83,43 @@ def _load(name: str) -> Command:
     return loaded
 
 
-def make_parser(names: Iterable[str] | None = None) -> argparse.ArgumentParser:
+def command_names() -> tuple[str, ...]:
+    """Return the names of all commands, in the order of `load_commands`."""
+    return tuple(dict.fromkeys((*_MODULES, *named_points(COMMANDS))))
+
+
+def outlines() -> dict[str, Outline]:
+    """Return what the overview says of each command, by name; only what has to be is loaded.
+
+    To load them all takes more than a second.
+    """
+    rows = {}
+    for name in command_names():
+        try:
+            rows[name] = _outline(name)
+        except WiringError as exc:
+            # The others are listed all the same.
+            print_error(str(exc))
+    return rows
+
+
+def _outline(name: str) -> Outline:
+    module, attribute = f"{__package__}.{_MODULES.get(name)}", f"{name}_command"
+    if name not in _MODULES:
+        module, _, attribute = named_points(COMMANDS)[name].value.partition(":")
+    with contextlib.suppress(ImportError, OSError, SyntaxError, ValueError):
+        spec = find_spec(module)
+        source = Path(spec.origin or "").read_bytes() if spec else b""
+        for node in ast.parse(source).body:
+            if isinstance(node, ast.FunctionDef) and node.name == attribute:
+                return outline_in(node)
+    loaded = _load(name)
+    return Outline(loaded.summary, loaded.group)
+
+
+def make_parser(names: Iterable[str] | None = None) -> "_Parser":
     """Return the parser of commands by name; default: all."""
-    parser = _Parser(
-        prog="stepbus",
-        description="Co-simulation for robotics: plant, controller and mission as separate "
-        "processes in lockstep over Zenoh, recorded to MCAP.",
-        epilog="example: stepbus run two_link",
-    )
+    parser = _Parser(prog="stepbus")
     parser.add_argument(
         "--version", action=_ShowVersion, nargs=0, help="show program's version number and exit"
     )
@@ -97,14 +128,25 @@ def make_parser(names: Iterable[str] | None = None) -> argparse.ArgumentParser:
         sub = commands.add_parser(
             command.name,
             help=command.summary,
-            description=textwrap.fill(command.description, _COLUMNS),
+            description=command.description,
             epilog="examples:\n" + "\n".join(f"  {line}" for line in command.examples),
-            formatter_class=argparse.RawDescriptionHelpFormatter,
+            formatter_class=_Formatter,
         )
         command.add_arguments(sub)
         sub.set_defaults(command=command)
         parser.commands = (*parser.commands, sub)
     return parser
+
+
+class _Formatter(argparse.HelpFormatter):
+    """Breaks lines between words only; examples stay as they are."""
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        return fold(" ".join(text.split()), width).split("\n")
+
+    def _fill_text(self, text: str, width: int, indent: str) -> str:
+        lines = text.split("\n")
+        return "\n".join(row if row.startswith("  ") else fold(row, width, indent) for row in lines)
 
 
 class _Parser(argparse.ArgumentParser):
@@ -131,7 +173,15 @@ class _Parser(argparse.ArgumentParser):
         elif unknown is not None:
             helps = "".join(parser.format_help() for parser in self.commands)
             message += _meant(unknown[1], _OPTION.findall(helps))
-        super().error(message)
+        # What is wrong with an option, its own parser says; what is none, that of all commands.
+        prog = self.commands[0].prog if len(self.commands) == 1 else self.prog
+        _refuse(message, prog)
+
+
+def _refuse(message: str, prog: str = "stepbus") -> NoReturn:
+    end = "" if message.endswith("?") else ";"
+    print_error(f"{message}{end} see {prog} --help")
+    raise SystemExit(int(ExitCode.SCENARIO))
 
 
 def _meant(word: str, known: Sequence[str]) -> str:
@@ -162,16 +212,22 @@ def _no_text(arguments: Sequence[str]) -> str:
     return next((word for word in words if any("\ud800" <= c <= "\udfff" for c in word)), "")
 
 
-def _typed(arguments: Sequence[str]) -> Sequence[str] | None:
-    """Return the command that is typed, none for `--version`; None: show all."""
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    """Return the command that is typed, with its arguments; or show help, and exit."""
     first = arguments[0] if arguments else ""
+    if first in {"", "-h", "--help"}:
+        from .help import overview  # noqa: PLC0415  (a run shows none)
+
+        (sys.stdout if first else sys.stderr).write(overview())
+        raise SystemExit(0 if first else int(ExitCode.SCENARIO))
     if first == "--version":
-        return ()
+        return make_parser(()).parse_args(arguments)
+    if first.startswith("-"):
+        _refuse(f"{first} is no option of stepbus itself; options stand behind the command")
     # The core's own first: to find the others takes a while.
-    is_command = first in _MODULES or (
-        not first.startswith("-") and first in named_points(COMMANDS)
-    )
-    return (first,) if is_command else None
+    if first not in _MODULES and first not in named_points(COMMANDS):
+        _refuse(f"no command {first!r}{_meant(first, command_names())}")
+    return make_parser((first,)).parse_args(arguments)
 
 
 def execute(arguments: Sequence[str]) -> int:
@@ -180,8 +236,7 @@ def execute(arguments: Sequence[str]) -> int:
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
     try:
-        # Without a command that exists, the overview or the error shows all of them.
-        args = make_parser(_typed(arguments)).parse_args(arguments)
+        args = _parsed(arguments)
         if args.command.is_run:
             hurry()
         with command_line():

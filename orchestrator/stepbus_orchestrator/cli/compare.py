@@ -12,7 +12,7 @@ from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
 from stepbus_orchestrator.cli.live import displayed
 from stepbus_orchestrator.cli.output import Answer
-from stepbus_orchestrator.cli.parameters import Json, Trust, command, number
+from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode
@@ -43,7 +43,7 @@ class ToleranceOptions:
         return from_file | parse_tolerance(self.abs, self.rel, self.ignore, participant)
 
 
-@command(of=diff, hidden=["is_part"])
+@command(group="test", of=diff, hidden=["is_part"], first=RECORDING, second=RECORDING)
 def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
     """Compare two recordings, port by port.
 
@@ -61,10 +61,12 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
 
 
 @command(
+    group="test",
     of=replay,
     hidden=["trusted"],
     exclusive=["recorded", "source"],
     is_run=True,
+    recording=RECORDING,
     participant={"flag": "--participant", "metavar": "NAME"},
     update={"metavar": "OUT.mcap"},
     window={"type": number("not a number of steps, at least 1", 1)},
@@ -90,8 +92,8 @@ def replay_command(
     --trust.
 
     $ stepbus replay run.mcap --participant controller
-    $ stepbus replay run.mcap --participant controller --set controller.params.kp=101
-    $ stepbus replay run.mcap --participant controller --abs 1e-9 --exec ./my_controller
+    $ stepbus replay runs/arm --participant controller --set controller.params.kp=9
+    $ stepbus replay runs/arm --participant controller --abs 1e-9 --exec ./mine
     $ stepbus replay run.mcap --participant controller --update new.mcap
     """
     recording, participant, program = (given[n] for n in ("recording", "participant", "program"))

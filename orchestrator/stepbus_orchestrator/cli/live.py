@@ -1,4 +1,4 @@
-"""Show the progress of a run: a live table, or plain lines without a terminal."""
+"""Show the progress of a run: one bar in a terminal, a few lines elsewhere."""
 
 from __future__ import annotations
 
@@ -12,17 +12,14 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.cli.keys import HELP
-from stepbus_orchestrator.cli.output import visible
+from stepbus_orchestrator.cli.output import INDENT, fold, has_screen, visible
+from stepbus_orchestrator.cli.progress import Bar, CalmLines, Rate, Reached
 from stepbus_orchestrator.run.reports import Observer, Progress
 
 # With --json, nothing is shown; else rich is imported when there is something to show.
 if TYPE_CHECKING:
     from rich.console import Console
-    from rich.table import Table
 
-Draw = Callable[[Progress], None]
-
-_PLAIN_EVERY_S = 2.0
 _LAST_S = 10.0
 """How long the last sentences may take; where no reader takes them, the buffer gives up earlier."""
 
@@ -31,13 +28,20 @@ class Display(Observer):
     """Shows progress and sentences from a thread of its own.
 
     A terminal that is not read, or that Ctrl-S holds, blocks its writer; the run must continue.
-    When there is no time, progress is left out, sentences are not. draw: shows the progress. clear:
-    removes what is not to stay.
+    When there is no time, progress is left out, sentences are not. watch: takes the reports. show:
+    shows the progress. clear: removes what is not to stay.
     """
 
-    def __init__(self, console: Console, draw: Draw, clear: Callable[[], object]) -> None:
+    def __init__(
+        self,
+        console: Console,
+        watch: RunWatch,
+        show: Callable[[Reached], None],
+        clear: Callable[[], object],
+    ) -> None:
         self._console = console
-        self._draw = draw
+        self._watch = watch
+        self._show = show
         self._clear = clear
         self._queue: SimpleQueue[Callable[[], object] | None] = SimpleQueue()
         self._thread = threading.Thread(target=self._work, name="display", daemon=True)
@@ -46,15 +50,23 @@ class Display(Observer):
     def progress(self, progress: Progress) -> None:
         """Show the progress of the run if there is time for it."""
         if self._queue.empty():
-            self._queue.put(partial(self._draw, progress))
+            self._queue.put(lambda: self._show(self._watch.take(progress)))
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Show a sentence, above a table if there is one."""
+        """Show a sentence, above the bar if there is one."""
         where = who if step < 0 else f"{who} at step {step}"
-        self._queue.put(partial(_print, self._console, f"{level}: {where}: {text}"))
+        self.say(f"{level}: {where}: {text}")
+
+    def say(self, text: str) -> None:
+        """Show a line, above the bar if there is one."""
+        self._queue.put(partial(_print, self._console, text))
+
+    def next_run(self) -> None:
+        """Take the progress of the next run from now on."""
+        self._queue.put(self._watch.next_run)
 
     def close(self) -> None:
-        """Show what is left if the terminal accepts it, then remove the table."""
+        """Show what is left if the terminal accepts it, then remove the bar."""
         self._queue.put(self._clear)
         self._queue.put(None)
         self._thread.join(_LAST_S)
@@ -65,17 +77,28 @@ class Display(Observer):
 
 
 def _print(console: Console, text: str) -> None:
-    console.print(visible(text), markup=False, soft_wrap=True)
+    shown = visible(text)
+    if has_screen(console.file):
+        shown = fold(shown, console.width, INDENT)
+    console.print(shown, markup=False, soft_wrap=True)
 
 
 @contextlib.contextmanager
 def displayed(
-    title: str, *, quiet: bool, plain: bool = False, degrees: bool = False, invites: bool = False
+    title: str,
+    *,
+    quiet: bool,
+    plain: bool = False,
+    degrees: bool = False,
+    invites: bool = False,
+    keys: bool = False,
+    runs: int = 1,
 ) -> Iterator[Display | None]:
     """Yield the display for where stdout goes.
 
     plain: a debugger has it. quiet: there is none. degrees: it shows the angles of all joints.
-    invites: even so, sentences go to stderr: the user has to read what the run waits for.
+    invites: even so, sentences go to stderr: the user has to read what the run waits for. keys:
+    it shows which keys control the run. runs: how many there are; `next_run` tells them apart.
     """
     if quiet and not invites:
         yield None
@@ -85,45 +108,85 @@ def displayed(
     # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
     # and what this prints from its own thread would land in that participant's log.
     console = Console(file=sys.stderr if quiet else sys.stdout)
-    if plain or quiet:
-        display = Display(console, _do_nothing, _do_nothing)
-    elif console.is_terminal:
-        display = _table_display(title, console, degrees=degrees)
-    else:
-        display = Display(console, _draws_lines(title, console, degrees=degrees), _do_nothing)
-    with contextlib.closing(display):
+    show, clear = (
+        (_do_nothing, _do_nothing)
+        if plain or quiet
+        else shows_progress(console, (HELP,) if keys else ())
+    )
+    watch = RunWatch(title, degrees=degrees, runs=runs)
+    with contextlib.closing(Display(console, watch, show, clear)) as display:
         yield display
 
 
 def _do_nothing(*_: object) -> None: ...
 
 
-def _table_display(title: str, console: Console, *, degrees: bool) -> Display:
-    """Return a display that draws a table, again with each report."""
-    from rich.live import Live  # noqa: PLC0415  see above
+def shows_progress(
+    console: Console, below: tuple[str, ...] = ()
+) -> tuple[Callable[[Reached], None], Callable[[], None]]:
+    """Return what shows how far a command is, and what ends that.
 
-    live = Live(console=console, auto_refresh=False, transient=True)
-    live.start()
-
-    def draw(progress: Progress) -> None:
-        angles = f"\n{in_degrees(progress)}" if degrees else ""
-        live.update(_table(title, progress, angles), refresh=True)
-
-    return Display(console, draw, live.stop)
+    It is a bar, or lines where none can be drawn. below: lines below the bar.
+    """
+    if has_screen(console.file) and console.is_terminal:
+        bar = Bar(console, below)
+        return bar.show, bar.close
+    return CalmLines(partial(_print, console)).show, _do_nothing
 
 
-def _draws_lines(title: str, console: Console, *, degrees: bool) -> Draw:
-    """Return what prints a line, where the last one is two seconds old."""
-    shown_s = -_PLAIN_EVERY_S
+class RunWatch:
+    """Says how far a run is, and how fast it is now, from one report after the other.
 
-    def draw(progress: Progress) -> None:
-        nonlocal shown_s
-        if progress.elapsed_s - shown_s >= _PLAIN_EVERY_S:
-            shown_s = progress.elapsed_s
-            angles = f"; {in_degrees(progress)}" if degrees and progress.angles else ""
-            _print(console, f"{title}: {_headline(progress)}{angles}")
+    runs: how many there are in all, one after the other.
+    """
 
-    return draw
+    def __init__(self, title: str, *, degrees: bool = False, runs: int = 1) -> None:
+        self._title = title
+        self._degrees = degrees
+        self._runs = runs
+        self._run = 1
+        self._rate = Rate()
+        self._step = -1
+
+    def next_run(self) -> None:
+        """Take reports of the next run from now on."""
+        self._run += 1
+
+    def take(self, progress: Progress) -> Reached:
+        """Take the next report."""
+        steps = progress.steps or 0
+        done, total = (self._run - 1) * steps + progress.step, self._runs * steps
+        rate = self._rate.take(progress.elapsed_s, done, is_moving=progress.phase == "stepping")
+        if progress.phase in {"starting", "paused"}:
+            rate = None
+        reached = Reached(
+            title=self._title,
+            what=_what(progress) + f", run {self._run} of {self._runs}" * (self._runs > 1),
+            done=done,
+            total=total or None,
+            rate=f"{_factor(rate * progress.step_ns * 1e-9)} × real time" if rate else "",
+            left_s=(total - done) / rate if rate and total else None,
+            is_paused=progress.phase == "paused",
+            note=in_degrees(progress) if self._degrees else "",
+            detail=self._detail(progress, rate),
+        )
+        self._step = progress.step
+        return reached
+
+    def _detail(self, progress: Progress, rate: float | None) -> str:
+        """Return what slows the run."""
+        facts = [f"{rate:.0f} steps/s"] if rate else []
+        if progress.step == self._step and progress.holders:
+            facts.append(f"waits for {', '.join(progress.holders)}")
+        elif progress.compute_us:
+            slowest = max(progress.compute_us, key=lambda name: progress.compute_us[name])
+            facts.append(f"slowest: {slowest}, {progress.compute_us[slowest]:.0f} µs a step")
+        dropped = [f"{count} by {name}" for name, count in progress.drops.items() if count]
+        return "; ".join([*facts, *([f"dropped: {', '.join(dropped)}"] if dropped else [])])
+
+
+def _factor(factor: float) -> str:
+    return f"{factor:.1f}" if factor >= 1 else f"{factor:.2g}"
 
 
 def in_degrees(progress: Progress) -> str:
@@ -132,7 +195,7 @@ def in_degrees(progress: Progress) -> str:
     return ", ".join(f"{name} {math.degrees(angle):.1f}°" for name, angle in angles)
 
 
-def _headline(progress: Progress) -> str:
+def _what(progress: Progress) -> str:
     if progress.phase == "starting":
         late = [name for name, phase in progress.phases.items() if phase != "ready"]
         return f"starting, waiting for {', '.join(late)}"
@@ -140,24 +203,4 @@ def _headline(progress: Progress) -> str:
     total = "" if progress.steps is None else f" of {progress.steps}"
     if progress.phase == "paused":
         return f"paused before step {progress.step}{total}, t = {simulated_s:.3f} s"
-    factor = simulated_s / progress.elapsed_s if progress.elapsed_s else 0.0
-    return f"step {progress.step}{total}, t = {simulated_s:.2f} s, {factor:.1f} × real time"
-
-
-def _table(title: str, progress: Progress, angles: str) -> Table:
-    from rich.table import Table  # noqa: PLC0415  see above
-
-    table = Table(
-        title=f"{title}: {_headline(progress)}{angles}",
-        title_justify="left",
-        caption=HELP,
-        caption_justify="left",
-    )
-    for column in ("participant", "state", "µs per step", "dropped"):
-        table.add_column(column, justify="left" if column in {"participant", "state"} else "right")
-    for name, phase in progress.phases.items():
-        state = "holds the step" if name in progress.holders else phase
-        compute = progress.compute_us.get(name)
-        shown = "" if compute is None else f"{compute:.0f}"
-        table.add_row(name, state, shown, str(progress.drops.get(name, 0)))
-    return table
+    return f"step {progress.step}{total}, t = {simulated_s:.2f} s"

@@ -131,7 +131,7 @@ def _scenario_name(folder: Path) -> str:
 _LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.join(STARTERS)}"}
 
 
-@command()
+@command(group="run")
 def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
     """Create a scenario with a controller of your own.
 

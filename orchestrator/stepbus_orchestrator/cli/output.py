@@ -1,13 +1,23 @@
 """Where the command line prints, and what a command has come to."""
 
 import os
+import re
+import shutil
 import sys
-from collections.abc import Iterable
+import textwrap
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
+from typing import IO, TYPE_CHECKING
 
 import msgspec
 
+if TYPE_CHECKING:
+    from rich.table import Table
+
 _PLAIN_COLUMNS = 200
+INDENT = "    "
+_COLUMNS = re.compile(r"\S.{0,40}  +(?=\S)|  +\S.{0,40}  +(?=\S)")
+"""What stands before the last column of a line."""
 _CONTROLS = (*range(9), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
 _DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _ESCAPES = {
@@ -25,16 +35,64 @@ def visible(text: str) -> str:
     return text.translate(_ESCAPES)
 
 
+def has_screen(stream: IO[str]) -> bool:
+    """Return whether a stream is a terminal that can draw a line again."""
+    # By descriptor: while a live display is on, Rich stands in for sys.stdout; and with FORCE_COLOR
+    # Rich takes any stream for a terminal.
+    try:
+        return os.isatty(stream.fileno()) and os.environ.get("TERM") != "dumb"
+    except (OSError, ValueError):
+        return False
+
+
+def columns() -> int:
+    """Return the width of the terminal, 80 where there is none."""
+    return shutil.get_terminal_size().columns
+
+
+def fold(text: str, width: int, indent: str = "") -> str:
+    """Return a text with lines that are too long broken between words, never within one.
+
+    indent: of the lines that continue another one, beside its own; in a line with columns, they
+    stand below the last one.
+    """
+
+    def folded(line: str) -> str:
+        if len(line) <= width:
+            return line
+        start = _COLUMNS.match(line)
+        head = start[0] if start else line[: len(line) - len(line.lstrip())]
+        # A long word, such as a path, is better broken by the terminal: it can be copied whole.
+        wrap = textwrap.TextWrapper(
+            width,
+            initial_indent=head,
+            subsequent_indent=" " * len(head) + ("" if start else indent),
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+        return wrap.fill(line[len(head) :])
+
+    return "\n".join(map(folded, text.split("\n")))
+
+
+def write(stream: IO[str], text: str) -> None:
+    """Write a text for people, folded to the width of a terminal.
+
+    What goes to a file or a program is one line, however long.
+    """
+    shown = visible(text)
+    stream.write(fold(shown, columns(), INDENT) if has_screen(stream) else shown)
+    stream.flush()
+
+
 def say(text: str) -> None:
     """Print a line for people."""
-    sys.stdout.write(visible(text) + "\n")
-    sys.stdout.flush()
+    write(sys.stdout, f"{text}\n")
 
 
-def print_error(text: str) -> None:
-    """Print an error."""
-    sys.stderr.write(f"stepbus: {visible(text)}\n")
-    sys.stderr.flush()
+def print_error(text: str, who: str = "stepbus") -> None:
+    """Print an error. who: says it."""
+    write(sys.stderr, f"{who}: {text}\n")
 
 
 def say_json(value: object) -> None:
@@ -72,6 +130,17 @@ class Answer:
             else:
                 _print_table(line)
         return self.code
+
+
+def table(*columns: str, right: Collection[str] = ()) -> "Table":
+    """Return a table, narrow enough for most terminals. right: columns of numbers."""
+    from rich.box import SIMPLE_HEAD  # noqa: PLC0415  (most commands have none)
+    from rich.table import Table  # noqa: PLC0415
+
+    made = Table(box=SIMPLE_HEAD, show_edge=False, pad_edge=False, collapse_padding=True)
+    for column in columns:
+        made.add_column(column, justify="right" if column in right else "left", overflow="fold")
+    return made
 
 
 def _print_table(table: object) -> None:

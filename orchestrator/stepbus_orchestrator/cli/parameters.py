@@ -16,11 +16,21 @@ from dataclasses import dataclass, is_dataclass
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
 from stepbus_orchestrator.cli.output import Answer
+from stepbus_participant import parse_duration
+from stepbus_schemas import WiringError
 
 Function = Callable[..., Any]
+
+COMPLETIONS: Mapping[str, Mapping[str, str]] = {
+    kind: {"bash": name, "zsh": name, "fish": f"({name})"}
+    for kind in ("command", "recording", "scenario")
+    for name in (f"_stepbus_glob_{kind}s",)
+}
+"""What an argument is completed with, as `complete` of `Annotated` names it → its function in each
+shell, which `completion.py` writes. Beside them there are `file` and `directory`."""
 
 _OF_PYTHON = ("observer", "interrupt")
 """Parameters that every command fills in by itself."""
@@ -29,14 +39,26 @@ _NO_DOCSTRINGS = 2
 """Level of optimisation (`-OO`) from which Python keeps no docstrings."""
 
 
+MORE = "more"
+GROUPS = ("run", "look", "test", "attach", "many", MORE)
+"""Groups of commands in the overview; a command of another package may name one too."""
+
+
+class Outline(NamedTuple):
+    """What the overview says of a command: its summary, and the group that it stands in."""
+
+    summary: str
+    group: str
+
+
 @dataclass(frozen=True, kw_only=True)
 class Command:
     """One subcommand.
 
-    name: as typed. summary: one line in the overview. description: above its own help. examples:
-    command lines that work. add_arguments: declares its arguments. execute: does it and returns
-    the exit code; errors are raised. is_run: runs a scenario, and ends in time
-    though no reader takes what it prints.
+    name: as typed. group: where it stands in the overview. summary: one line in the overview.
+    description: above its own help. examples: command lines that work. add_arguments: declares its
+    arguments. execute: does it and returns the exit code; errors are raised. is_run: runs a
+    scenario, and ends in time though no reader takes what it prints.
     """
 
     name: str
@@ -46,6 +68,7 @@ class Command:
     add_arguments: Callable[[argparse.ArgumentParser], None]
     execute: Callable[[argparse.Namespace], int]
     is_run: bool = False
+    group: str = MORE
 
 
 @dataclass(frozen=True)
@@ -60,6 +83,7 @@ class _Row:
 
 def command(
     *,
+    group: str = MORE,
     of: Function | None = None,
     hidden: Collection[str] = (),
     exclusive: Collection[str] = (),
@@ -70,11 +94,13 @@ def command(
 
     Parameters that need no name are positional, the others options; those of a dataclass are a
     group of options. `Annotated` has what `add_argument` takes beside the type, with `flag` as
-    another name. What it returns is an exit code, or its `Answer`, which `--json` prints whole.
+    another name and `complete`, what a shell completes it with. What it returns is an exit code, or
+    its `Answer`, which `--json` prints whole.
 
-    of: the function that the command is about: its parameters, but for `hidden` ones, are those of
-    the command too, and arrive in `**given` where the command has none of that name. special: what
-    `Annotated` would have for these. exclusive: of which only one may be given.
+    group: where it stands in the overview. of: the function that the command is about: its
+    parameters, but for `hidden` ones, are those of the command too, and arrive in `**given` where
+    the command has none of that name. special: what `Annotated` would have for these. exclusive: of
+    which only one may be given.
     """
 
     def make(function: Function) -> Command:
@@ -101,9 +127,23 @@ def command(
             add_arguments=add_arguments,
             execute=execute,
             is_run=is_run,
+            group=group,
         )
 
     return make
+
+
+def outline_in(definition: ast.FunctionDef) -> Outline:
+    """Return the outline of a command whose function is not loaded."""
+    keywords = [row for call in definition.decorator_list for row in getattr(call, "keywords", ())]
+    groups = [row.value for row in keywords if row.arg == "group"]
+    group = next((str(ast.literal_eval(value)) for value in groups), MORE)
+    first = (ast.get_docstring(definition) or "").split("\n\n")[0]
+    return Outline(_summary(" ".join(first.split())), group)
+
+
+def _summary(first: str) -> str:
+    return first[:1].lower() + first[1:].removesuffix(".")
 
 
 def _rows(
@@ -142,10 +182,18 @@ def _declare(parser: Any, name: str, row: _Row) -> None:
     is_shown = isinstance(default, int | float | str) and default != "" and "action" not in keywords
     if is_shown and "default:" not in keywords["help"]:
         keywords["help"] += f" (default: {default})"
-    if flag := keywords.pop("flag", ""):
+    complete = keywords.pop("complete", "")
+    if complete == "file" and keywords.get("metavar") == "FOLDER":
+        complete = "directory"
+    flag = keywords.pop("flag", "")
+    action = (
         parser.add_argument(flag, dest=name, **keywords)
-    else:
-        parser.add_argument(name, **keywords)
+        if flag
+        else parser.add_argument(name, **keywords)
+    )
+    if complete:
+        # shtab reads it.
+        action.complete = COMPLETIONS.get(complete, complete)
 
 
 def _keywords(name: str, row: _Row) -> dict[str, Any]:
@@ -181,7 +229,7 @@ def _kind(types: Collection[Any]) -> dict[str, Any]:
         if get_origin(option) is Literal:
             return {"choices": get_args(option)}
         if option is Path or get_origin(option) is PathLike:
-            return {"type": Path}
+            return {"type": Path, "complete": "file"}
     if str in types:
         return {}
     return next(({"type": number} for number in (int, float) if number in types), {})
@@ -204,7 +252,7 @@ def _help(function: Function) -> tuple[str, str, list[str]]:
     texts = [p for p in others if not (p.startswith(_EXAMPLE) or start.match(p))]
     examples = [p for p in others if p.startswith(_EXAMPLE)]
     lines = [line for p in examples for line in f" {p}".split(f" {_EXAMPLE}")[1:]]
-    return summary[0].lower() + summary[1:].removesuffix("."), "\n\n".join(texts), lines
+    return _summary(summary), "\n\n".join(texts), lines
 
 
 def _paragraphs(function: Function) -> list[str]:
@@ -249,6 +297,30 @@ def number(
     return parse
 
 
+def seconds(text: str) -> float:
+    """Return a duration such as `10s`, `5min` or `200ms` in [s]; the type of such an argument."""
+    try:
+        return parse_duration(text) * 1e-9
+    except WiringError as exc:
+        raise argparse.ArgumentTypeError(str(exc)) from exc
+
+
+DURATION = {"type": seconds, "metavar": "DURATION"}
+
+
+def step_or_time(text: str) -> int | str:
+    """Return a step, or the text of a time such as `6s`; the type of such an argument."""
+    if text.isdecimal():
+        return int(text)
+    try:
+        parse_duration(text)
+    except WiringError as exc:
+        raise argparse.ArgumentTypeError(
+            f"{text!r} is not a step, from 0 on, nor a time such as 6s"
+        ) from exc
+    return text
+
+
 JSON_HELP = "print the result as JSON only"
 Json = Annotated[bool, {"help": JSON_HELP}]
 
@@ -256,7 +328,8 @@ ScenarioName = Annotated[
     str,
     {
         "help": "a scenario file, a folder with a scenario.yaml, or the name of a built-in one "
-        "such as two_link or two_link/pd"
+        "such as two_link or two_link/pd",
+        "complete": "scenario",
     },
 ]
 Set = Annotated[
@@ -266,7 +339,10 @@ Set = Annotated[
         "help": "override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated",
     },
 ]
-RecordingPath = Annotated[Path, {"help": "the run.mcap of a run, or its folder"}]
+RECORDING = {"complete": "recording"}
+RecordingPath = Annotated[Path, {"help": "the run.mcap of a run, or its folder", **RECORDING}]
+Folder = Annotated[Path | None, {"metavar": "FOLDER"}]
+File = Annotated[Path | None, {"metavar": "FILE"}]
 Trust = Annotated[
     bool, {"help": "start its programs without asking, though your work tree has others"}
 ]

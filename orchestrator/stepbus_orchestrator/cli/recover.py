@@ -1,16 +1,15 @@
 """`stepbus recover`: rebuild a recording that is cut off or corrupt."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 from stepbus_orchestrator.cli.output import Answer
-from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.cli.parameters import File, RecordingPath, command
 from stepbus_orchestrator.recording import Recovery, layout, recover
 
 
-@command(exclusive=["out", "in_place"])
+@command(group="look", exclusive=["out", "in_place"])
 def recover_command(
-    recording: RecordingPath, *, out: Path | None = None, in_place: bool = False
+    recording: RecordingPath, *, out: File = None, in_place: bool = False
 ) -> Answer:
     """Rebuild a recording that is cut off or corrupt.
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.live import displayed
 from stepbus_orchestrator.cli.output import Answer, say
-from stepbus_orchestrator.cli.parameters import Json, Trust, command, number
+from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode
@@ -17,13 +17,19 @@ from stepbus_orchestrator.replay.rerun import Preparation, Rerun, rerun
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import WiringError
 
-OUT = {"flag": "--out", "required": False, "help": "folder of the new run (default: in runs/)"}
+OUT = {
+    "flag": "--out",
+    "required": False,
+    "metavar": "FOLDER",
+    "help": "folder of the new run (default: in runs/)",
+}
 
 
 @command(
+    group="test",
     of=rerun,
     is_run=True,
-    recording={"help": "the run.mcap of a run, its folder, or that of a sweep"},
+    recording={"help": "the run.mcap of a run, its folder, or that of a sweep", **RECORDING},
     out=OUT,
 )
 def rerun_command(

@@ -11,12 +11,15 @@ from stepbus_orchestrator.cli.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.live import displayed
 from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import (
+    DURATION,
+    Folder,
     FoxglovePort,
     Json,
     ScenarioName,
     Set,
     command,
     number,
+    step_or_time,
 )
 from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
 from stepbus_orchestrator.cli.viewer import viewed
@@ -35,6 +38,7 @@ from stepbus_orchestrator.run.run_scenario import Options, default_folder, host_
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.program import check_installed
+from stepbus_participant import format_duration, whole_steps
 from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
@@ -64,7 +68,7 @@ class Changes:
     fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
     debug: Names = ()
     external: Annotated[Sequence[str], {"metavar": "PARTICIPANT[=TICKET]"}] = ()
-    join_timeout: Annotated[str | None, {"metavar": "DURATION"}] = None
+    join_timeout: Annotated[float | None, DURATION] = None
     no_deadline: Names = ()
 
     def load(self, name: str) -> Scenario:
@@ -80,7 +84,8 @@ class Changes:
             names = external_names(scenario)
             if not names:
                 raise WiringError("--join-timeout is for participants with `start: external`")
-            overrides += [f"{name}.spawn_timeout={self.join_timeout}" for name in names]
+            wait = format_duration(round(self.join_timeout * 1e9))
+            overrides += [f"{name}.spawn_timeout={wait}" for name in names]
             scenario = load(name, overrides, self.fault)
         return without_deadlines(scenario, [*self.debug, *self.no_deadline])
 
@@ -117,16 +122,14 @@ _FACTOR = {
 }
 
 
-@command(is_run=True)
+@command(group="run", is_run=True)
 def run_command(
     scenario: ScenarioName,
     *,
     changes: Changes,
-    out: Path | None = None,
+    out: Folder = None,
     real_time: Annotated[float | None, _FACTOR] = None,
-    pause_at: Annotated[
-        int | None, {"type": number("not a step, from 0 on", 0), "metavar": "STEP"}
-    ] = None,
+    pause_at: Annotated[int | str | None, {"type": step_or_time, "metavar": "STEP"}] = None,
     in_process: bool = False,
     degrees: bool = False,
     extensions: Annotated[Sequence[str], {"flag": "--with", "metavar": "FILE.py:CLASS"}] = (),
@@ -145,12 +148,13 @@ def run_command(
 
     out: folder of this run (default: runs/<name>-<time>). real_time: let steps begin on the wall
     clock's grid, FACTOR times as fast (default: 1), and count who is late
-    (docs/guide/running/real_time.md). pause_at: pause before a step; 0: before the first.
-    in_process: host all participants in one process: quicker, the same recording. degrees: show the
-    measured angles of all joints in degrees while it runs. extensions: add an extension of your own
-    to the run (docs/guide/writing/extension.md). profile: measure where the time of each step goes:
-    compute, wait, transport, record. speedscope: with --profile, sample the stack of a participant
-    too, for speedscope.app. no_report: make no report.html and no report.png, only figures.
+    (docs/guide/running/real_time.md). pause_at: pause before a step, or a time such as 6s; 0:
+    before the first. in_process: host all participants in one process: quicker, the same recording.
+    degrees: show the measured angles of all joints in degrees while it runs. extensions: add an
+    extension of your own to the run (docs/guide/writing/extension.md). profile: measure where the
+    time of each step goes: compute, wait, transport, record. speedscope: with --profile, sample the
+    stack of a participant too, for speedscope.app. no_report: make no report.html and no
+    report.png, only figures.
 
     $ stepbus run two_link
     $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
@@ -160,7 +164,7 @@ def run_command(
     $ stepbus run two_link --view --real-time
     $ stepbus run two_link --foxglove 8765 --real-time
     $ stepbus run two_link --external controller
-    $ stepbus run two_link --external controller=/tmp/c.ticket --no-deadline controller
+    $ stepbus run two_link --external controller=/tmp/c.ticket
     """
     # Else it would be the scenario that cannot be read.
     check_limits(1)
@@ -182,7 +186,8 @@ def run_command(
     if is_read:
         # NumPy ends this process where memory is short: rather now than behind a run.
         _load_after_run()
-    pace = Pace(pause_at)
+    at = whole_steps(pause_at, loaded.step_ns) if isinstance(pause_at, str) else pause_at
+    pace = Pace(at)
     own: list[RunExtension] = [] if real_time is None else [RealTime(loaded.step_ns, real_time)]
     own += [load_extension(name) for name in extensions]
     own += [Profile(speedscope)] if profile else []
@@ -197,6 +202,7 @@ def run_command(
         plain=bool(changes.debug),
         degrees=degrees,
         invites=bool(external_names(loaded)),
+        keys=has_keys,
     )
     with interruptible() as interrupt:
         # A participant in a debugger reads the keys itself.

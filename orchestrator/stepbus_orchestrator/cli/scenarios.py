@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import msgspec
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.output import Answer, table
 from stepbus_orchestrator.cli.parameters import ScenarioName, Set, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.run.describe import (
@@ -36,7 +36,7 @@ _NUMERIC = ("index", "lower", "upper", "velocity", "effort")
 _UNLIMITED = "-"
 
 
-@command()
+@command(group="run")
 def validate_command(
     scenario: ScenarioName,
     *,
@@ -75,7 +75,7 @@ def validate_command(
     )
 
 
-@command()
+@command(group="run")
 def describe_command(scenario: ScenarioName, *, set: Set = ()) -> Answer:
     """List ports, joints and limits; make no step.
 
@@ -132,23 +132,21 @@ def _rows(output: OutputPort) -> list[dict[str, Any]]:
 
 
 def _table(rows: list[dict[str, Any]]) -> Table:
-    table = Table()
-    for column in rows[0]:
-        table.add_column(column, justify="right" if column in _NUMERIC else "left")
+    made = table(*rows[0], right=_NUMERIC)
     for row in rows:
-        table.add_row(*map(_cell, row.values()))
-    return table
+        made.add_row(*map(_cell, row.values()))
+    return made
 
 
 def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "on" if value else "off"
     if isinstance(value, float):
-        return f"{value:g}" if math.isfinite(value) else _UNLIMITED
+        return f"{value:.5g}" if math.isfinite(value) else _UNLIMITED
     return "" if value is None else str(value)
 
 
-@command()
+@command(group="look")
 def types_command(
     source: str | None = None, *, out: Annotated[Path | None, {"metavar": "FOLDER"}] = None
 ) -> Answer:

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from stepbus_orchestrator.cli.output import visible
+from stepbus_orchestrator.cli.output import write
 from stepbus_orchestrator.errors import Untrusted, indented
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.trust import Programs, programs_of
@@ -37,8 +37,7 @@ def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
     if tree is not None:
         shown = f"{tree.shown()} is not yours alone. It starts, with your rights:"
     if has_terminal:
-        sys.stderr.write(visible(f"{shown}\n{rows}\nStart that? [y/N] "))
-        sys.stderr.flush()
+        write(sys.stderr, f"{shown}\n{rows}\nStart that? [y/N] ")
         if sys.stdin.readline().strip().lower() in {"y", "yes"}:
             return
         raise Untrusted("nothing was started")

@@ -4,24 +4,27 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.analysis.diff import diff
-from stepbus_orchestrator.analysis.verify import TrialResult, Verification, verify
-from stepbus_orchestrator.cli.output import Answer, say
+from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
+from stepbus_orchestrator.cli.live import Display, displayed
+from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command, number
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
+from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.load import load
 
 _SHOWN_HASH = 12
 
 
 @command(
+    group="test",
     of=verify,
     hidden=["on_result", "owns_descriptors"],
     is_run=True,
     runs={"flag": "-n", "type": number("not a number of runs, at least 2", 2)},
     seed={"type": number("not a seed, a number from 0 on", 0)},
-    keep={"metavar": "FOLDER"},
+    out={"metavar": "FOLDER"},
 )
 def verify_command(
     scenario: ScenarioName, *, set: Set = (), json: Json = False, **given: Any
@@ -37,19 +40,40 @@ def verify_command(
     $ stepbus verify two_link -n 10 --set duration=2s --seed 1
     """
     loaded = load(scenario, set)
-
-    def show(trial: TrialResult, count: int) -> None:
-        if not json:
-            say(_line(trial, count))
-
-    with interruptible() as interrupt:
+    count = len(plan(loaded, given["runs"], given["seed"], in_process=can_host()))
+    with (
+        displayed(f"verify {loaded.name}", quiet=json, runs=count) as display,
+        interruptible() as interrupt,
+    ):
+        watcher = None if display is None else _Trials(display)
         verification = verify(
-            loaded, **given, on_result=show, interrupt=interrupt, owns_descriptors=can_host()
+            loaded,
+            **given,
+            on_result=(lambda _trial, _count: None) if watcher is None else watcher.result,
+            observer=watcher,
+            interrupt=interrupt,
+            owns_descriptors=can_host(),
         )
-    return _answer(verification, given["keep"])
+    return _answer(verification, given["out"])
 
 
-def _answer(verification: Verification, keep: Path | None) -> Answer:
+class _Trials(Observer):
+    """Shows how far the runs are, and a line for each that has ended."""
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+
+    def progress(self, progress: Progress) -> None:
+        """Show how far the current run is."""
+        self._display.progress(progress)
+
+    def result(self, trial: TrialResult, count: int) -> None:
+        """Show what became of a run."""
+        self._display.say(_line(trial, count))
+        self._display.next_run()
+
+
+def _answer(verification: Verification, out: Path | None) -> Answer:
     first, code = verification.results[0].result, ExitCode.FINISHED
     difference, error = None, ""
     lines = [f"{len(verification.results)} runs of {first.steps} steps, one result", first.hashes()]
@@ -64,7 +88,7 @@ def _answer(verification: Verification, keep: Path | None) -> Answer:
             "gave two results"
         )
         lines, code = [difference.text()], ExitCode.DIFFERENT
-    if keep or code:
+    if out or code:
         lines.append(f"the runs are in {verification.folder}")
     value = {"equal": not code, "diff": difference, "runs": verification.results}
     return Answer(value=value, lines=lines, error=error, code=code)

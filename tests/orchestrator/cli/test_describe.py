@@ -73,9 +73,7 @@ def test_outputs_say_who_takes_them(two_link):
 def test_the_table_has_a_row_for_each_joint(capsys):
     assert main(["describe", "two_link"]) == 0
     lines = capsys.readouterr().out.splitlines()
-    cells = [
-        [cell.strip() for cell in line.split("│")[1:-1]] for line in lines if "revolute" in line
-    ]
+    cells = [line.split() for line in lines if "revolute" in line]
     assert cells == [
         [str(index), name, "revolute", "torque", "-6.2832", "6.2832", "20", "50", "on"]
         for index, name in enumerate(("joint1", "joint2"))
@@ -87,7 +85,7 @@ def test_an_infinite_limit_is_a_dash_and_null(tmp_path, capsys):
     scenario = str(sensor(tmp_path, text))
     assert (main(["describe", scenario]), main(["describe", scenario, "--json"])) == (0, 0)
     table, _, told = capsys.readouterr().out.partition("[\n")
-    assert table.splitlines()[-2].split() == ["│", "1", "│", "b", "│", "-", "│"]
+    assert table.splitlines()[-1].split() == ["1", "b", "-"]
     (participant,) = json.loads("[" + told)
     assert participant["outputs"][0]["description"]["limits"]["upper"] == [1, None]
 

@@ -2,19 +2,27 @@
 
 import argparse
 import inspect
+import re
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 import pytest
 
 import stepbus
-from stepbus_orchestrator.cli.commands import load_commands
+from stepbus_orchestrator.cli.commands import load_commands, make_parser
 from stepbus_orchestrator.cli.output import Answer
-from stepbus_orchestrator.cli.parameters import command, number, parameter_texts
+from stepbus_orchestrator.cli.parameters import (
+    command,
+    number,
+    parameter_texts,
+    seconds,
+    step_or_time,
+)
 from stepbus_orchestrator.scenario.override import Overrides
 
 
@@ -141,6 +149,7 @@ class Listing:
 
     def add_argument(self, name, help="", **_):  # noqa: A002
         self.unexplained += [] if help else [name]
+        return SimpleNamespace()
 
 
 @pytest.mark.parametrize("each", load_commands(), ids=lambda each: each.name)
@@ -148,3 +157,33 @@ def test_every_option_of_every_command_is_explained(each):
     listing = Listing()
     each.add_arguments(listing)
     assert listing.unexplained == []
+
+
+def options_of(each):
+    parser = argparse.ArgumentParser(each.name)
+    each.add_arguments(parser)
+    return re.sub(r"\s+", " ", parser.format_usage())
+
+
+def test_every_command_calls_the_place_it_writes_to_the_same():
+    found = [re.findall(r"--out (\w+)", options_of(each)) for each in load_commands()]
+    assert {name for names in found for name in names} == {"FOLDER", "FILE"}
+    assert not [each.name for each in load_commands() if "--keep FOLDER" in options_of(each)]
+
+
+@pytest.mark.parametrize(
+    ("text", "value"), [("10s", 10.0), ("5min", 300.0), ("200ms", 0.2), ("1/4s", 0.25)]
+)
+def test_a_duration_is_a_number_with_a_unit(text, value):
+    assert seconds(text) == pytest.approx(value)
+    assert make_parser(["join"]).parse_args(["join", "t", "--wait", text]).wait == seconds(text)
+    words = ["run", "two_link", "--join-timeout", text, "--pause-at", text]
+    run = make_parser(["run"]).parse_args(words)
+    assert (run.join_timeout, run.pause_at) == (seconds(text), text)
+    assert make_parser(["sweep"]).parse_args(
+        ["sweep", "s", "--timeout", text]
+    ).timeout_s == seconds(text)
+
+
+def test_a_step_may_be_a_number_or_a_time():
+    assert (step_or_time("12"), step_or_time("6s")) == (12, "6s")

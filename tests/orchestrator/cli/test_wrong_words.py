@@ -10,11 +10,23 @@ from stepbus_orchestrator.cli import main
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["runn", "two_link"], "'view'); did you mean 'run'?"),
+        (
+            ["runn", "two_link"],
+            "stepbus: no command 'runn'; did you mean 'run'? see stepbus --help",
+        ),
         (["run", "two_link", "--transport", "tpc"], "'tcp'); did you mean 'tcp'?"),
         (["run", "two_link", "--windw", "3"], "arguments: --windw 3; did you mean '--window'?"),
         (["sweep", "two_link", "--sampels", "3"], "--sampels 3; did you mean '--samples'?"),
-        (["sweep", "two_link", "--timeout", "-1"], "'-1' is no number of seconds above 0, e.g. 60"),
+        (["ru", "two_link"], "did you mean 'run'?"),
+        (["--json", "run"], "--json is no option of stepbus itself; options stand behind the"),
+        (["run", "two_link", "--windw", "3"], "see stepbus run --help"),
+        (
+            ["sweep", "two_link", "--timeout", "60"],
+            "'60' is no duration; write a number and one of",
+        ),
+        (["join", "ticket", "--wait", "1 year"], "'1 year' is no duration; write a number and"),
+        (["run", "two_link", "--join-timeout", "0s"], "'0s' must be longer than 0"),
+        (["run", "two_link", "--pause-at", "soon"], "nor a time such as 6s"),
         (["run", "two_link", "--pause-at", "-1"], "'-1' is not a step, from 0 on"),
         (["run", "two_link", "--window", "x"], "'x' is not a number of steps, from 1 on"),
     ],

@@ -1,6 +1,7 @@
 """What is checked: `stepbus conformance` a program, `doctor` this machine, `selftest` a plant."""
 
 import math
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer, say, visible
+from stepbus_orchestrator.cli.output import Answer, has_screen, say, table, visible
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.errors import ExitCode
@@ -23,12 +24,12 @@ from stepbus_tools.selftest import SelfTest, Verdict, selftest
 _STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
 
 
-@command(is_run=True)
+@command(group="test", is_run=True)
 def conformance_command(
     program: Annotated[Sequence[str], {"metavar": "-- PROGRAM"}] = (),
     *,
     bridge: BridgeFormat | None = None,
-    scenario: str = "two_link",
+    scenario: Annotated[str, {"complete": "scenario"}] = "two_link",
     participant: Annotated[str, {"metavar": "NAME"}] = "controller",
     set: Set = (),
     only: Annotated[Sequence[str], {"metavar": "NAME"}] = (),
@@ -82,8 +83,7 @@ def conformance_command(
 
 def _show(result: CheckResult) -> None:
     """Show a result as it comes: a row of a table in a terminal, else a plain line."""
-    console = Console()
-    if not console.is_terminal:
+    if not has_screen(sys.stdout):
         say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
         return
     row = Table.grid(padding=(0, 1), expand=True)
@@ -92,7 +92,7 @@ def _show(result: CheckResult) -> None:
     row.add_column(ratio=1)
     outcome = f"[{_STYLES[result.outcome]}]{result.outcome}[/]"
     row.add_row(outcome, result.name, result.clause, escape(visible(result.observed)))
-    console.print(row)
+    Console().print(row)
 
 
 def _verdict(report: Report) -> str:
@@ -103,7 +103,7 @@ def _verdict(report: Report) -> str:
     )
 
 
-@command()
+@command(group="test")
 def doctor_command() -> Answer:
     """Check this machine: versions, bus, ports, disk, extras.
 
@@ -121,7 +121,7 @@ def doctor_command() -> Answer:
     )
 
 
-@command(is_run=True)
+@command(group="test", is_run=True)
 def selftest_command(
     scenario: ScenarioName,
     *,
@@ -152,10 +152,10 @@ def selftest_command(
 
 
 def _tested(result: SelfTest) -> Iterator[object]:
-    table = Table("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
+    made = table("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
     for verdict in result.joints:
-        table.add_row(verdict.joint, verdict.mode, *_cells(verdict))
-    yield table
+        made.add_row(verdict.joint, verdict.mode, *_cells(verdict))
+    yield made
     wrong = [verdict.joint for verdict in result.joints if not verdict.ok]
     idle = [verdict.joint for verdict in result.joints if verdict.commanded is None]
     tested = len(result.joints) - len(idle)

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from stepbus_orchestrator.cli.output import print_error, say
-from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.cli.parameters import RECORDING, File, RecordingPath, command
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
@@ -35,7 +35,7 @@ Targets: Any = make_dataclass(
 """What a recording is written as, and where; and how: what all installed exporters take."""
 
 
-@command()
+@command(group="look")
 def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     """Write a recording for other programs.
 
@@ -68,12 +68,12 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     return ExitCode.FINISHED if is_whole else ExitCode.RECORDING
 
 
-@command()
+@command(group="look")
 def plot_command(
     recording: RecordingPath,
     signals: Annotated[Sequence[str], {"metavar": "SIGNAL"}] = (),
     *,
-    out: Path | None = None,
+    out: File = None,
 ) -> int:
     """Plot any signals of a recording.
 
@@ -98,11 +98,11 @@ def plot_command(
     return ExitCode.FINISHED
 
 
-@command()
+@command(group="look")
 def report_command(
-    recordings: Annotated[Sequence[Path], {"metavar": "RECORDING", "nargs": "+"}],
+    recordings: Annotated[Sequence[Path], {"metavar": "RECORDING", "nargs": "+", **RECORDING}],
     *,
-    out: Path | None = None,
+    out: File = None,
     no_replay: bool = False,
 ) -> int:
     """Write report.html of a run, or compare several.

@@ -5,16 +5,15 @@ from contextlib import contextmanager
 from typing import Any
 
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
 from stepbus import sweep
-from stepbus_orchestrator.cli.output import Answer, say
-from stepbus_orchestrator.cli.parameters import Json, command, number
+from stepbus_orchestrator.cli.live import shows_progress
+from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
+from stepbus_orchestrator.cli.progress import Reached
 from stepbus_orchestrator.cli.signals import interruptible, settle
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
-
-_PLAIN_EVERY = 0.1
 
 
 def _value(text: str) -> int | str:
@@ -29,9 +28,12 @@ _WHOLE = {"type": _value}
 
 
 @command(
+    group="many",
     of=sweep,
     hidden=["on_progress"],
     is_run=True,
+    scenario={"complete": "scenario"},
+    out={"metavar": "FOLDER"},
     vary={"flag": "--vary", "metavar": "AXIS"},
     samples=_WHOLE,
     sampling={"choices": None},
@@ -44,8 +46,8 @@ _WHOLE = {"type": _value}
     jobs={"type": number("not a number of processes", 1)},
     timeout_s={
         "flag": "--timeout",
-        "type": number("no number of seconds above 0, e.g. 60", 1e-9, kind=float),
-        "metavar": "S",
+        "help": "limit of a run, e.g. 90s (default: none)",
+        **DURATION,
     },
     retry={"type": number("not a number of times", 0), "metavar": "N"},
 )
@@ -58,8 +60,8 @@ def sweep_command(*, json: Json = False, **given: Any) -> Answer:
     that fails is a row; the exit code is 0 once every run has its row.
 
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
-    $ stepbus sweep two_link --vary 'controller.params.kp~uniform(50, 150)' --samples 100
-    $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse --trials 40
+    $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'
+    $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse
     $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
     """
     with interruptible() as interrupt, _shown(quiet=json) as show:
@@ -70,62 +72,32 @@ def sweep_command(*, json: Json = False, **given: Any) -> Answer:
 
 @contextmanager
 def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
-    """Yield what shows the progress: a bar, or a line every tenth of it."""
-    console = Console()
+    """Yield what shows the progress."""
     if quiet:
         yield lambda _progress: None
         return
-    if not console.is_terminal:
-        yield _Lines().show
-        return
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.fields[pace]}"),
-        TextColumn("{task.fields[failed]} failed"),
+    show, clear = shows_progress(Console())
+    try:
+        yield lambda progress: show(_reached(progress))
+    finally:
+        clear()
+
+
+def _reached(progress: SweepProgress) -> Reached:
+    failed = f", {progress.failed} failed" if progress.failed else ""
+    what = "" if progress.phase == RUNNING else f"; {progress.phase}"
+    return Reached(
+        title="sweep",
+        what=f"{progress.done} of {progress.total} runs{failed}{what}",
+        done=progress.done,
+        total=progress.total,
+        rate="" if progress.rate is None else _rate(progress.rate),
+        left_s=progress.remaining_s if progress.done < progress.total else None,
     )
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task("sweep", total=None, pace="", failed=0)
-
-        def show(progress: SweepProgress) -> None:
-            bar.update(
-                task,
-                total=progress.total,
-                completed=progress.done,
-                pace=_pace(progress),
-                failed=progress.failed,
-            )
-
-        yield show
 
 
-class _Lines:
-    """Prints a line for each tenth of a sweep, and one for each thing that takes its time."""
-
-    def __init__(self) -> None:
-        self._shown = 0.0
-
-    def show(self, progress: SweepProgress) -> None:
-        if progress.phase != RUNNING:
-            say(progress.phase)
-            return
-        share = progress.done / progress.total
-        if share - self._shown < _PLAIN_EVERY and progress.done < progress.total:
-            return
-        self._shown = share
-        pace = f", {_pace(progress)}" if progress.rate is not None else ""
-        say(f"{progress.done} of {progress.total} runs, {progress.failed} failed{pace}")
-
-
-def _pace(progress: SweepProgress) -> str:
-    """Return what happens, or how fast runs come and how long the rest takes, where known."""
-    if progress.phase != RUNNING or progress.rate is None or progress.remaining_s is None:
-        return "" if progress.phase == RUNNING else progress.phase
-    rate = progress.rate
-    shown = f"{rate:.1f} runs/s" if rate >= 1 else f"{1 / rate:.1f} s/run"
-    left = f", {progress.remaining_s:.0f} s left" if progress.done < progress.total else ""
-    return f"{shown}{left}"
+def _rate(rate: float) -> str:
+    return f"{rate:.1f} runs/s" if rate >= 1 else f"{1 / rate:.1f} s/run"
 
 
 def _summary(result: SweepResult) -> Iterator[str]:

@@ -6,9 +6,16 @@ from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
 
 from stepbus_orchestrator.cli.output import print_error, say
-from stepbus_orchestrator.cli.parameters import FoxglovePort, PortNumber, RecordingPath, command
+from stepbus_orchestrator.cli.parameters import (
+    RECORDING,
+    FoxglovePort,
+    PortNumber,
+    RecordingPath,
+    command,
+)
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE
@@ -34,10 +41,10 @@ class Place:
     foxglove: FoxglovePort = None
 
 
-@command()
+@command(group="look")
 def view_command(
     recording: RecordingPath,
-    ghost: Path | None = None,
+    ghost: Annotated[Path | None, RECORDING] = None,
     *,
     follow: bool = False,
     until_end: bool = False,

@@ -1,0 +1,282 @@
+"""`stepbus info`: what is in a recording, in a dozen lines."""
+
+import contextlib
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
+
+import msgspec
+from mcap.exceptions import McapError
+from mcap.reader import make_reader
+
+from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.replay.recorded import recorded_end
+from stepbus_orchestrator.run.result import RESULT_FILE, Result
+from stepbus_participant import parse_duration
+from stepbus_participant.parameters import parse_yaml
+from stepbus_schemas import UNDECODABLE, Event, StepbusError
+
+_MOST_TOPICS, _MOST_TYPES = 3, 6
+_PYTHON = "Python "
+_FEW_PER_S = 10
+_MEGABYTE = 10**6
+_OF_MACHINE = ("machine", "cpu")
+_OF_EVERY_RUN = (layout.CHAIN_TYPE, layout.CALLS_TYPE)
+
+
+class TypeCount(msgspec.Struct, frozen=True, kw_only=True):
+    """The ports of one message type: their topics, and how many messages they have together."""
+
+    type: str
+    topics: Sequence[str]
+    messages: int
+
+
+class Info(msgspec.Struct, frozen=True, kw_only=True):
+    """What is in a recording.
+
+    outcome, reason, wall_s: of the result.json of this run, if it is there. planned_steps: of the
+    scenario; None: no fixed end. steps: with messages. cut_short: why it ends where it does.
+    incomplete: participant → first step whose outputs are missing. programs: what was started.
+    versions: name → library → version. events: level → how many. size: of the recording [bytes];
+    folder_size: with all that is beside it, where it is in the folder of a run.
+    """
+
+    recording: str
+    scenario: str
+    outcome: str
+    reason: str
+    steps: int
+    planned_steps: int | None
+    step_ns: int | None
+    wall_s: float | None
+    cut_short: str
+    incomplete: Mapping[str, int]
+    programs: Mapping[str, str]
+    ports: Sequence[TypeCount]
+    events: Mapping[str, int]
+    faults: Sequence[str]
+    size: int
+    folder_size: int | None
+    versions: Mapping[str, Mapping[str, str]]
+    messages_sha256: str
+
+    @property
+    def duration_s(self) -> float | None:
+        """Return how long it is in simulated time [s]."""
+        return None if self.step_ns is None else self.steps * self.step_ns * 1e-9
+
+
+@command(group="look")
+def info_command(recording: RecordingPath) -> Answer:
+    """Show what is in a recording.
+
+    Shows the scenario, how the run ended and when, what took part, which messages there are, and on
+    what it ran. It needs the recording only; result.json beside it adds outcome and wall time. Of a
+    recording that is cut off, it says up to where it goes.
+
+    $ stepbus info runs/arm
+    $ stepbus info run.mcap --json
+    """
+    with Recording(recording) as opened:
+        found = _info(opened)
+    return Answer(value={**msgspec.structs.asdict(found), "duration_s": found.duration_s},
+                  lines=_lines(found))  # fmt: skip
+
+
+def _info(recording: Recording) -> Info:
+    scenario, result = _scenario(recording), _result(recording)
+    step_ns = _duration_ns(scenario.get("step"))
+    planned_ns = _duration_ns(scenario.get("duration"))
+    beside = recording.path.parent
+    is_run = recording.path.name == layout.RUN_FILE and (beside / layout.TIMING_FILE).exists()
+    faults = recording.metadata.get(layout.FAULTS_METADATA, {})
+    incomplete = recording.metadata.get(layout.INCOMPLETE_METADATA, {})
+    files = beside.rglob("*") if is_run else ()
+    return Info(
+        recording=str(recording.path),
+        scenario=str(scenario.get("name") or ""),
+        outcome=result.outcome if result else "",
+        reason=result.reason if result else "",
+        steps=recorded_end(recording),
+        planned_steps=planned_ns // step_ns if step_ns and planned_ns else None,
+        step_ns=step_ns,
+        wall_s=result.wall_s if result else None,
+        cut_short=recording.cut_short,
+        incomplete={name: int(step) for name, step in incomplete.items() if step.isdecimal()},
+        programs=_programs(scenario),
+        ports=_ports(recording),
+        events=_events(recording),
+        faults=list(faults.values()),
+        size=recording.path.stat().st_size,
+        folder_size=sum(file.stat().st_size for file in files if file.is_file()) or None,
+        versions=layout.versions_of(recording.metadata),
+        messages_sha256=recording.messages_sha256,
+    )
+
+
+def _scenario(recording: Recording) -> Mapping[str, Any]:
+    text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
+    with contextlib.suppress(StepbusError):
+        content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
+        if isinstance(content, dict):
+            return content
+    return {}
+
+
+def _result(recording: Recording) -> Result | None:
+    """Return the result of this run, if that is what lies beside the recording."""
+    if recording.path.name != layout.RUN_FILE:
+        return None
+    with contextlib.suppress(OSError, *UNDECODABLE):
+        data = recording.path.with_name(RESULT_FILE).read_bytes()
+        result = msgspec.json.decode(data, type=Result)
+        if result.messages_sha256 == recording.messages_sha256:
+            return result
+    return None
+
+
+def _duration_ns(text: object) -> int | None:
+    with contextlib.suppress(StepbusError):
+        return parse_duration(str(text))
+    return None
+
+
+def _programs(scenario: Mapping[str, Any]) -> dict[str, str]:
+    """Return participant → what is started as it."""
+    participants = scenario.get("participants")
+    rows = participants.items() if isinstance(participants, dict) else ()
+    return {str(name): _program(row) for name, row in rows if isinstance(row, dict)}
+
+
+def _program(row: Mapping[str, Any]) -> str:
+    if "participant" in row:
+        return f"{_PYTHON}{row['participant']}"
+    words = row.get("exec")
+    program = " ".join(map(str, words)) if isinstance(words, list) else str(words or "external")
+    bridge = row.get("bridge")
+    form = bridge.get("format", "json") if isinstance(bridge, dict) else bridge
+    return f"{program} (bridge {form})" if bridge else program
+
+
+def _ports(recording: Recording) -> list[TypeCount]:
+    counts = _counted(recording)
+    types: dict[str, list[str]] = {}
+    for topic, port in recording.ports.items():
+        if port.type not in _OF_EVERY_RUN:
+            types.setdefault(port.type, []).append(topic)
+    return [
+        TypeCount(type=name, topics=topics, messages=sum(counts[topic] for topic in topics))
+        for name, topics in types.items()
+    ]
+
+
+def _counted(recording: Recording) -> Counter[str]:
+    """Return topic → how many messages; a complete recording has that at its end."""
+    if not recording.cut_short:
+        with contextlib.suppress(McapError), recording.path.open("rb") as file:
+            summary = make_reader(file).get_summary()
+            if summary and summary.statistics:
+                counts = summary.statistics.channel_message_counts
+                rows = summary.channels.items()
+                total: Counter[str] = Counter()
+                for number, channel in rows:
+                    total[channel.topic] += counts.get(number, 0)
+                return total
+    counted: Counter[str] = Counter()
+    for piece in recording.batches(recording.ports.values()):
+        counted.update({topic: len(batch.steps) for topic, batch in piece.items()})
+    return counted
+
+
+def _events(recording: Recording) -> Counter[str]:
+    levels: Counter[str] = Counter()
+    for port in recording.of_type("Event/1"):
+        with contextlib.suppress(StepbusError):
+            levels.update(m.level for _, m in port.messages() if isinstance(m, Event))
+    return levels
+
+
+def _lines(info: Info) -> Iterator[str]:
+    yield f"recording {info.recording}, {_bytes(info)}"
+    yield f"scenario  {info.scenario or 'none recorded'}"
+    yield f"outcome   {_outcome(info)}"
+    yield f"length    {_length(info)}"
+    yield f"programs  {_started(info.programs)}"
+    yield from _messages(info)
+    levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
+    yield f"events    {levels or 'none'}; faults injected: {', '.join(info.faults) or 'none'}"
+    yield f"versions  {_versions(info.versions)}"
+    yield f"hash      {info.messages_sha256 or 'none: no chain closes the last step'}"
+
+
+def _bytes(info: Info) -> str:
+    more = f"; {_shown_size(info.folder_size)} in its folder" if info.folder_size else ""
+    return f"{_shown_size(info.size)}{more}"
+
+
+def _shown_size(size: int) -> str:
+    return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1e3:.0f} kB"
+
+
+def _outcome(info: Info) -> str:
+    if info.cut_short:
+        ending = f"cut short: it {info.cut_short}"
+    elif info.outcome:
+        ending = info.outcome + (f": {info.reason}" if info.reason != info.outcome else "")
+    else:
+        ending = f"the recording is complete; no {RESULT_FILE} of it says how the run ended"
+    rows = ", ".join(f"{name} from step {step}" for name, step in info.incomplete.items())
+    return f"{ending}; outputs are missing of {rows}" if rows else ending
+
+
+def _length(info: Info) -> str:
+    of = f" of {info.planned_steps}" if info.planned_steps not in {None, info.steps} else ""
+    text = f"{info.steps}{of} steps"
+    if info.step_ns and info.duration_s is not None:
+        text += f" of {info.step_ns * 1e-6:g} ms = {info.duration_s:g} s"
+    if info.wall_s:
+        text += f", in {info.wall_s:.2f} s of wall time ({info.steps / info.wall_s:.0f} steps/s)"
+    return text
+
+
+def _started(programs: Mapping[str, str]) -> str:
+    """Return which participants there are, those in Python together."""
+    python = [name for name, program in programs.items() if program.startswith(_PYTHON)]
+    others = [f"{name} ({row})" for name, row in programs.items() if name not in python]
+    rows = [*([f"{', '.join(python)} (Python)"] if python else []), *others]
+    return ", ".join(rows) or "none recorded"
+
+
+def _messages(info: Info) -> Iterator[str]:
+    """Yield how many messages there are, and the types with most of them."""
+    total = sum(row.messages for row in info.ports)
+    ports = sum(len(row.topics) for row in info.ports)
+    yield f"messages  {total} of {ports} ports{_per_s(total, info.duration_s)}"
+    most = sorted(info.ports, key=lambda row: -row.messages)
+    for row in most[:_MOST_TYPES]:
+        names = ", ".join(row.topics[:_MOST_TOPICS]) + " …" * (len(row.topics) > _MOST_TOPICS)
+        yield f"{'':9} {row.messages} {row.type}{_per_s(row.messages, info.duration_s)}: {names}"
+    if others := [row.type for row in most[_MOST_TYPES:]]:
+        yield f"{'':9} and {len(others)} types more: {', '.join(others)}"
+
+
+def _per_s(count: int, duration_s: float | None) -> str:
+    rate = count / duration_s if duration_s else 0.0
+    return f", {rate:.0f}/s" if rate >= _FEW_PER_S else f", {rate:.2g}/s" if rate else ""
+
+
+def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
+    """Return on what the orchestrator ran, what the participants add, and the machine."""
+    merged: dict[str, str] = {}
+    machine: list[str] = []
+    for name in sorted(versions, key=lambda name: name != layout.ORCHESTRATOR):
+        for library, version in versions[name].items():
+            if library in _OF_MACHINE:
+                machine.append(version)
+            elif merged.setdefault(library, version) != version:
+                merged[f"{library} of {name}"] = version
+    rows = [*(f"{library} {version}" for library, version in merged.items()), *machine]
+    return ", ".join(rows) or "none recorded"

@@ -1,0 +1,142 @@
+"""How far a command is: a bar in a terminal, calm lines elsewhere."""
+
+import os
+import re
+import subprocess
+
+import pytest
+from support.runs.terminal import STEPBUS, at_terminal
+
+from stepbus_orchestrator.cli.live import RunWatch
+from stepbus_orchestrator.cli.progress import CalmLines, Rate, Reached, span
+from stepbus_orchestrator.run.reports import Progress
+
+CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")
+"""What moves or hides the cursor, or removes a line."""
+COLOR = re.compile(r"\x1b\[(?:\d+;)*(?:3[0-8]|9\d)[;\dm]")
+RUN = ["run", "two_link", "--no-report", "--set"]
+
+
+def progress(**given):
+    defaults = {
+        "phase": "stepping", "step": 0, "steps": 2000, "step_ns": 5_000_000, "elapsed_s": 0.0,
+        "phases": {"plant": "stepping"}, "compute_us": {"plant": 80.0, "controller": 210.4},
+        "drops": {"plant": 0}, "holders": (),
+    }  # fmt: skip
+    return Progress(**{**defaults, **given})
+
+
+def printed(reports):
+    """Return the times at which lines come, of reports (time, whether it is paused)."""
+    now, lines = [0.0], []
+    shown = CalmLines(lambda line: lines.append((now[0], line)), lambda: now[0])
+    for time_s, is_paused in reports:
+        now[0] = time_s
+        what = "paused before step 3" if is_paused else "step 3"
+        shown.show(Reached(title="arm", what=what, is_paused=is_paused))
+    return lines
+
+
+def test_a_pipe_gets_a_line_after_2_and_10_seconds_and_then_each_minute():
+    lines = printed([(tick / 4, False) for tick in range(4 * 200)])
+    assert [time_s for time_s, _ in lines] == [2.0, 10.0, 70.0, 130.0, 190.0]
+
+
+def test_what_ends_within_two_seconds_prints_nothing():
+    assert printed([(tick / 4, False) for tick in range(8)]) == []
+
+
+def test_a_pause_is_said_once_and_so_is_its_end():
+    reports = [(time_s, 1 <= time_s < 500) for time_s in range(502)]
+    lines = printed(reports)
+    assert lines[0] == (1, "arm: paused before step 3")
+    assert lines[1] == (500, "arm: step 3")
+    assert len(lines) == 2
+
+
+def test_a_rate_leaves_pauses_out_and_forgets_what_is_ten_seconds_old():
+    rate = Rate()
+    assert rate.take(0.0, 0, is_moving=True) is None
+    assert rate.take(1.0, 100, is_moving=True) == 100.0
+    rate.take(2.0, 100, is_moving=False)
+    rate.take(60.0, 100, is_moving=True)
+    assert rate.take(61.0, 200, is_moving=True) == 100.0
+    for second in range(62, 80):
+        newest = rate.take(float(second), 200 + 10 * (second - 61), is_moving=True)
+    assert newest == pytest.approx(10.0)
+
+
+def test_a_run_says_its_share_its_rate_and_the_time_left():
+    watch = RunWatch("arm")
+    watch.take(progress())
+    reached = watch.take(progress(step=400, elapsed_s=1.0))
+    line = "arm: step 400 of 2000, t = 2.00 s, 20 %, 2.0 × real time, 4 s left"
+    assert reached.line() == line
+    assert reached.detail == "400 steps/s; slowest: controller, 210 µs a step"
+
+
+def test_the_second_of_several_runs_goes_on_where_the_first_ended():
+    watch = RunWatch("verify arm", runs=4)
+    watch.take(progress(step=2000))
+    watch.next_run()
+    late = {"plant": "spawned", "mission": "ready"}
+    reached = watch.take(progress(phase="starting", phases=late))
+    assert reached.line() == "verify arm: starting, waiting for plant, run 2 of 4, 25 %"
+
+
+def test_a_participant_that_holds_the_step_is_named():
+    watch = RunWatch("arm")
+    watch.take(progress(step=7, elapsed_s=1.0))
+    reached = watch.take(progress(step=7, elapsed_s=2.0, holders=("plant",)))
+    assert "waits for plant" in reached.detail
+    assert reached.left_s is None
+
+
+def test_a_run_without_an_end_has_no_share_and_no_time_left():
+    watch = RunWatch("arm")
+    watch.take(progress(steps=None))
+    line = watch.take(progress(steps=None, step=400, elapsed_s=1.0)).line()
+    assert line == "arm: step 400, t = 2.00 s, 2.0 × real time"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(0.4, "0 s"), (89.4, "89 s"), (120, "2 min"), (3000, "50 min"), (7500, "2 h 05 min")],
+)
+def test_spans_of_time_are_words(seconds, text):
+    assert span(seconds) == text
+
+
+def test_a_terminal_shows_one_bar_and_nothing_of_it_stays(tmp_path):
+    # In real time it lasts long enough for a rate on every machine.
+    words = [*RUN, "duration=2500ms", "--real-time", "--out", tmp_path / "out"]
+    code, shown = at_terminal(words)
+    assert code == 0
+    assert re.search(r"━.* \d+ %  [\d.]+ × real time  \d s left", shown)
+    assert COLOR.search(shown)
+    after = shown[shown.rindex("\x1b[2K") :]
+    assert "finished after 500 steps" in after
+    assert "━" not in after
+
+
+@pytest.mark.parametrize(
+    ("variables", "has_bar"), [({"NO_COLOR": "1"}, True), ({"TERM": "dumb"}, False)]
+)
+def test_a_terminal_without_colours_gets_none(tmp_path, variables, has_bar):
+    code, shown = at_terminal([*RUN, "duration=50ms", "--out", tmp_path / "out"], **variables)
+    assert code == 0
+    assert not COLOR.search(shown)
+    assert bool(CURSOR.search(shown)) == has_bar
+
+
+@pytest.mark.parametrize("variables", [{}, {"FORCE_COLOR": "1"}])
+def test_a_pipe_gets_lines_and_nothing_that_moves_a_cursor(tmp_path, variables):
+    words = [*STEPBUS, *RUN, "duration=100ms"]
+    environment = {**os.environ, "TERM": "xterm", **variables}
+    done = subprocess.run(
+        [*words, "--out", tmp_path / "out"], capture_output=True, text=True, env=environment,
+        check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "finished after 20 steps" in done.stdout
+    assert not CURSOR.search(done.stdout)
