@@ -154,7 +154,7 @@ def test_a_step_changes_its_target(tmp_path):
 @pytest.mark.parametrize(
     ("call", "why"),
     [
-        (("controller", "set", "kq", 1), "'kq' cannot be set; known: kp, kd, ki, feed_forward"),
+        (("controller", "set", "kq", 1), "'kq' cannot be set; did you mean 'kp', 'kd' or 'ki'?"),
         (("controller", "set", "kp", -1), "kp"),
         (("controller", "set", "kp", [1, 2, 3]), "kp"),
         (("controller", "set", "law", "pd"), "'law' cannot be set"),
