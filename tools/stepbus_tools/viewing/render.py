@@ -1,7 +1,9 @@
 """Draws a scene into pixels: where it is seen from, its triangles, and a still of a recording."""
 
 import math
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import product
 from typing import NamedTuple
 
 import numpy as np
@@ -9,6 +11,7 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Image, StepbusError, WiringError
+from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
@@ -17,6 +20,13 @@ from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
 
 Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
+
+
+def rgb(color: str) -> tuple[int, int, int]:
+    """Return red, green and blue of a colour such as `#1b2430`."""
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red, green, blue
+
 
 _SIDES = {
     "corner": (0.62, -0.62, 0.42),
@@ -46,24 +56,64 @@ class Viewpoint:
         return np.stack((right, np.cross(ahead, right), ahead))
 
 
+Box = tuple[Floats, Floats]
+"""The lower and upper corner of what is shown, shape (3,) each [m]."""
+
+
 def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewpoint:
     """Return a viewpoint that sees all of a scene. side: where from, such as `front`."""
-    low, high = bounds(scene, messages)
-    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-    away = np.array(_SIDES[side])
-    away = away / np.linalg.norm(away)
-    return Viewpoint(eye=middle + away * 1.15 * max(size, 0.2), target=middle)
+    return framed(bounds(scene, messages), side)
 
 
-def parse_viewpoint(text: str, scene: Scene, messages: Messages) -> Viewpoint:
+def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Box:
+    """Return what a scene takes up from one time to another [ns]; `bounds` says what counts."""
+    corners = {frame.name: _corners(frame) for frame in scene.frames if frame.visuals}
+    lows, highs = [], []
+    for t_ns in np.linspace(start_ns, end_ns, _LOOKS, dtype=np.int64).tolist():
+        messages = history.at(scene.topics, t_ns)
+        poses = scene.world_poses(messages)
+        placed = [_moved(rows, poses[name]) for name, rows in corners.items()]
+        low, high = bounds(scene, messages)
+        points = np.concatenate(placed) if placed else np.stack((low, high))
+        lows.append(np.maximum(low, points.min(axis=0)))
+        highs.append(np.minimum(high, points.max(axis=0)))
+    return np.min(lows, axis=0), np.max(highs, axis=0)
+
+
+def _corners(frame: Frame) -> Floats:
+    """Return the corners of the boxes around what a frame looks like, shape (n, 3) [m]."""
+    boxes = []
+    for visual in frame.visuals:
+        vertices = visual.mesh.vertices.astype(float)
+        sides = zip(vertices.min(axis=0), vertices.max(axis=0), strict=True)
+        boxes.append(_moved(np.array(list(product(*sides))), visual.pose))
+    return np.concatenate(boxes)
+
+
+def framed(box: Box, side: str = "corner", aspect: float = 1.5) -> Viewpoint:
+    """Return the nearest viewpoint that has a box in the picture.
+
+    side: where from, such as `front`. aspect: width over height.
+    """
+    low, high = box
+    middle = (low + high) / 2
+    towards = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3))
+    corners = np.array(list(product(*zip(low, high, strict=True)))) - middle
+    right, down, ahead = (corners @ towards.axes().T).T
+    half = _MARGIN * math.tan(_FIELD_OF_VIEW / 2)
+    away = np.maximum(np.abs(right) / (aspect * half), np.abs(down) / half) - ahead
+    return Viewpoint(eye=middle - towards.axes()[2] * max(float(away.max()), 0.25), target=middle)
+
+
+def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
     """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
 
-    Raises WiringError for any other text.
+    box, aspect: as of `framed`. Raises WiringError for any other text.
     """
     if text in _SIDES:
-        return whole_scene(scene, messages, text)
+        return framed(box, text, aspect)
     eye, _, target = text.partition(":")
-    looked_at = _point(target) if target else whole_scene(scene, messages).target
+    looked_at = _point(target) if target else (box[0] + box[1]) / 2
     seen_from = _point(eye)
     if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
         raise WiringError(
@@ -81,9 +131,15 @@ def _point(text: str) -> Floats | None:
     return np.array(numbers) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else None
 
 
+_LOOKS = 25
+"""Times at which a film's viewpoint is chosen for."""
+_MARGIN = 0.9
+"""How much of the picture is filled."""
+_LINE = 0.0015
+"""Half of a line's width on the floor, of its length."""
 _NEAR_M = 0.02
 _LIGHT = np.array((0.35, -0.45, 0.82))
-_BACKGROUND = np.array((236, 239, 243), np.uint8)
+_BACKGROUND = np.array(rgb(PAPER["raised"]), np.uint8)
 _MOST_FRAGMENTS = 1_500_000
 _FIELD_OF_VIEW = 0.9
 """Of the height [rad]."""
@@ -96,74 +152,129 @@ class _Triangles(NamedTuple):
     colors: Floats
 
 
-class Painter:
-    """Draws a scene again and again. size: (width, height) in pixels. smooth: edges are blended."""
+class _Body(NamedTuple):
+    """What a frame looks like, in the frame.
 
-    def __init__(self, scene: Scene, size: tuple[int, int], *, smooth: bool = False) -> None:
+    vertices: shape (n, 3) [m]. faces: shape (m, 3). normals: of length 1, shape (m, 3). colors:
+    shape (m, 3).
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int64]
+    normals: Floats
+    colors: Floats
+
+
+class Painter:
+    """Draws a scene again and again. size: (width, height) in pixels. smooth: edges are blended.
+
+    floor: draws a grid below all that is in a box. What has not moved since the first picture is
+    drawn once for all of them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        *,
+        smooth: bool = False,
+        floor: Box | None = None,
+    ) -> None:
         self._scene = scene
         self._smooth = smooth
         self._width, self._height = (2 * size[0], 2 * size[1]) if smooth else size
         shown = (frame for frame in scene.frames if frame.visuals and not frame.is_ghost)
-        self._bodies = {frame.name: _looks(frame) for frame in shown}
+        self._bodies = {frame.name: _body(frame) for frame in shown}
+        self._floor = None if floor is None else _grid(*floor)
+        self._view: Viewpoint | None = None
+        self._first: dict[str, Pose] = {}
+        self._moving: set[str] = set()
 
     def draw(self, messages: Messages, view: Viewpoint) -> Pixels:
         """Return a picture, shape (height, width, 3)."""
-        width, height = self._width, self._height
-        self._pixels = np.broadcast_to(_BACKGROUND, (height * width, 3)).copy()
-        # 1 / distance of what is drawn [1/m].
-        self._depth = np.zeros(height * width)
         poses = self._scene.world_poses(messages)
-        placed = [_moved(body, poses[name]) for name, body in self._bodies.items()]
-        if placed:
-            self._paint(_Triangles(*map(np.concatenate, zip(*placed, strict=True))), view)
-        pixels = self._pixels.reshape(height, width, 3)
-        if not self._smooth:
-            return pixels
-        blocks = pixels.reshape(height // 2, 2, width // 2, 2, 3)
-        blended: Pixels = blocks.mean(axis=(1, 3)).astype(np.uint8)
-        return blended
+        if view is not self._view:
+            self._view, self._first, self._moving = view, poses, set()
+            self._paint_still()
+        moved = {name for name in self._bodies if poses[name] != self._first[name]}
+        if not moved <= self._moving:
+            self._moving |= moved
+            self._paint_still()
+        self._pixels, self._depth = (layer.copy() for layer in self._still)
+        self._paint(self._moving, poses)
+        pixels = self._pixels.reshape(self._height, self._width, 3)
+        return _halved(pixels) if self._smooth else pixels
 
-    def _paint(self, triangles: _Triangles, view: Viewpoint) -> None:
-        """Draw triangles in the world."""
-        lit = _shaded(triangles)
-        seen, colors = _clipped(_Triangles((lit.corners - view.eye) @ view.axes().T, lit.colors))
+    def _paint_still(self) -> None:
+        """Draw all that has not moved yet."""
+        count = self._height * self._width
+        # Beside the pixels, 1 / distance of what is drawn [1/m].
+        self._pixels = np.broadcast_to(_BACKGROUND, (count, 3)).copy()
+        self._depth = np.zeros(count)
+        if self._floor is not None:
+            self._paint_all([self._seen(self._floor, Pose())])
+        self._paint(self._bodies.keys() - self._moving, self._first)
+        self._still = self._pixels, self._depth
+
+    def _paint(self, names: Collection[str], poses: Mapping[str, Pose]) -> None:
+        """Draw some bodies."""
+        bodies = self._bodies.items()
+        placed = [self._seen(body, poses[name]) for name, body in bodies if name in names]
+        if placed:
+            self._paint_all(placed)
+
+    def _paint_all(self, placed: Sequence[_Triangles]) -> None:
+        """Draw triangles that are before the eye."""
+        seen, colors = (np.concatenate(rows) for rows in zip(*placed, strict=True))
         focal = self._height / 2 / np.tan(_FIELD_OF_VIEW / 2)
         inverse = 1.0 / seen[:, :, 2]
         x = seen[:, :, 0] * inverse * focal + self._width / 2
         y = seen[:, :, 1] * inverse * focal + self._height / 2
-        for rows in self._chunks(x, y):
-            self._fill(x[rows], y[rows], inverse[rows], colors[rows])
+        box = self._box(x, y)
+        for rows in _chunks(box):
+            self._fill(box[:, rows], x[rows], y[rows], inverse[rows], colors[rows])
 
-    def _box(self, x: Floats, y: Floats) -> tuple[NDArray[np.int64], ...]:
-        """Return the pixels that each triangle may touch: left, top, width, height."""
-        left, top = (
-            np.clip(np.floor(row.min(axis=1)), 0, most).astype(np.int64)
-            for row, most in ((x, self._width), (y, self._height))
+    def _seen(self, body: _Body, pose: Pose) -> _Triangles:
+        """Return the triangles of a body before the eye, in its axes, in a light from above.
+
+        Both sides of a triangle are lit alike.
+        """
+        assert self._view is not None  # noqa: S101  (draw has set it)
+        axes, turn = self._view.axes(), _rotation(pose)
+        vertices = body.vertices @ (axes @ turn).T + axes @ (
+            np.array(pose.position) - self._view.eye
         )
-        right, bottom = (
-            np.clip(np.ceil(row.max(axis=1)) + 1, 0, most).astype(np.int64)
-            for row, most in ((x, self._width), (y, self._height))
+        light = np.abs(body.normals @ (turn.T @ _LIGHT))
+        lit = _Triangles(vertices[body.faces], body.colors * (0.42 + 0.58 * light)[:, None])
+        return lit if vertices[:, 2].min() >= _NEAR_M else _clipped(lit)
+
+    def _box(self, x: Floats, y: Floats) -> NDArray[np.int64]:
+        """Return the pixels whose middle a triangle may cover: left, top, width, height."""
+        low, high = (
+            np.stack([np.clip(edge, 0, most) for edge, most in rows]).astype(np.int64)
+            for rows in (
+                (
+                    (np.ceil(x.min(axis=1) - 0.5), self._width),
+                    (np.ceil(y.min(axis=1) - 0.5), self._height),
+                ),
+                (
+                    (np.floor(x.max(axis=1) + 0.5), self._width),
+                    (np.floor(y.max(axis=1) + 0.5), self._height),
+                ),
+            )
         )
-        return left, top, np.maximum(right - left, 0), np.maximum(bottom - top, 0)
+        return np.concatenate((low, np.maximum(high - low, 0)))
 
-    def _chunks(self, x: Floats, y: Floats) -> list[NDArray[np.int64]]:
-        """Return rows of triangles that have not too many fragments together."""
-        _, _, width, height = self._box(x, y)
-        rows = np.flatnonzero(width * height)
-        total = np.cumsum((width * height)[rows])
-        if not len(rows):
-            return []
-        ends = np.searchsorted(total, np.arange(_MOST_FRAGMENTS, total[-1], _MOST_FRAGMENTS))
-        return [part for part in np.split(rows, ends) if len(part)]
-
-    def _fill(self, x: Floats, y: Floats, inverse: Floats, colors: Floats) -> None:
+    def _fill(
+        self, box: NDArray[np.int64], x: Floats, y: Floats, inverse: Floats, colors: Floats
+    ) -> None:
         """Draw triangles where they are nearer than what is there."""
-        left, top, width, height = self._box(x, y)
+        left, top, width, height = box
         counts = width * height
         owner = np.repeat(np.arange(len(counts)), counts)
         offset = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-        px = left[owner] + offset % width[owner]
-        py = top[owner] + offset // width[owner]
+        down, right = np.divmod(offset, width[owner])
+        px, py = left[owner] + right, top[owner] + down
         area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
         scale = np.where(np.abs(area) > 1e-9, 1.0 / np.where(area == 0, 1.0, area), 0.0)
         shares = []
@@ -171,8 +282,8 @@ class Painter:
             # The share of a corner is linear over the picture: one plane for each triangle.
             dx = (y[:, a] - y[:, b]) * scale
             dy = (x[:, b] - x[:, a]) * scale
-            at = (x[:, a] * y[:, b] - x[:, b] * y[:, a]) * scale
-            shares.append(dx[owner] * (px + 0.5) + dy[owner] * (py + 0.5) + at[owner])
+            at = (x[:, a] * y[:, b] - x[:, b] * y[:, a]) * scale + (dx + dy) / 2
+            shares.append(dx[owner] * px + dy[owner] * py + at[owner])
         first, second = shares
         third = 1.0 - first - second
         inside = (first >= 0) & (second >= 0) & (third >= 0) & (scale != 0)[owner]
@@ -181,39 +292,81 @@ class Painter:
         near = first * inverse[owner, 0] + second * inverse[owner, 1] + third * inverse[owner, 2]
         np.maximum.at(self._depth, place, near)
         front = near >= self._depth[place]
-        self._pixels[place[front]] = colors[owner[front]].astype(np.uint8)
+        self._pixels[place[front]] = colors.astype(np.uint8)[owner[front]]
 
 
-def _looks(frame: Frame) -> _Triangles:
+def _halved(pixels: Pixels) -> Pixels:
+    """Return a picture of half the size, of the means of four pixels each."""
+    rows = pixels[0::2].astype(np.uint16) + pixels[1::2]
+    blended: Pixels = ((rows[:, 0::2] + rows[:, 1::2]) >> 2).astype(np.uint8)
+    return blended
+
+
+def _chunks(box: NDArray[np.int64]) -> list[NDArray[np.int64]]:
+    """Return rows of triangles that have not too many fragments together."""
+    counts = box[2] * box[3]
+    rows = np.flatnonzero(counts)
+    if not len(rows):
+        return []
+    total = np.cumsum(counts[rows])
+    ends = np.searchsorted(total, np.arange(_MOST_FRAGMENTS, total[-1], _MOST_FRAGMENTS))
+    return [part for part in np.split(rows, ends) if len(part)]
+
+
+def _body(frame: Frame) -> _Body:
     """Return what a frame looks like, in the frame."""
-    corners, colors = [], []
+    vertices, faces, colors, count = [], [], [], 0
     for visual in frame.visuals:
-        shape = _Triangles(visual.mesh.vertices[visual.mesh.faces].astype(float), np.empty(0))
-        corners.append(_moved(shape, visual.pose).corners)
-        colors.append(np.broadcast_to(np.array(visual.shown_color, float), (len(corners[-1]), 3)))
-    return _Triangles(np.concatenate(corners), np.concatenate(colors))
+        mesh = visual.mesh
+        vertices.append(_moved(mesh.vertices.astype(float), visual.pose))
+        faces.append(mesh.faces.astype(np.int64) + count)
+        colors.append(np.broadcast_to(np.array(visual.shown_color, float), mesh.faces.shape))
+        count += len(mesh.vertices)
+    points, rows = np.concatenate(vertices), np.concatenate(faces)
+    a, b, c = (points[rows[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    size = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return _Body(points, rows, normals / size, np.concatenate(colors))
 
 
-def _moved(triangles: _Triangles, pose: Pose) -> _Triangles:
-    """Return triangles of a frame in its parent."""
+def _grid(low: Floats, high: Floats) -> _Body:
+    """Return lines on the floor, in cells of 1, 2 or 5 times a power of ten [m]."""
+    reach = 0.75 * float((high - low).max())
+    decade = 10.0 ** math.floor(math.log10(max(reach, 0.01) / 6))
+    cell = decade * next(times for times in (1, 2, 5, 10) if reach <= 6 * decade * times)
+    count = math.ceil(reach / cell)
+    middle = np.round((low + high) / 2 / cell) * cell
+    # A hair lower: what lies on the floor hides its lines.
+    middle[2] = min(0.0, float(low[2])) - 1e-3 * reach
+    lines, half = np.arange(-count, count + 1) * cell, reach * _LINE
+    strips = [
+        [(x, y, 0.0) for x in (at - half, at + half) for y in (lines[0], lines[-1])] for at in lines
+    ]
+    along = np.array(strips).reshape(-1, 3)
+    points = np.concatenate((along, along[:, (1, 0, 2)])) + middle
+    first = np.arange(0, len(points), 4)[:, None]
+    faces = (first + np.array([[0, 1, 2, 1, 2, 3]])).reshape(-1, 3)
+    upwards = np.broadcast_to((0.0, 0.0, 1.0), faces.shape)
+    colors = np.broadcast_to(np.array(rgb(PAPER["line"]), float), faces.shape)
+    return _Body(points, faces, upwards, colors)
+
+
+def _moved(points: Floats, pose: Pose) -> Floats:
+    """Return points of a frame in its parent."""
+    placed: Floats = points @ _rotation(pose).T + np.array(pose.position)
+    return placed
+
+
+def _rotation(pose: Pose) -> Floats:
+    """Return the rotation of a pose as a matrix, shape (3, 3)."""
     w, x, y, z = pose.wxyz
-    turn = np.array(
+    return np.array(
         (
             (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
             (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
             (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
         )
     )
-    return _Triangles(triangles.corners @ turn.T + np.array(pose.position), triangles.colors)
-
-
-def _shaded(triangles: _Triangles) -> _Triangles:
-    """Return triangles in a light from above, both of their sides alike."""
-    corners, colors = triangles
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    light = np.abs(normal @ _LIGHT) / np.maximum(size, 1e-12)
-    return _Triangles(corners, colors * (0.42 + 0.58 * light)[:, None])
 
 
 def _clipped(triangles: _Triangles) -> _Triangles:
