@@ -189,6 +189,7 @@ class Painter:
         self._view: Viewpoint | None = None
         self._first: dict[str, Pose] = {}
         self._moving: set[str] = set()
+        self._still: tuple[Pixels, Floats]
 
     def draw(self, messages: Messages, view: Viewpoint) -> Pixels:
         """Return a picture, shape (height, width, 3)."""

@@ -201,8 +201,9 @@ def _seen(camera: Port, plan: _Plan, problems: list[str]) -> Iterator[Shot]:
         for (_, message), t_ns in zip(camera.messages(), camera.t_ns.tolist(), strict=False):
             if t_ns > plan.end_ns:
                 return
-            is_due = t_ns >= plan.start_ns and isinstance(message, Image) and message.width
-            if is_due and rate.passes(camera.topic, t_ns):
+            if t_ns < plan.start_ns or not isinstance(message, Image) or not message.width:
+                continue
+            if rate.passes(camera.topic, t_ns):
                 yield Shot(t_ns, _sized(pixels_of(message), plan.size))
     except StepbusError as exc:
         problems.append(str(exc))
