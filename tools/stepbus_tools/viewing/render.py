@@ -201,10 +201,11 @@ class Painter:
         if not moved <= self._moving:
             self._moving |= moved
             self._paint_still()
-        self._pixels, self._depth = (layer.copy() for layer in self._still)
+        pixels, depth = self._still
+        self._pixels, self._depth = pixels.copy(), depth.copy()
         self._paint(self._moving, poses)
-        pixels = self._pixels.reshape(self._height, self._width, 3)
-        return _halved(pixels) if self._smooth else pixels
+        drawn = self._pixels.reshape(self._height, self._width, 3)
+        return _halved(drawn) if self._smooth else drawn
 
     def _paint_still(self) -> None:
         """Draw all that has not moved yet."""
