@@ -184,7 +184,7 @@ def _scene_panel(box: Box) -> Mapping[str, Any]:
         "followTf": WORLD,
         "followMode": "follow-none",
         "cameraState": {
-            "distance": 1.3 * size,
+            "distance": 1.45 * size,
             "perspective": True,
             "phi": 65,
             "thetaOffset": 45,
