@@ -14,11 +14,12 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
-from stepbus_tools.columns import Table
+from stepbus_tools.columns import Column, Field, Table
 from stepbus_tools.report.summary import result_of, scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.render import pixels_of
@@ -126,6 +127,8 @@ class _Rrd:
             self._stream.save(path)
         except RuntimeError as exc:
             raise RecordingFailed(f"{path} cannot be written: {exc}") from exc
+        # Nothing in the file depends on the clock of the wall.
+        self._rr.set_log_time_enabled(False, recording=self._stream)
         self._stream.send_recording_name(scenario_name(self._recording))
         z_up = self._rr.ViewCoordinates.RIGHT_HAND_Z_UP
         self._stream.log("world", z_up, static=True)
@@ -168,7 +171,7 @@ class _Rrd:
             times = self._times([step for step, _, _ in rows], [t_ns for _, t_ns, _ in rows])
             self._stream.send_columns(self._world(name), times, columns)
 
-    def _times(self, steps: Sequence[int], t_ns: Sequence[int]) -> list[Any]:
+    def _times(self, steps: Any, t_ns: Any) -> list[Any]:
         durations = np.asarray(t_ns, dtype="timedelta64[ns]")
         return [
             self._rr.TimeColumn("time", duration=durations),
@@ -206,7 +209,7 @@ class _Rrd:
             return None
         return self._rr.EncodedImage(contents=stream.getvalue(), media_type="image/jpeg")
 
-    def curves(self, ports: Sequence[Any], lost: Mapping[str, str]) -> dict[str, str]:
+    def curves(self, ports: Sequence[Port], lost: Mapping[str, str]) -> dict[str, str]:
         """Write all numbers; return topic → why one is not whole, of those that were not lost."""
         tables = [Table(p) for p in ports if p.type not in _NO_CURVES and p.topic not in lost]
         failed: dict[str, str] = {}
@@ -225,16 +228,13 @@ class _Rrd:
                         self._curve(topic, field, batch, numbers)
         return failed
 
-    def _curve(self, topic: str, field: Any, batch: Any, numbers: Any) -> None:
+    def _curve(self, topic: str, field: Field, batch: Batch, numbers: Array) -> None:
         """Write a piece of one field, a curve for each of its names."""
         if not np.isfinite(numbers).any():
             return
         place = f"{topic}/{field.name}"
         if place not in self._curves:
-            names = [
-                f"{column.name} [{column.unit}]" if column.unit not in ("", "-") else column.name
-                for column in field.columns
-            ]
+            names = [_name(field.name, column) for column in field.columns]
             self._curves[place] = names
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
         times = self._times(batch.steps, batch.t_ns)
@@ -270,6 +270,12 @@ class _Rrd:
         for topic in self._images[:1]:
             yield views.Spatial2DView(origin=topic, name=topic)
         yield views.TextLogView(origin="events", name="events")
+
+
+def _name(field: str, column: Column) -> str:
+    """Return the name of a curve, with its unit."""
+    name = column.name.removeprefix(f"{field}.")
+    return name if column.unit in ("", "-") else f"{name} [{column.unit}]"
 
 
 def _xyzw(pose: Pose) -> tuple[float, float, float, float]:
