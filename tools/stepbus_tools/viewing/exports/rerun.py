@@ -22,7 +22,8 @@ from stepbus_schemas import Event, Image, StepbusError
 from stepbus_tools.columns import Column, Field, Table
 from stepbus_tools.report.summary import result_of, scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.render import box_of_run, framed, pixels_of
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
@@ -36,6 +37,7 @@ _PER_S = 30.0
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""
 _MOST_HELD = 100_000
+_MEASURED = "JointState/1"
 _JPEG_QUALITY = 85
 _DEPTH = "32FC1"
 
@@ -114,7 +116,9 @@ class _Rrd:
         self._recording = recording
         self._shown = {f.name for f in scene.frames if f.visuals and not f.is_ghost}
         self._images = images
-        self._curves: dict[str, list[str]] = {}
+        self._scene = scene
+        # Path → type of the port.
+        self._curves: dict[str, str] = {}
         place = uuid.uuid5(uuid.NAMESPACE_URL, recording.path.resolve().as_uri())
         # Without properties, which would hold the time of the wall clock.
         self._stream = self._rr.RecordingStream(
@@ -225,17 +229,17 @@ class _Rrd:
                     continue
                 for field, numbers in rows:
                     if numbers is not None and field.columns[0].type != "list":
-                        self._curve(topic, field, batch, numbers)
+                        self._curve(table.port, field, batch, numbers)
         return failed
 
-    def _curve(self, topic: str, field: Field, batch: Batch, numbers: Array) -> None:
+    def _curve(self, port: Port, field: Field, batch: Batch, numbers: Array) -> None:
         """Write a piece of one field, a curve for each of its names."""
         if not np.isfinite(numbers).any():
             return
-        place = f"{topic}/{field.name}"
+        place = f"{port.topic}/{field.name}"
         if place not in self._curves:
             names = [_name(field.name, column) for column in field.columns]
-            self._curves[place] = names
+            self._curves[place] = port.type
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
         times = self._times(batch.steps, batch.t_ns)
         self._stream.send_columns(place, times, self._rr.Scalars.columns(scalars=numbers))
@@ -246,12 +250,19 @@ class _Rrd:
         if result is not None and result.exit_code:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
-        views = self._views
+        views, history = self._views, History(self._recording)
+        eye = framed(box_of_run(self._scene, history, 0, history.end_ns), aspect=1.0)
         column = list(self._panels())
         self._stream.send_blueprint(
             views.Blueprint(
                 views.Horizontal(
-                    views.Spatial3DView(origin="world", name="scene"),
+                    views.Spatial3DView(
+                        origin="world",
+                        name="scene",
+                        eye_controls=views.EyeControls3D(
+                            position=eye.eye, look_target=eye.target, eye_up=(0.0, 0.0, 1.0)
+                        ),
+                    ),
                     views.Vertical(*column),
                     column_shares=[3, 2],
                 ),
@@ -264,7 +275,7 @@ class _Rrd:
     def _panels(self) -> Iterator[Any]:
         """Yield the panels beside the scene: joints, a camera, events."""
         views = self._views
-        wanted = [place for place in self._curves if place.endswith("/position")]
+        wanted = [place for place, type_name in self._curves.items() if type_name == _MEASURED]
         for place in (wanted or list(self._curves))[:2]:
             yield views.TimeSeriesView(origin=place, name=place)
         for topic in self._images[:1]:
