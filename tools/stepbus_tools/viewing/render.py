@@ -1,24 +1,30 @@
-"""Draws a scene into pixels: where it is seen from, its triangles, and a still of a recording."""
+"""Draws a scene into pixels, triangle by triangle; and a still of a recording."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
-from itertools import product
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_schemas import Image, StepbusError, WiringError
+from stepbus_schemas import Image, StepbusError
 from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
+from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.viewpoint import (
+    FIELD_OF_VIEW,
+    Box,
+    Floats,
+    Viewpoint,
+    moved,
+    rotation,
+    whole_scene,
+)
 
-Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
 
@@ -28,121 +34,12 @@ def rgb(color: str) -> tuple[int, int, int]:
     return red, green, blue
 
 
-_SIDES = {
-    "corner": (0.62, -0.62, 0.42),
-    "front": (1.0, 0.0, 0.15),
-    "left": (0.0, 1.0, 0.15),
-    "right": (0.0, -1.0, 0.15),
-    "above": (0.0, -0.01, 1.0),
-}
-"""Name → direction from the middle of the scene to the eye."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Viewpoint:
-    """eye, target: shape (3,) [m] in the world frame."""
-
-    eye: Floats
-    target: Floats
-
-    def axes(self) -> Floats:
-        """Return the unit vectors to the right, down and ahead, shape (3, 3)."""
-        ahead = self.target - self.eye
-        ahead = ahead / (np.linalg.norm(ahead) or 1.0)
-        right = np.cross(ahead, (0.0, 0.0, 1.0))
-        if float(np.linalg.norm(right)) < 1e-6:
-            right = np.array((1.0, 0.0, 0.0))
-        right = right / np.linalg.norm(right)
-        return np.stack((right, np.cross(ahead, right), ahead))
-
-
-Box = tuple[Floats, Floats]
-"""The lower and upper corner of what is shown, shape (3,) each [m]."""
-
-
-def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewpoint:
-    """Return a viewpoint that sees all of a scene. side: where from, such as `front`."""
-    return framed(bounds(scene, messages), side)
-
-
-def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Box:
-    """Return what a scene takes up from one time to another [ns]; `bounds` says what counts."""
-    corners = {frame.name: _corners(frame) for frame in scene.frames if frame.visuals}
-    lows, highs = [], []
-    for t_ns in np.linspace(start_ns, end_ns, _LOOKS, dtype=np.int64).tolist():
-        messages = history.at(scene.topics, t_ns)
-        poses = scene.world_poses(messages)
-        placed = [_moved(rows, poses[name]) for name, rows in corners.items()]
-        low, high = bounds(scene, messages)
-        points = np.concatenate(placed) if placed else np.stack((low, high))
-        lows.append(np.maximum(low, points.min(axis=0)))
-        highs.append(np.minimum(high, points.max(axis=0)))
-    return np.min(lows, axis=0), np.max(highs, axis=0)
-
-
-def _corners(frame: Frame) -> Floats:
-    """Return the corners of the boxes around what a frame looks like, shape (n, 3) [m]."""
-    boxes = []
-    for visual in frame.visuals:
-        vertices = visual.mesh.vertices.astype(float)
-        sides = zip(vertices.min(axis=0), vertices.max(axis=0), strict=True)
-        boxes.append(_moved(np.array(list(product(*sides))), visual.pose))
-    return np.concatenate(boxes)
-
-
-def framed(box: Box, side: str = "corner", aspect: float = 1.5) -> Viewpoint:
-    """Return the nearest viewpoint that has a box in the picture.
-
-    side: where from, such as `front`. aspect: width over height.
-    """
-    low, high = box
-    middle = (low + high) / 2
-    towards = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3))
-    corners = np.array(list(product(*zip(low, high, strict=True)))) - middle
-    right, down, ahead = (corners @ towards.axes().T).T
-    half = _MARGIN * math.tan(_FIELD_OF_VIEW / 2)
-    away = np.maximum(np.abs(right) / (aspect * half), np.abs(down) / half) - ahead
-    return Viewpoint(eye=middle - towards.axes()[2] * max(float(away.max()), 0.25), target=middle)
-
-
-def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
-    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
-
-    box, aspect: as of `framed`. Raises WiringError for any other text.
-    """
-    if text in _SIDES:
-        return framed(box, text, aspect)
-    eye, _, target = text.partition(":")
-    looked_at = _point(target) if target else (box[0] + box[1]) / 2
-    seen_from = _point(eye)
-    if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
-        raise WiringError(
-            f"{text!r} is no viewpoint; write one of {', '.join(_SIDES)}, or metres such as "
-            "2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the eye, and what it looks at)"
-        )
-    return Viewpoint(eye=seen_from, target=looked_at)
-
-
-def _point(text: str) -> Floats | None:
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        return None
-    return np.array(numbers) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else None
-
-
-_LOOKS = 25
-"""Times at which a film's viewpoint is chosen for."""
-_MARGIN = 0.9
-"""How much of the picture is filled."""
 _LINE = 0.0015
 """Half of a line's width on the floor, of its length."""
 _NEAR_M = 0.02
 _LIGHT = np.array((0.35, -0.45, 0.82))
 _BACKGROUND = np.array(rgb(PAPER["raised"]), np.uint8)
 _MOST_FRAGMENTS = 1_500_000
-_FIELD_OF_VIEW = 0.9
-"""Of the height [rad]."""
 
 
 class _Triangles(NamedTuple):
@@ -228,7 +125,7 @@ class Painter:
     def _paint_all(self, placed: Sequence[_Triangles]) -> None:
         """Draw triangles that are before the eye."""
         seen, colors = (np.concatenate(rows) for rows in zip(*placed, strict=True))
-        focal = self._height / 2 / np.tan(_FIELD_OF_VIEW / 2)
+        focal = self._height / 2 / np.tan(FIELD_OF_VIEW / 2)
         inverse = 1.0 / seen[:, :, 2]
         x = seen[:, :, 0] * inverse * focal + self._width / 2
         y = seen[:, :, 1] * inverse * focal + self._height / 2
@@ -242,7 +139,7 @@ class Painter:
         Both sides of a triangle are lit alike.
         """
         assert self._view is not None  # noqa: S101  (draw has set it)
-        axes, turn = self._view.axes(), _rotation(pose)
+        axes, turn = self._view.axes(), rotation(pose)
         vertices = body.vertices @ (axes @ turn).T + axes @ (
             np.array(pose.position) - self._view.eye
         )
@@ -320,7 +217,7 @@ def _body(frame: Frame) -> _Body:
     vertices, faces, colors, count = [], [], [], 0
     for visual in frame.visuals:
         mesh = visual.mesh
-        vertices.append(_moved(mesh.vertices.astype(float), visual.pose))
+        vertices.append(moved(mesh.vertices.astype(float), visual.pose))
         faces.append(mesh.faces.astype(np.int64) + count)
         colors.append(np.broadcast_to(np.array(visual.shown_color, float), mesh.faces.shape))
         count += len(mesh.vertices)
@@ -351,24 +248,6 @@ def _grid(low: Floats, high: Floats) -> _Body:
     upwards = np.broadcast_to((0.0, 0.0, 1.0), faces.shape)
     colors = np.broadcast_to(np.array(rgb(PAPER["line"]), float), faces.shape)
     return _Body(points, faces, upwards, colors)
-
-
-def _moved(points: Floats, pose: Pose) -> Floats:
-    """Return points of a frame in its parent."""
-    placed: Floats = points @ _rotation(pose).T + np.array(pose.position)
-    return placed
-
-
-def _rotation(pose: Pose) -> Floats:
-    """Return the rotation of a pose as a matrix, shape (3, 3)."""
-    w, x, y, z = pose.wxyz
-    return np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
 
 
 def _clipped(triangles: _Triangles) -> _Triangles:

@@ -9,10 +9,11 @@ from support.messages.recordings import write
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Description, Image, Poses, WiringError
-from stepbus_tools.viewing.render import Painter, parse_viewpoint, whole_scene
+from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
+from stepbus_tools.viewing.viewpoint import parse_viewpoint, whole_scene
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 

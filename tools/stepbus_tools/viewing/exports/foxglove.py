@@ -18,9 +18,9 @@ from stepbus_tools.columns import fields_of
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conversion, topic_of
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Box, box_of_run
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.viewpoint import Box, box_of_run
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports

@@ -23,11 +23,12 @@ from stepbus_tools.columns import Column, Field, Table
 from stepbus_tools.report.summary import result_of, scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import box_of_run, framed, pixels_of
+from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.viewpoint import box_of_run, framed
 from stepbus_tools.whole_file import replaced
 
 from .instants import Instant, Rate, instants, readable_ports

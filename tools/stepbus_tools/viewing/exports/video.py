@@ -18,14 +18,9 @@ from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import (
-    Painter,
-    Pixels,
-    box_of_run,
-    parse_viewpoint,
-    pixels_of,
-)
+from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.viewpoint import box_of_run, parse_viewpoint
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
