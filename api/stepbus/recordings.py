@@ -64,38 +64,45 @@ def export(
     scene: str | PathLike[str] | None = None,
     ros2: str | PathLike[str] | None = None,
     foxglove: str | PathLike[str] | None = None,
+    rerun: str | PathLike[str] | None = None,
     video: str | PathLike[str] | None = None,
     camera: str = "",
     viewpoint: str = "",
+    size: str = "",
+    fps: float | str = "",
+    from_: str = "",
+    to: str = "",
     **others: str | PathLike[str],
 ) -> dict[str, Exported]:
     """Write a recording for other programs, as `stepbus export`; return form → what was written.
 
     parquet, csv: a folder, which gets a file for each port, or a file that ends in .parquet or
-    .csv, which gets a row for each value. scene: an HTML file that opens offline. ros2, foxglove:
-    an .mcap. video: .mp4 or .gif of `camera`, a port of images (default: the first), or of the
-    scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m]. others: forms that other
-    packages add.
+    .csv, which gets a row for each value. scene: an HTML file that opens offline. ros2: an .mcap,
+    or a folder, which becomes a bag. foxglove: an .mcap. rerun: an .rrd. video: .mp4 or .gif of
+    `camera`, a port of images (default: the first), or of the scene from `viewpoint`, such as
+    "front" or "1,-2,1.5:0,0,0.5" [m]; with `size` ("1280x720"), `fps`, and `from_` and `to`, times
+    of the simulation such as "2s". others: forms that other packages add.
 
     What cannot be exported, and the damage of a recording, are sentences in `problems`. Raises
     RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
-    a target, camera or viewpoint that does not fit, ExtraMissing without the extra `export`.
+    a target or an option that does not fit, ExtraMissing without the extra `export` or `rerun`.
     """
     from stepbus_tools.viewing import exports  # noqa: PLC0415  (a tool, when it is asked for)
 
     given = {
         "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
-        "video": video, **others,
+        "rerun": rerun, "video": video, **others,
     }  # fmt: skip
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
     with Recording(recording_file(recording)) as opened:
         damage = [line for line in (exports.damage_line(opened),) if line]
-        return {
-            form: replace(done, problems=[*done.problems, *damage])
-            for form, done in exports.export(opened, targets, camera=camera, viewpoint=viewpoint)
-        }
+        written = exports.export(
+            opened, targets, camera=camera, viewpoint=viewpoint, size=size, fps=str(fps),
+            from_=from_, to=to,
+        )  # fmt: skip
+        return {form: replace(done, problems=[*done.problems, *damage]) for form, done in written}
 
 
 def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:

@@ -28,6 +28,7 @@ _EXTRAS = {
     "report": ("matplotlib", "uplot"),
     "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
+    "rerun": ("rerun",),
     "view": ("collada", "trimesh", "viser"),
     "gym": ("gymnasium",),
     "robots": (

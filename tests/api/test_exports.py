@@ -2,6 +2,7 @@
 
 from types import SimpleNamespace
 
+import av
 import polars as pl
 import pytest
 
@@ -24,6 +25,14 @@ def test_an_export_is_what_the_command_writes(result, tmp_path):
     assert pl.read_parquet(tmp_path / "tables/plant.joint_state.parquet")["t"][-1] == 0.1
     assert main(["export", str(result.folder), "--csv", str(tmp_path / "other.csv")]) == 0
     assert (tmp_path / "other.csv").read_bytes() == (tmp_path / "all.csv").read_bytes()
+
+
+def test_a_film_of_a_part_has_its_rate(result, tmp_path):
+    film = tmp_path / "a.mp4"
+    stepbus.export(result, video=film, fps=50, from_="20ms", to="60ms", size="64x48")
+    with av.open(str(film)) as container:
+        frames = [frame.time for frame in container.decode(video=0)]
+    assert frames == pytest.approx([0.0, 0.02, 0.04])
 
 
 def test_an_export_says_what_is_missing(result, tmp_path):

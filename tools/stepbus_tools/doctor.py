@@ -28,6 +28,7 @@ EXTRAS = {
     "sim": "physics and dynamics: the plant and the controller that ship",
     "report": "the plots of a run, report.png",
     "export": "tables, video, and files for ROS 2 and Foxglove",
+    "rerun": "files for Rerun: `export --rerun` (170 MB)",
     "view": "3D: `stepbus view`, `run --view`, `export --scene`",
     "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
     "gym": "environments of Gymnasium",

@@ -51,7 +51,7 @@ def read(target):
                     bag.still = rows
             elif connection.msgtype == "std_msgs/msg/String":
                 bag.texts[connection.topic] = message.data
-            else:
+            elif hasattr(message, "header"):
                 child = getattr(message, "child_frame_id", "")
                 bag.frames[connection.topic] = (message.header.frame_id, child)
             if connection.topic in {"/plant/joint_state", "/plant/gripper"}:

@@ -16,7 +16,15 @@ from stepbus_tools.viewing.exports import damage_line, export, exporters, progre
 from stepbus_tools.viewing.page import write_page
 
 _EXPORTERS = exporters()
+_LARGE_MB = 20.0
+"""What takes more room is announced."""
 _OPTIONS = {name: row for one in _EXPORTERS.values() for name, row in one.options.items()}
+
+
+def _flag(name: str) -> str:
+    """Return the option of a parameter; `from_` is --from."""
+    return f"--{name.rstrip('_').replace('_', '-')}"
+
 
 Targets: Any = make_dataclass(
     "Targets",
@@ -26,7 +34,11 @@ Targets: Any = make_dataclass(
             for name, one in _EXPORTERS.items()
         ),
         *(
-            (name, Annotated[str, {"metavar": metavar, "help": text}], "")
+            (
+                name,
+                Annotated[str, {"flag": _flag(name), "metavar": metavar, "help": text}],
+                "",
+            )
             for name, (metavar, text) in _OPTIONS.items()
         ),
     ],
@@ -45,7 +57,7 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
 
     $ stepbus export run.mcap --parquet tables
     $ stepbus export runs/arm --csv all.csv
-    $ stepbus export runs/arm --video arm.mp4 --viewpoint front
+    $ stepbus export runs/arm --video arm.mp4 --viewpoint front --size 1280x720 --from 2s --to 5s
     $ stepbus export runs/arm --ros2 arm.mcap
     $ stepbus export run.mcap --scene scene.html
     """
@@ -54,8 +66,16 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     options = {name: given[name] for name in _OPTIONS}
     if not paths:
         raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+    for name, value in options.items():
+        users = [form for form, one in _EXPORTERS.items() if name in one.options]
+        if value and not paths.keys() & set(users):
+            raise WiringError(f"{_flag(name)} goes with --{' or --'.join(users)}")
     is_whole = True
     with Recording(recording) as opened:
+        for form, path in paths.items():
+            tell_size = _EXPORTERS[form].size
+            if tell_size is not None and (size := tell_size(opened, path) / 1e6) >= _LARGE_MB:
+                print_error(f"{path} will have about {size:.0f} MB; --parquet needs a tenth of it")
         for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)

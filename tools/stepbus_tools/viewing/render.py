@@ -1,92 +1,45 @@
-"""Draws a scene into pixels: where it is seen from, its triangles, and a still of a recording."""
+"""Draws a scene into pixels, triangle by triangle; and a still of a recording."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_schemas import Image, StepbusError, WiringError
+from stepbus_schemas import Image, StepbusError
+from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
+from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.viewpoint import (
+    FIELD_OF_VIEW,
+    Box,
+    Floats,
+    Viewpoint,
+    moved,
+    rotation,
+    whole_scene,
+)
 
-Floats = NDArray[np.float64]
 Pixels = NDArray[np.uint8]
 
-_SIDES = {
-    "corner": (0.62, -0.62, 0.42),
-    "front": (1.0, 0.0, 0.15),
-    "left": (0.0, 1.0, 0.15),
-    "right": (0.0, -1.0, 0.15),
-    "above": (0.0, -0.01, 1.0),
-}
-"""Name → direction from the middle of the scene to the eye."""
+
+def rgb(color: str) -> tuple[int, int, int]:
+    """Return red, green and blue of a colour such as `#1b2430`."""
+    red, green, blue = bytes.fromhex(color.removeprefix("#"))
+    return red, green, blue
 
 
-@dataclass(frozen=True, kw_only=True)
-class Viewpoint:
-    """eye, target: shape (3,) [m] in the world frame."""
-
-    eye: Floats
-    target: Floats
-
-    def axes(self) -> Floats:
-        """Return the unit vectors to the right, down and ahead, shape (3, 3)."""
-        ahead = self.target - self.eye
-        ahead = ahead / (np.linalg.norm(ahead) or 1.0)
-        right = np.cross(ahead, (0.0, 0.0, 1.0))
-        if float(np.linalg.norm(right)) < 1e-6:
-            right = np.array((1.0, 0.0, 0.0))
-        right = right / np.linalg.norm(right)
-        return np.stack((right, np.cross(ahead, right), ahead))
-
-
-def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewpoint:
-    """Return a viewpoint that sees all of a scene. side: where from, such as `front`."""
-    low, high = bounds(scene, messages)
-    middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-    away = np.array(_SIDES[side])
-    away = away / np.linalg.norm(away)
-    return Viewpoint(eye=middle + away * 1.15 * max(size, 0.2), target=middle)
-
-
-def parse_viewpoint(text: str, scene: Scene, messages: Messages) -> Viewpoint:
-    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
-
-    Raises WiringError for any other text.
-    """
-    if text in _SIDES:
-        return whole_scene(scene, messages, text)
-    eye, _, target = text.partition(":")
-    looked_at = _point(target) if target else whole_scene(scene, messages).target
-    seen_from = _point(eye)
-    if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
-        raise WiringError(
-            f"{text!r} is no viewpoint; write one of {', '.join(_SIDES)}, or metres such as "
-            "2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the eye, and what it looks at)"
-        )
-    return Viewpoint(eye=seen_from, target=looked_at)
-
-
-def _point(text: str) -> Floats | None:
-    try:
-        numbers = [float(word) for word in text.split(",")]
-    except ValueError:
-        return None
-    return np.array(numbers) if len(numbers) == 3 and all(map(math.isfinite, numbers)) else None
-
-
+_LINE = 0.0015
+"""Half of a line's width on the floor, of its length."""
 _NEAR_M = 0.02
 _LIGHT = np.array((0.35, -0.45, 0.82))
-_BACKGROUND = np.array((236, 239, 243), np.uint8)
+_BACKGROUND = np.array(rgb(PAPER["raised"]), np.uint8)
 _MOST_FRAGMENTS = 1_500_000
-_FIELD_OF_VIEW = 0.9
-"""Of the height [rad]."""
 
 
 class _Triangles(NamedTuple):
@@ -96,124 +49,208 @@ class _Triangles(NamedTuple):
     colors: Floats
 
 
-class Painter:
-    """Draws a scene again and again. size: (width, height) in pixels. smooth: edges are blended."""
+class _Body(NamedTuple):
+    """What a frame looks like, in the frame.
 
-    def __init__(self, scene: Scene, size: tuple[int, int], *, smooth: bool = False) -> None:
+    vertices: shape (n, 3) [m]. faces: shape (m, 3). normals: of length 1, shape (m, 3). colors:
+    shape (m, 3).
+    """
+
+    vertices: Floats
+    faces: NDArray[np.int64]
+    normals: Floats
+    colors: Floats
+
+
+class Painter:
+    """Draws a scene again and again. size: (width, height) in pixels. smooth: edges are blended.
+
+    floor: draws a grid below all that is in a box. What has not moved since the first picture is
+    drawn once for all of them.
+    """
+
+    def __init__(
+        self,
+        scene: Scene,
+        size: tuple[int, int],
+        *,
+        smooth: bool = False,
+        floor: Box | None = None,
+    ) -> None:
         self._scene = scene
         self._smooth = smooth
         self._width, self._height = (2 * size[0], 2 * size[1]) if smooth else size
         shown = (frame for frame in scene.frames if frame.visuals and not frame.is_ghost)
-        self._bodies = {frame.name: _looks(frame) for frame in shown}
+        self._bodies = {frame.name: _body(frame) for frame in shown}
+        self._floor = None if floor is None else _grid(*floor)
+        self._view: Viewpoint | None = None
+        self._first: dict[str, Pose] = {}
+        self._moving: set[str] = set()
+        self._still: tuple[Pixels, NDArray[np.float32]]
 
     def draw(self, messages: Messages, view: Viewpoint) -> Pixels:
         """Return a picture, shape (height, width, 3)."""
-        width, height = self._width, self._height
-        self._pixels = np.broadcast_to(_BACKGROUND, (height * width, 3)).copy()
-        # 1 / distance of what is drawn [1/m].
-        self._depth = np.zeros(height * width)
         poses = self._scene.world_poses(messages)
-        placed = [_moved(body, poses[name]) for name, body in self._bodies.items()]
+        if view is not self._view:
+            self._view, self._first, self._moving = view, poses, set()
+            self._paint_still()
+        moved = {name for name in self._bodies if poses[name] != self._first[name]}
+        if not moved <= self._moving:
+            self._moving |= moved
+            self._paint_still()
+        pixels, depth = self._still
+        self._pixels, self._depth = pixels.copy(), depth.copy()
+        self._paint(self._moving, poses)
+        drawn = self._pixels.reshape(self._height, self._width, 3)
+        return _halved(drawn) if self._smooth else drawn
+
+    def _paint_still(self) -> None:
+        """Draw all that has not moved yet."""
+        count = self._height * self._width
+        # Beside the pixels, 1 / distance of what is drawn [1/m].
+        self._pixels = np.broadcast_to(_BACKGROUND, (count, 3)).copy()
+        self._depth = np.zeros(count, np.float32)
+        if self._floor is not None:
+            self._paint_all([self._seen(self._floor, Pose())])
+        self._paint(self._bodies.keys() - self._moving, self._first)
+        self._still = self._pixels, self._depth
+
+    def _paint(self, names: Collection[str], poses: Mapping[str, Pose]) -> None:
+        """Draw some bodies."""
+        bodies = self._bodies.items()
+        placed = [self._seen(body, poses[name]) for name, body in bodies if name in names]
         if placed:
-            self._paint(_Triangles(*map(np.concatenate, zip(*placed, strict=True))), view)
-        pixels = self._pixels.reshape(height, width, 3)
-        if not self._smooth:
-            return pixels
-        blocks = pixels.reshape(height // 2, 2, width // 2, 2, 3)
-        blended: Pixels = blocks.mean(axis=(1, 3)).astype(np.uint8)
-        return blended
+            self._paint_all(placed)
 
-    def _paint(self, triangles: _Triangles, view: Viewpoint) -> None:
-        """Draw triangles in the world."""
-        lit = _shaded(triangles)
-        seen, colors = _clipped(_Triangles((lit.corners - view.eye) @ view.axes().T, lit.colors))
-        focal = self._height / 2 / np.tan(_FIELD_OF_VIEW / 2)
-        inverse = 1.0 / seen[:, :, 2]
-        x = seen[:, :, 0] * inverse * focal + self._width / 2
-        y = seen[:, :, 1] * inverse * focal + self._height / 2
-        for rows in self._chunks(x, y):
-            self._fill(x[rows], y[rows], inverse[rows], colors[rows])
+    def _paint_all(self, placed: Sequence[_Triangles]) -> None:
+        """Draw triangles: x, y [pixels] and 1 / distance [1/m] of their corners."""
+        corners, colors = (np.concatenate(rows) for rows in zip(*placed, strict=True))
+        box = self._box(corners)
+        for rows in _chunks(box):
+            self._fill(box[:, rows], corners[rows], colors[rows])
 
-    def _box(self, x: Floats, y: Floats) -> tuple[NDArray[np.int64], ...]:
-        """Return the pixels that each triangle may touch: left, top, width, height."""
-        left, top = (
-            np.clip(np.floor(row.min(axis=1)), 0, most).astype(np.int64)
-            for row, most in ((x, self._width), (y, self._height))
-        )
-        right, bottom = (
-            np.clip(np.ceil(row.max(axis=1)) + 1, 0, most).astype(np.int64)
-            for row, most in ((x, self._width), (y, self._height))
-        )
-        return left, top, np.maximum(right - left, 0), np.maximum(bottom - top, 0)
+    def _seen(self, body: _Body, pose: Pose) -> _Triangles:
+        """Return the triangles of a body in the picture, in a light from above.
 
-    def _chunks(self, x: Floats, y: Floats) -> list[NDArray[np.int64]]:
-        """Return rows of triangles that have not too many fragments together."""
-        _, _, width, height = self._box(x, y)
-        rows = np.flatnonzero(width * height)
-        total = np.cumsum((width * height)[rows])
-        if not len(rows):
-            return []
-        ends = np.searchsorted(total, np.arange(_MOST_FRAGMENTS, total[-1], _MOST_FRAGMENTS))
-        return [part for part in np.split(rows, ends) if len(part)]
+        Both sides of a triangle are lit alike.
+        """
+        assert self._view is not None  # noqa: S101  (draw has set it)
+        axes, turn = self._view.axes(), rotation(pose)
+        vertices = body.vertices @ (axes @ turn).T + axes @ (pose.position - self._view.eye)
+        light = np.abs(body.normals @ (turn.T @ _LIGHT))
+        colors = body.colors * (0.42 + 0.58 * light)[:, None]
+        if vertices[:, 2].min() >= _NEAR_M:
+            return _Triangles(self._projected(vertices)[body.faces], colors)
+        corners, colors = _clipped(_Triangles(vertices[body.faces], colors))
+        return _Triangles(self._projected(corners), colors)
 
-    def _fill(self, x: Floats, y: Floats, inverse: Floats, colors: Floats) -> None:
+    def _projected(self, points: Floats) -> Floats:
+        """Return x, y [pixels] and 1 / distance [1/m] of points before the eye."""
+        focal = self._height / 2 / np.tan(FIELD_OF_VIEW / 2)
+        inverse = 1.0 / points[..., 2]
+        x = points[..., 0] * inverse * focal + self._width / 2
+        y = points[..., 1] * inverse * focal + self._height / 2
+        return np.stack((x, y, inverse), axis=-1)
+
+    def _box(self, corners: Floats) -> NDArray[np.int32]:
+        """Return the pixels whose middle a triangle may cover: left, top, width, height."""
+        a, b, c = (corners[:, number, :2] for number in range(3))
+        most = self._width, self._height
+        low = np.ceil(np.minimum(np.minimum(a, b), c) - 0.5)
+        high = np.floor(np.maximum(np.maximum(a, b), c) + 0.5)
+        start, end = (np.clip(edge, 0, most).astype(np.int32) for edge in (low, high))
+        return np.concatenate((start, np.maximum(end - start, 0)), axis=1).T
+
+    def _fill(self, box: NDArray[np.int32], corners: Floats, colors: Floats) -> None:
         """Draw triangles where they are nearer than what is there."""
-        left, top, width, height = self._box(x, y)
+        left, top, width, height = box
         counts = width * height
-        owner = np.repeat(np.arange(len(counts)), counts)
-        offset = np.arange(len(owner)) - np.repeat(np.cumsum(counts) - counts, counts)
-        px = left[owner] + offset % width[owner]
-        py = top[owner] + offset // width[owner]
+        owner = np.repeat(np.arange(len(counts), dtype=np.int32), counts)
+        first = np.cumsum(counts) - counts
+        offset = np.arange(len(owner), dtype=np.int32) - np.repeat(first.astype(np.int32), counts)
+        down = offset // width[owner]
+        right = offset - down * width[owner]
+        x, y, inverse = (corners[:, :, number] for number in range(3))
         area = (x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (x[:, 2] - x[:, 0]) * (y[:, 1] - y[:, 0])
-        scale = np.where(np.abs(area) > 1e-9, 1.0 / np.where(area == 0, 1.0, area), 0.0)
-        shares = []
-        for a, b in ((1, 2), (2, 0)):
-            # The share of a corner is linear over the picture: one plane for each triangle.
+        scale = np.where(np.abs(area) > 1e-9, 1.0 / np.where(area == 0, 1.0, area), np.nan)
+        planes = []
+        for a, b in ((1, 2), (2, 0), (0, 1)):
+            # The share of a corner is linear over the picture: one plane for each triangle, from
+            # the middle of the first pixel of its box.
             dx = (y[:, a] - y[:, b]) * scale
             dy = (x[:, b] - x[:, a]) * scale
             at = (x[:, a] * y[:, b] - x[:, b] * y[:, a]) * scale
-            shares.append(dx[owner] * (px + 0.5) + dy[owner] * (py + 0.5) + at[owner])
-        first, second = shares
-        third = 1.0 - first - second
-        inside = (first >= 0) & (second >= 0) & (third >= 0) & (scale != 0)[owner]
-        owner, first, second, third = (row[inside] for row in (owner, first, second, third))
-        place = (py * self._width + px)[inside]
-        near = first * inverse[owner, 0] + second * inverse[owner, 1] + third * inverse[owner, 2]
+            planes.append(np.stack((at + dx * (left + 0.5) + dy * (top + 0.5), dx, dy)))
+        nearness = sum(plane * inverse[:, number] for number, plane in enumerate(planes))
+        # Single precision does from here on, and is twice as fast.
+        at, dx, dy = np.asarray(planes, np.float32).transpose(1, 0, 2)
+        u, v = right.astype(np.float32), down.astype(np.float32)
+        inside = np.ones(len(owner), bool)
+        for number in range(3):
+            inside &= dx[number][owner] * u + dy[number][owner] * v + at[number][owner] >= 0
+        owner, right, down, u, v = (row[inside] for row in (owner, right, down, u, v))
+        at, dx, dy = np.asarray(nearness, np.float32)
+        near = dx[owner] * u + dy[owner] * v + at[owner]
+        place = (top[owner] + down) * self._width + left[owner] + right
         np.maximum.at(self._depth, place, near)
         front = near >= self._depth[place]
-        self._pixels[place[front]] = colors[owner[front]].astype(np.uint8)
+        self._pixels[place[front]] = colors.astype(np.uint8)[owner[front]]
 
 
-def _looks(frame: Frame) -> _Triangles:
+def _halved(pixels: Pixels) -> Pixels:
+    """Return a picture of half the size, of the means of four pixels each."""
+    rows = pixels[0::2].astype(np.uint16) + pixels[1::2]
+    blended: Pixels = ((rows[:, 0::2] + rows[:, 1::2]) >> 2).astype(np.uint8)
+    return blended
+
+
+def _chunks(box: NDArray[np.int32]) -> list[NDArray[np.int64]]:
+    """Return rows of triangles that have not too many fragments together."""
+    counts = box[2].astype(np.int64) * box[3]
+    rows = np.flatnonzero(counts)
+    if not len(rows):
+        return []
+    total = np.cumsum(counts[rows])
+    ends = np.searchsorted(total, np.arange(_MOST_FRAGMENTS, total[-1], _MOST_FRAGMENTS))
+    return [part for part in np.split(rows, ends) if len(part)]
+
+
+def _body(frame: Frame) -> _Body:
     """Return what a frame looks like, in the frame."""
-    corners, colors = [], []
+    vertices, faces, colors, count = [], [], [], 0
     for visual in frame.visuals:
-        shape = _Triangles(visual.mesh.vertices[visual.mesh.faces].astype(float), np.empty(0))
-        corners.append(_moved(shape, visual.pose).corners)
-        colors.append(np.broadcast_to(np.array(visual.shown_color, float), (len(corners[-1]), 3)))
-    return _Triangles(np.concatenate(corners), np.concatenate(colors))
+        mesh = visual.mesh
+        vertices.append(moved(mesh.vertices.astype(float), visual.pose))
+        faces.append(mesh.faces.astype(np.int64) + count)
+        colors.append(np.broadcast_to(np.array(visual.shown_color, float), mesh.faces.shape))
+        count += len(mesh.vertices)
+    points, rows = np.concatenate(vertices), np.concatenate(faces)
+    a, b, c = (points[rows[:, corner]] for corner in range(3))
+    normals = np.cross(b - a, c - a)
+    size = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+    return _Body(points, rows, normals / size, np.concatenate(colors))
 
 
-def _moved(triangles: _Triangles, pose: Pose) -> _Triangles:
-    """Return triangles of a frame in its parent."""
-    w, x, y, z = pose.wxyz
-    turn = np.array(
-        (
-            (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-            (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-            (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-        )
-    )
-    return _Triangles(triangles.corners @ turn.T + np.array(pose.position), triangles.colors)
-
-
-def _shaded(triangles: _Triangles) -> _Triangles:
-    """Return triangles in a light from above, both of their sides alike."""
-    corners, colors = triangles
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    size = np.linalg.norm(normal, axis=1)
-    light = np.abs(normal @ _LIGHT) / np.maximum(size, 1e-12)
-    return _Triangles(corners, colors * (0.42 + 0.58 * light)[:, None])
+def _grid(low: Floats, high: Floats) -> _Body:
+    """Return lines on the floor, in cells of 1, 2 or 5 times a power of ten [m]."""
+    reach = 0.75 * float((high - low).max())
+    decade = 10.0 ** math.floor(math.log10(max(reach, 0.01) / 6))
+    cell = decade * next(times for times in (1, 2, 5, 10) if reach <= 6 * decade * times)
+    count = math.ceil(reach / cell)
+    middle = np.round((low + high) / 2 / cell) * cell
+    # A hair lower: what lies on the floor hides its lines.
+    middle[2] = min(0.0, float(low[2])) - 1e-3 * reach
+    lines, half = np.arange(-count, count + 1) * cell, reach * _LINE
+    strips = [
+        [(x, y, 0.0) for x in (at - half, at + half) for y in (lines[0], lines[-1])] for at in lines
+    ]
+    along = np.array(strips).reshape(-1, 3)
+    points = np.concatenate((along, along[:, (1, 0, 2)])) + middle
+    first = np.arange(0, len(points), 4)[:, None]
+    faces = (first + np.array([[0, 1, 2, 1, 2, 3]])).reshape(-1, 3)
+    upwards = np.broadcast_to((0.0, 0.0, 1.0), faces.shape)
+    colors = np.broadcast_to(np.array(rgb(PAPER["line"]), float), faces.shape)
+    return _Body(points, faces, upwards, colors)
 
 
 def _clipped(triangles: _Triangles) -> _Triangles:

@@ -3,22 +3,45 @@
 import io
 import json
 import math
+from collections import Counter
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 from PIL import Image as Pillow
 from rosbags.highlevel import AnyReader
+from rosbags.interfaces import QosDurability as Qos
+from rosbags.rosbag2 import Reader
 from support.messages.recordings import write
 
 import stepbus
 from stepbus_orchestrator.cli.entry import main
-from stepbus_schemas import BaseState, Description, Event, Image, Imu, JointState, Poses, Scalars
+from stepbus_schemas import (
+    BaseState,
+    ControllerStatus,
+    Description,
+    Event,
+    Image,
+    Imu,
+    JointCommand,
+    JointState,
+    Plan,
+    PointCloud,
+    Poses,
+    Scalars,
+)
 
 STEPS = 200
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["0.8 0.1 0.1"], "body": ["crate"]}
+CLOUD = PointCloud(
+    count=2,
+    points=np.arange(1, 7, dtype="<f4").tobytes(),
+    colours=bytes((0xFF, 0x80, 0x00, 0x00, 0x01, 0x02)),
+)
+PLAN = Plan(id=1, times=[0.0, 1.5], position=[[0.0, 0.0], [1.0, 1.0]], velocity=[[0.0, 0.0]] * 2)
 PIXELS = np.arange(4 * 2 * 3, dtype=np.uint8).reshape(2, 4, 3)
 
 
@@ -50,6 +73,10 @@ def recording(tmp_path_factory):
         ),
         events=("Event/1", [], [None, Event(level="warning", text="slow")]),
         volts=("Scalars/1", ["left"], [Scalars(values=[12.0])]),
+        points=("PointCloud/1", [], [CLOUD]),
+        command=("JointCommand/1", ["hip", "knee"], [JointCommand(mode="torque", values=[1.5, 2.5])]),
+        plan=("Plan/1", ["hip", "knee"], [PLAN]),
+        status=("ControllerStatus/1", ["hip"], [ControllerStatus(error=[0.1], saturated=[False])]),
     )  # fmt: skip
 
 
@@ -78,16 +105,19 @@ def test_rosbags_reads_joints_and_odometry_with_every_digit(bag):
 
 
 def test_rosbags_reads_images_inertial_units_and_texts(bag):
-    (_, image), *_ = bag["/plant/camera", "sensor_msgs/msg/Image"]
+    (_, image), *_ = bag["/plant/camera/image_raw", "sensor_msgs/msg/Image"]
     assert (image.encoding, image.step) == ("rgb8", 12)
     assert image.data.tobytes() == PIXELS.tobytes()
+    (_, jpeg), *_ = bag["/plant/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage"]
+    assert Pillow.open(io.BytesIO(jpeg.data.tobytes())).size == (4, 2)
     (_, info), *_ = bag["/plant/camera/camera_info", "sensor_msgs/msg/CameraInfo"]
     assert list(info.k) == [4, 0, 2, 0, 5, 1, 0, 0, 1]
     (_, imu), *_ = bag["/plant/imu", "sensor_msgs/msg/Imu"]
     assert imu.linear_acceleration.z == 9.81
     assert imu.orientation_covariance[0] == -1
-    ((_, text),) = bag["/plant/events", "std_msgs/msg/String"]
-    assert text.data == "warning: slow"
+    ((t_ns, log),) = bag["/rosout", "rcl_interfaces/msg/Log"]
+    assert (log.level, log.name, log.msg) == (log.WARN, "plant", "slow")
+    assert (log.stamp.sec, log.stamp.nanosec) == (0, t_ns)
 
 
 def test_frames_move_fifty_times_a_second(bag):
@@ -99,10 +129,79 @@ def test_frames_move_fifty_times_a_second(bag):
     assert x == pytest.approx(t_ns / 5_000_000 * 0.01)
 
 
+def test_points_commands_numbers_and_plans_have_the_types_of_ros2(bag):
+    (_, cloud), *_ = bag["/plant/points", "sensor_msgs/msg/PointCloud2"]
+    (first, second) = rosbags_points(cloud)
+    assert first == (1.0, 2.0, 3.0, 0xFF8000)
+    assert second == (4.0, 5.0, 6.0, 0x000102)
+    (_, command), *_ = bag["/plant/command", "sensor_msgs/msg/JointState"]
+    assert (list(command.effort), len(command.position)) == ([1.5, 2.5], 0)
+    (_, volts), *_ = bag["/plant/volts", "std_msgs/msg/Float64MultiArray"]
+    assert (list(volts.data), volts.layout.dim[0].label) == ([12.0], "left")
+    (_, plan), *_ = bag["/plant/plan", "trajectory_msgs/msg/JointTrajectory"]
+    assert plan.joint_names == ["hip", "knee"]
+    start = plan.points[1].time_from_start
+    assert (start.sec, start.nanosec) == (1, 500_000_000)
+
+
+def rosbags_points(cloud):
+    """The points of a PointCloud2, as its own fields describe them."""
+    fields = {f.name: (f.offset, "<u4" if f.name == "rgb" else "<f4") for f in cloud.fields}
+    row = np.dtype(
+        {
+            "names": list(fields),
+            "offsets": [offset for offset, _ in fields.values()],
+            "formats": [form for _, form in fields.values()],
+            "itemsize": cloud.point_step,
+        }
+    )
+    return np.frombuffer(cloud.data.tobytes(), row).tolist()
+
+
+def test_the_scene_needs_no_mesh_files_and_the_clock_runs(bag):
+    ((_, scene),) = bag["/scene", "visualization_msgs/msg/MarkerArray"]
+    (crate,) = scene.markers
+    assert crate.type == crate.TRIANGLE_LIST
+    assert len(crate.points) == 36
+    assert max(point.x for point in crate.points) == pytest.approx(0.2)
+    assert crate.header.frame_id in {
+        row.child_frame_id for _, m in bag["/tf", "tf2_msgs/msg/TFMessage"] for row in m.transforms
+    }
+    clock = [
+        m.clock.sec * 10**9 + m.clock.nanosec for _, m in bag["/clock", "rosgraph_msgs/msg/Clock"]
+    ]
+    assert clock == [20_000_000 * n for n in range(50)]
+
+
+def test_a_folder_is_a_bag_with_metadata_and_late_subscribers_get_what_stands_still(
+    recording, tmp_path
+):
+    assert main(["export", str(recording), "--ros2", str(tmp_path / "bag")]) == 0
+    assert {path.name for path in (tmp_path / "bag").iterdir()} == {"bag_0.mcap", "metadata.yaml"}
+    about = yaml.safe_load((tmp_path / "bag/metadata.yaml").read_text())
+    about = about["rosbag2_bagfile_information"]
+    with Reader(tmp_path / "bag") as reader:
+        counts = {c.topic: c.msgcount for c in reader.connections}
+        kept = {c.topic for c in reader.connections if is_kept(c)}
+        read = Counter(connection.topic for connection, *_ in reader.messages())
+    assert read == counts
+    assert about["message_count"] == read.total()
+    assert kept == {"/tf_static", "/scene"}
+    # The file alone says the same, as rosbag2 needs it.
+    with (tmp_path / "bag/bag_0.mcap").open("rb") as file:
+        (inside,) = [m for m in make_reader(file).iter_metadata() if m.name == "rosbag2"]
+    assert yaml.safe_load(inside.metadata["serialized_metadata"]) == about
+
+
+def is_kept(connection):
+    (profile,) = connection.ext.offered_qos_profiles
+    return profile.durability == Qos.TRANSIENT_LOCAL
+
+
 def test_what_ros2_has_no_type_for_is_named(recording, tmp_path, capsys):
     assert main(["export", str(recording), "--ros2", str(tmp_path / "a.mcap")]) == 0
     error = capsys.readouterr().err
-    assert "ROS 2 has no type for plant/volts (Scalars/1): left out" in error
+    assert "ROS 2 has no type for plant/status (ControllerStatus/1): left out" in error
 
 
 @pytest.fixture(scope="module")
@@ -149,22 +248,31 @@ def test_the_layout_names_topics_that_exist(view):
     target, found = view
     layout = json.loads(target.with_suffix(".layout.json").read_text())
     topics = {topic for topic, _ in found}
-    plotted = layout["configById"]["Plot!joints"]["paths"]
-    assert [path["label"] for path in plotted] == ["hip", "knee"]
-    assert {path["value"].partition(".")[0] for path in plotted} <= topics
+    panels = layout["configById"]
+    for quantity, unit in (("position", "rad"), ("velocity", "rad/s")):
+        panel = panels[f"Plot!{quantity}"]
+        assert [path["label"] for path in panel["paths"]] == [f"hip [{unit}]", f"knee [{unit}]"]
+        assert {path["value"].partition(".")[0] for path in panel["paths"]} <= topics
+        assert {p["value"].rpartition(".")[2] for p in panel["paths"]} == {quantity}
+        assert (
+            panel["foxglovePanelTitle"] == panel["lichtblickPanelTitle"] == f"{quantity} [{unit}]"
+        )
+    assert panels["RosOut!log"]["topicToRender"] in topics
     assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] in topics
 
 
-def test_the_layout_plots_and_looks_at_the_scene_where_it_is(view):
+def test_the_layout_plots_and_looks_at_all_of_the_way_that_things_go(view):
     target, _ = view
     panels = json.loads(target.with_suffix(".layout.json").read_text())["configById"]
     # Without it, Lichtblick draws no line.
-    assert {p["timestampMethod"] for p in panels["Plot!joints"]["paths"]} == {"receiveTime"}
+    assert {p["timestampMethod"] for p in panels["Plot!position"]["paths"]} == {"receiveTime"}
     camera = panels["3D!scene"]["cameraState"]
     (floor,) = panels["3D!scene"]["layers"].values()
-    # The crate has moved 10 mm in each of 199 steps.
-    assert camera["target"][0] == pytest.approx(1.99, abs=0.02)
-    assert 0.1 < camera["distance"] < floor["size"]
+    # The crate, 0.4 m long, has moved 10 mm in each of 199 steps: all of the way is in the picture.
+    assert camera["targetOffset"] == pytest.approx([0.995, 0.0, 0.5], abs=0.02)
+    across = 2 * camera["distance"] * math.sin(math.radians(camera["fovy"] / 2))
+    assert 1.0 < across / math.dist((0, 0, 0), (2.39, 0.2, 0.2)) < 1.2
+    assert floor["size"] > 2.4
 
 
 def test_a_run_of_a_robot_brings_its_description(tmp_path):

@@ -9,10 +9,11 @@ from support.messages.recordings import write
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Description, Image, Poses, WiringError
-from stepbus_tools.viewing.render import Painter, parse_viewpoint, whole_scene
+from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
+from stepbus_tools.viewing.viewpoint import parse_viewpoint, whole_scene
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 
@@ -84,14 +85,59 @@ def test_the_scene_is_drawn_from_a_viewpoint_without_a_display(moving, tmp_path,
     words = ["--viewpoint", "0.25,-2,0.5:0.25,0,0"]
     assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4"), *words]) == 0
     frames = [pixels.astype(int) for _, pixels in decoded(tmp_path / "a.mp4")]
-    drawn = [np.flatnonzero((f[:, :, 0] < 200).any(axis=0)) for f in frames]
+    # Above the caption.
+    drawn = [np.flatnonzero((f[:-30, :, 0] < 200).any(axis=0)) for f in frames]
     assert all(len(columns) > 50 for columns in drawn)
     assert drawn[-1].mean() - drawn[0].mean() > 80
+
+
+def test_a_film_has_the_size_the_rate_and_the_span_that_are_asked_for(moving, tmp_path):
+    words = ["--size", "321x181", "--fps", "50", "--from", "100ms", "--to", "0.3s"]
+    assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4"), *words]) == 0
+    frames = decoded(tmp_path / "a.mp4")
+    assert frames[0][1].shape == (182, 322, 3)
+    assert [t for t, _ in frames] == pytest.approx([n / 50 for n in range(11)])
+
+
+def strip(pixels):
+    """The dark pixels of the caption: all of it, and those of the clock."""
+    dark = (pixels.astype(int) < 130).all(axis=2)[-28:]
+    return dark.sum(), dark[:, -110:]
+
+
+def test_a_caption_says_whose_run_it_is_and_a_clock_runs(moving, tmp_path):
+    assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4")]) == 0
+    frames = [pixels for _, pixels in decoded(tmp_path / "a.mp4")]
+    (whole, first), (_, last) = strip(frames[0]), strip(frames[-1])
+    assert whole > first.sum() > 20
+    # The last digits have changed, the unit has not.
+    assert (first[:, :80] != last[:, :80]).sum() > 20
+    assert (first[:, -24:] != last[:, -24:]).sum() < 10
+
+
+def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
+    about = Description(names=["crate"], details=SHAPES | {"color": ["0.8 0.1 0.1"]})
+    rows = [Poses(position=[(x, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)]) for x in (0, 3, -3)]
+    path = write(tmp_path / "run.mcap", 40_000_000, poses=("Poses/1", about, rows))
+    assert main(["export", str(path), "--video", str(tmp_path / "a.mp4")]) == 0
+    for _, pixels in decoded(tmp_path / "a.mp4"):
+        red = (pixels[:, :, 0].astype(int) - pixels[:, :, 1]) > 60
+        assert red.sum() > 50
+        assert not red[[0, -1]].any()
+        assert not red[:, [0, -1]].any()
 
 
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
+        (["--video", "a.mp4", "--size", "big"], "write width and height in pixels"),
+        (["--video", "a.mp4", "--size", "8x8"], "16 to 4096"),
+        (["--video", "a.mp4", "--fps", "0"], "more than 0 and up to 120"),
+        (["--video", "a.mp4", "--fps", "many"], "write frames a second"),
+        (["--video", "a.mp4", "--from", "9s"], "--from 9s is past the end of"),
+        (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
+        (["--video", "a.mp4", "--to", "5"], "is no duration"),
+        (["--csv", "a.csv", "--fps", "10"], "--fps goes with --video"),
         (["--video", "a.avi"], "is no film: write .mp4 or .gif"),
         (["--video", "a.mp4", "--camera", "plant.none"], "has no port 'plant.none'"),
         (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is no viewpoint"),
@@ -120,7 +166,7 @@ def test_what_is_nearer_hides_what_is_behind_it_and_a_cut_floor_is_drawn():
         box((40.0, 40.0, 0.1), (0.0, 0.0, -1.0), (0, 0, 255)),
     ]
     scene = Scene(frames=frames, motions=())
-    view = parse_viewpoint("0,-3,0.2:0,0,0", scene, {})
+    view = parse_viewpoint("0,-3,0.2:0,0,0", bounds(scene, {}))
     pixels = Painter(scene, (120, 90)).draw({}, view).astype(int)
     assert pixels[45, 60].argmax() == 0
     assert pixels[86, 60].argmax() == 2
@@ -130,12 +176,12 @@ def test_what_is_nearer_hides_what_is_behind_it_and_a_cut_floor_is_drawn():
 def test_the_whole_scene_is_seen():
     frames = [box((0.3, 0.3, 0.3), (x, 0.0, 0.0), (255, 0, 0)) for x in (-1.0, 1.0)]
     scene = Scene(frames=frames, motions=())
-    pixels = Painter(scene, (100, 80)).draw({}, whole_scene(scene, {})).astype(int)
+    pixels = Painter(scene, (120, 80)).draw({}, whole_scene(scene, {})).astype(int)
     columns = np.flatnonzero((pixels[:, :, 0] - pixels[:, :, 1] > 60).any(axis=0))
     assert 0 < columns[0] < 45
-    assert 55 < columns[-1] < 99
+    assert 75 < columns[-1] < 119
     with pytest.raises(WiringError, match="no viewpoint"):
-        parse_viewpoint("1,2", scene, {})
+        parse_viewpoint("1,2", bounds(scene, {}))
 
 
 @pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "sphere"])

@@ -12,16 +12,21 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import PortInfo, Recording
+from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import need
+from stepbus_tools.columns import fields_of
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conversion, topic_of
-from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Scene, bounds
+from stepbus_tools.viewing.viewpoint import Box, box_of_run
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports
+
+_PLOTTED = ("position", "velocity")
+_MOST_PATHS = 20
 
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -30,7 +35,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     The layout has the name of the target, with the ending .layout.json.
     """
     ports, lost = readable_ports(recording)
-    scene = build_scene(recording)
+    scene, history = build_scene(recording), History(recording)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
     layout = target.with_suffix(".layout.json")
     rate, latest, due_ns = Rate(PER_S), dict[str, Latest](), 0
@@ -48,7 +53,8 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
                     conversion.take(instant.port, instant.message, t_ns)
     with replaced(layout) as path:
-        text = json.dumps(_layout(scene, latest, wanted), indent=2)
+        box = box_of_run(scene, history, 0, history.end_ns)
+        text = json.dumps(_layout(box, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target, layout], problems=problems, lost=list(lost))
@@ -88,41 +94,28 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
         raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
 
 
-def _layout(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapping[str, Any]:
-    """Return a layout: the scene beside the joints' positions, images, the log.
+def _layout(box: Box, ports: Sequence[Port]) -> Mapping[str, Any]:
+    """Return a layout: the scene beside joints over time with their units, images, the log.
 
-    messages: place the scene.
+    box: what the scene takes up.
     """
-    joints = [port for port in ports if port.type == "JointState/1"]
     images = [port for port in ports if port.type == "Image/1"]
-    paths = [
-        {
-            "value": f"{topic_of(port)}.joints[{index}].position",
-            "label": name,
-            "enabled": True,
-            "timestampMethod": "receiveTime",
-        }
-        for port in joints
-        for index, name in enumerate(port.names)
-    ]
-    panels: dict[str, Mapping[str, Any]] = {}
-    if paths:
-        panels["Plot!joints"] = {
-            "paths": paths[:20],
-            "title": "position [rad]",
-            "showLegend": True,
-            "legendDisplay": "left",
-            "sidebarDimension": 170,
-        }
+    panels: dict[str, Mapping[str, Any]] = {
+        f"Plot!{name}": panel for name in _PLOTTED if (panel := _plot(ports, name))
+    }
     if images:
         panels["Image!camera"] = {"imageMode": {"imageTopic": topic_of(images[0])}}
-    panels["RosOut!log"] = {"topicToRender": "/log"}
+    panels["RosOut!log"] = {"topicToRender": "/log", "minLogLevel": 1, **_titled("events")}
     *above, last = panels
     column: Any = last
-    for name in reversed(above):
-        column = {"direction": "column", "first": name, "second": column}
+    for number, name in enumerate(reversed(above)):
+        # As much for each: the rest is as many panels as there are.
+        share = 100 / (number + 2)
+        column = {
+            "direction": "column", "first": name, "second": column, "splitPercentage": share,
+        }  # fmt: skip
     return {
-        "configById": {"3D!scene": _scene_panel(scene, messages), **panels},
+        "configById": {"3D!scene": _scene_panel(box), **panels},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
@@ -132,9 +125,58 @@ def _layout(scene: Scene, messages: Messages, ports: Sequence[PortInfo]) -> Mapp
     }  # fmt: skip
 
 
-def _scene_panel(scene: Scene, messages: Messages) -> Mapping[str, Any]:
+def _titled(title: str) -> dict[str, str]:
+    """Return the title of a panel, as Foxglove and Lichtblick spell it."""
+    return dict.fromkeys(("foxglovePanelTitle", "lichtblickPanelTitle"), title)
+
+
+def _plot(ports: Sequence[Port], quantity: str) -> Mapping[str, Any]:
+    """Return a panel of a quantity of all measured joints; empty where there are none."""
+    paths, units = [], dict[str, None]()
+    for port in ports:
+        if port.type != "JointState/1":
+            continue
+        columns = {
+            column.name: column.unit
+            for field in fields_of(port, port.message_class)
+            if field.name == quantity
+            for column in field.columns
+        }
+        for index, name in enumerate(port.names):
+            unit = columns.get(f"{quantity}.{name}", "")
+            units[unit] = None
+            paths.append(
+                {
+                    "value": f"{topic_of(port)}.joints[{index}].{quantity}",
+                    "label": f"{name} [{unit}]",
+                    "enabled": True,
+                    "timestampMethod": "receiveTime",
+                }
+            )
+    if not paths:
+        return {}
+    unit = ", ".join(units)
+    title = f"{quantity} [{unit}]"
+    return {
+        "paths": paths[:_MOST_PATHS],
+        "title": title,
+        **_titled(title),
+        "yAxisLabel": unit,
+        "xAxisLabel": "time [s]",
+        "xAxisVal": "timestamp",
+        "showXAxisLabels": True,
+        "showYAxisLabels": True,
+        "showLegend": True,
+        "legendDisplay": "left",
+        "showPlotValuesInLegend": False,
+        "isSynced": True,
+        "sidebarDimension": 190,
+    }
+
+
+def _scene_panel(box: Box) -> Mapping[str, Any]:
     """Return a 3D panel that shows the whole scene, on a floor, without the names of its frames."""
-    low, high = bounds(scene, messages)
+    low, high = box
     size = float(np.linalg.norm(high - low))
     middle = ((low + high) / 2).tolist()
     side = max(3, math.ceil(1.5 * size))
@@ -142,7 +184,7 @@ def _scene_panel(scene: Scene, messages: Messages) -> Mapping[str, Any]:
         "followTf": WORLD,
         "followMode": "follow-none",
         "cameraState": {
-            "distance": 1.3 * size,
+            "distance": 1.45 * size,
             "perspective": True,
             "phi": 65,
             "thetaOffset": 45,
@@ -155,7 +197,15 @@ def _scene_panel(scene: Scene, messages: Messages) -> Mapping[str, Any]:
         },
         "topics": {"/scene": {"visible": True}},
         "transforms": {},
-        "scene": {"transforms": {"showLabel": False, "axisScale": 0, "lineWidth": 0}},
+        "scene": {
+            "transforms": {
+                "showLabel": False,
+                "axisScale": 0,
+                "lineWidth": 0,
+                # Without it, Lichtblick warns that frames may be wrong after a jump in time.
+                "enablePreloading": True,
+            }
+        },
         "layers": {
             "floor": {
                 "layerId": "foxglove.Grid",

@@ -28,8 +28,11 @@ class FrameTree:
     """What stands still, and what moves when some ports have a message.
 
     A frame has the name of its link. That of a robot begins with the robot's name and a slash where
-    there are several robots; that of another body where the link's name is taken.
+    there are several robots; that of another body where the link's name is taken. world: the frame
+    that true poses are in.
     """
+
+    world = _MAP
 
     def __init__(self, scene: Scene, ports: Sequence[Port]) -> None:
         robots = [body for body in scene.bodies if body.model.has_joints]
@@ -47,13 +50,13 @@ class FrameTree:
             for link, frame in tree.frames.items():
                 self._links |= {link: frame, f"{tree.body.name}/{link}": frame}
         self._cameras = {
-            port.topic: self._frame_of(link)
+            port.topic: self.frame_of(link)
             for port in ports
             if port.type == "Image/1"
             and (link := next(iter(port.description.details.get("link", ())), ""))
         }
 
-    def _frame_of(self, link: str) -> str:
+    def frame_of(self, link: str) -> str:
         """Return the frame of a link, by the name that the plant has for it."""
         return self._links.get(link, link)
 
@@ -61,7 +64,7 @@ class FrameTree:
         """Return the frame that a port's measurements are in."""
         if port.topic in self._cameras:
             return _optical(self._cameras[port.topic])
-        return self._frame_of(next(iter(port.names), "")) or _MAP
+        return self.frame_of(next(iter(port.names), "")) or _MAP
 
     def base_of(self, port: Port) -> tuple[str, str]:
         """Return the frame that a port's pose of a base is in, and that of the base."""

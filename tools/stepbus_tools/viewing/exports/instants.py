@@ -67,10 +67,10 @@ def _in_order(
 
 
 class Rate:
-    """Lets at most so many messages of each topic pass."""
+    """Lets at most so many messages of each topic pass; all with `math.inf`."""
 
     def __init__(self, per_s: float) -> None:
-        self._period_ns = round(NS / per_s)
+        self._period_ns = max(1, round(NS / per_s))
         self._due: dict[str, int] = {}
 
     def passes(self, topic: str, t_ns: int) -> bool:

@@ -7,8 +7,9 @@ import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
+from io import StringIO
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TextIO
 
 import numpy as np
 
@@ -28,6 +29,8 @@ from stepbus_tools.whole_file import replaced
 _GROUP_ROWS = 100_000
 _GROUP_BYTES = 16 * 1024 * 1024
 """Of a row group, whichever comes first."""
+_SAMPLE_BYTES = 128 * 1024
+"""Of messages, by which the size is foretold."""
 _COLUMNS_FILE = "columns.csv"
 _LONG = (
     Column(name="step", type="int64", text="step of the message"),
@@ -80,6 +83,26 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
     if form == "csv" and not is_file:
         written.append(_describe(tables, target))
     return Exported(paths=written, problems=list(lost.values()), lost=list(lost))
+
+
+def _csv_size(recording: Recording, target: Path) -> float:
+    """Return about how many bytes the tables will have: a first piece, written and scaled up."""
+    tables, _ = readable(recording)
+    is_file = target.suffix == ".csv"
+    piece = next(recording.batches([table.port for table in tables], _SAMPLE_BYTES), {})
+    text, last = StringIO(), 0
+    for table in tables:
+        batch = piece.get(table.port.topic)
+        if batch is None or not len(batch.steps):
+            continue
+        sink = _Csv(text, _LONG if is_file else [*CLOCK, *table.columns], {})
+        # A port that cannot be read is named when it is exported.
+        with suppress(StepbusError):
+            values = table.values(batch)
+            for rows in _long(table, values) if is_file else [values]:
+                sink.write(rows)
+        last = max(last, int(batch.steps[-1]))
+    return text.tell() * (recording.last_step + 1) / (last + 1)
 
 
 def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path]:
@@ -151,8 +174,12 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
 class _Csv:
     """A CSV file. Absent: empty; vectors: JSON; bytes: how many there are."""
 
-    def __init__(self, path: Path, columns: Sequence[Column], _about: Mapping[str, str]) -> None:
-        self._file = path.open("w", newline="", encoding="utf-8")
+    def __init__(
+        self, place: Path | TextIO, columns: Sequence[Column], _about: Mapping[str, str]
+    ) -> None:
+        self._file = (
+            place.open("w", newline="", encoding="utf-8") if isinstance(place, Path) else place
+        )
         self._types = [column.type for column in columns]
         self._writer = csv.writer(self._file)
         self._writer.writerow(column.name for column in columns)
@@ -192,6 +219,7 @@ class _Parquet:
             column_encoding=floats or None,
         )
         self._held: list[Any] = []
+        self._rows = self._bytes = 0
 
     def _field(self, column: Column) -> Any:
         arrow = self._arrow
@@ -226,20 +254,24 @@ class _Parquet:
             arrow.array(cells, type=field.type)
             for cells, field in zip(values, self._schema, strict=True)
         ]
-        self._held.append(arrow.table(arrays, schema=self._schema))
-        rows = sum(table.num_rows for table in self._held)
-        if rows >= _GROUP_ROWS or sum(t.nbytes for t in self._held) >= _GROUP_BYTES:
+        table = arrow.table(arrays, schema=self._schema)
+        self._held.append(table)
+        self._rows += table.num_rows
+        self._bytes += table.nbytes
+        if self._rows >= _GROUP_ROWS or self._bytes >= _GROUP_BYTES:
             self._flush()
 
     def _flush(self) -> None:
         if self._held:
             table = self._arrow.concat_tables(self._held).combine_chunks()
             self._writer.write_table(table, row_group_size=_GROUP_ROWS)
-            self._held = []
+            self._held, self._rows, self._bytes = [], 0, 0
 
 
 _Sink = _Csv | _Parquet
 
 _HELP = "tables: a folder gets a file for each port, a .{} file a row for each value"
-CSV = Exporter(write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH")
+CSV = Exporter(
+    write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH", size=_csv_size
+)
 PARQUET = Exporter(write=partial(_export, "parquet"), help=_HELP.format("parquet"), metavar="PATH")

@@ -1,61 +1,116 @@
 """A recording as MP4 or GIF: what its camera saw, or its scene from a viewpoint."""
 
+import math
+import re
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_participant import need
+from stepbus_participant import format_duration, need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
+from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Painter, Pixels, parse_viewpoint, pixels_of
+from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.viewpoint import box_of_run, parse_viewpoint
 from stepbus_tools.whole_file import replaced
 
-_FRAMES_PER_S = 25
+from .caption import Caption
+from .instants import Rate
+
+_FRAMES_PER_S = 25.0
+_MOST_FRAMES_PER_S = 120.0
 _SIZE = (640, 480)
+_SIZES = (16, 4096)
+"""The smallest and the largest width or height [pixels]."""
 _MOST_GIF_FRAMES = 750
-_SHORTEST_GIF_MS = 40
+_SHORTEST_GIF_NS = 40_000_000
+"""A GIF counts in hundredths of a second, and viewers slow down what is faster."""
 _RARE_NS = 1_000_000_000
 """Images that are farther apart on the average make no film [ns]."""
-"""A GIF counts in hundredths of a second, and viewers slow down what is faster."""
-_MS = Fraction(1, 1000)
+_TICK = Fraction(1, 90_000)
+"""The unit of times in an MP4 [s]; whole ones between the frames at any usual rate."""
 _VIEWPOINT_HELP = (
     "with --video: draw the scene from corner, front, left, right, above, or from "
     "X,Y,Z[:X,Y,Z] [m]: the eye, and what it looks at"
 )
 
-Shot = tuple[int, Pixels]
-"""Time [ms] and picture, shape (height, width, 3)."""
+
+class Shot(NamedTuple):
+    """A frame. t_ns: simulation time [ns]. pixels: shape (height, width, 3)."""
+
+    t_ns: int
+    pixels: Pixels
+
+
+@dataclass(frozen=True, kw_only=True)
+class _Plan:
+    """What of a recording is shown, and how. size: (width, height), None: of the camera.
+
+    fps: frames a second; None: each image of the camera. start_ns, end_ns: simulation time [ns].
+    """
+
+    size: tuple[int, int] | None
+    fps: float | None
+    start_ns: int
+    end_ns: int
+
+    def times(self) -> list[int]:
+        """Return the time of each frame [ns]."""
+        fps = self.fps or _FRAMES_PER_S
+        count = math.floor((self.end_ns - self.start_ns) * 1e-9 * fps + 1e-6)
+        return [self.start_ns + round(number * 1e9 / fps) for number in range(count + 1)]
+
+    def share(self, t_ns: int) -> float:
+        """Return how much of the film is over at a time [ns], 0 to 1."""
+        return min(1.0, (t_ns - self.start_ns) / max(self.end_ns - self.start_ns, 1))
 
 
 def _export(
-    recording: Recording, target: Path, reached: Reached, *, camera: str = "", viewpoint: str = ""
+    recording: Recording,
+    target: Path,
+    reached: Reached,
+    *,
+    camera: str = "",
+    viewpoint: str = "",
+    size: str = "",
+    fps: str = "",
+    from_: str = "",
+    to: str = "",
 ) -> Exported:
     """Write a film of a recording; target: ends in .mp4 or .gif.
 
     camera: a port of images; empty: the first that takes one a second or more. viewpoint: draws the
-    scene instead. Without such a camera and a viewpoint, the scene is drawn from a corner. Raises
-    RecordingFailed when there is nothing to show, WiringError for another ending, camera or
-    viewpoint.
+    scene instead. Without such a camera and a viewpoint, the scene is drawn from a corner. size:
+    such as 1280x720. fps: frames a second. from_, to: durations of simulation. Raises
+    RecordingFailed when there is nothing to show, WiringError for another ending, or an option that
+    does not fit.
     """
     if target.suffix not in _WRITERS:
         raise WiringError(f"{target} is no film: write .mp4 or .gif")
-    problems: list[str] = []
+    history, problems = History(recording), list[str]()
+    plan = _plan(history, size, fps, from_, to)
     port = None if viewpoint else _camera(recording, camera)
+
+    def tell(t_ns: int) -> None:
+        reached(round(plan.share(t_ns) * recording.last_step))
+
     if port is None:
-        shots = _drawn(recording, viewpoint or "corner", reached)
+        shots = _drawn(history, viewpoint or "corner", plan)
     else:
-        shots = _seen(port, reached, problems)
+        shots = _seen(port, plan, problems)
     with replaced(target) as path:
         try:
-            problems += _WRITERS[target.suffix](path, shots)
+            written = _captioned(recording, shots, tell)
+            problems += _WRITERS[target.suffix](path, written, plan)
         except ValueError as exc:
             raise RecordingFailed(f"{target} cannot be written: {exc}") from exc
     return Exported(paths=[target], problems=problems)
@@ -67,8 +122,53 @@ VIDEO = Exporter(
     options={
         "camera": ("PORT", "with --video: a port of images; default: the first with one a second"),
         "viewpoint": ("FROM", _VIEWPOINT_HELP),
+        "size": ("WxH", "with --video: pixels, default: 640x480, or as the camera has them"),
+        "fps": ("N", "with --video: frames a second, default: 25, or each image of the camera"),
+        "from_": ("T", "with --video: simulation time of its start, such as 2s"),
+        "to": ("T", "with --video: simulation time of its end"),
     },
 )
+
+
+def _plan(history: History, size: str, fps: str, start: str, end: str) -> _Plan:
+    """Return what the options ask for; raises WiringError where they do not fit."""
+    start_ns, end_ns = _time(start, 0), min(_time(end, history.end_ns), history.end_ns)
+    if start and start_ns >= history.end_ns:
+        name, length = history.recording.path, format_duration(max(history.end_ns, 1))
+        raise WiringError(f"--from {start} is past the end of {name} ({length})")
+    if end and start_ns >= end_ns:
+        raise WiringError(f"--to {end} is not after --from {start or '0s'}")
+    try:
+        rate = float(fps) if fps else None
+    except ValueError:
+        rate = math.nan
+    if rate is not None and not 0 < rate <= _MOST_FRAMES_PER_S:
+        most = f"{_MOST_FRAMES_PER_S:g}"
+        raise WiringError(f"--fps {fps}: write frames a second, more than 0 and up to {most}")
+    return _Plan(size=_size(size), fps=rate, start_ns=start_ns, end_ns=end_ns)
+
+
+def _time(text: str, default: int) -> int:
+    """Return a simulation time [ns]."""
+    if not text:
+        return default
+    return 0 if _ZERO.fullmatch(text.strip()) else parse_duration(text)
+
+
+_ZERO = re.compile(r"0+(\.0*)?\s*(ns|us|ms|s|min|h)?")
+
+
+def _size(text: str) -> tuple[int, int] | None:
+    if not text:
+        return None
+    words = re.fullmatch(r"(\d{1,5})[x×](\d{1,5})", text.strip())
+    width, height = (int(word) for word in words.groups()) if words else (0, 0)
+    least, most = _SIZES
+    if not (least <= width <= most and least <= height <= most):
+        raise WiringError(
+            f"--size {text}: write width and height in pixels, {least} to {most}, such as 1280x720"
+        )
+    return width, height
 
 
 def _camera(recording: Recording, name: str) -> Port | None:
@@ -89,49 +189,79 @@ def _films(camera: Port) -> bool:
     return len(times) > 0 and times[-1] - times[0] <= _RARE_NS * max(len(times) - 1, 1)
 
 
-def _seen(camera: Port, reached: Reached, problems: list[str]) -> Iterator[Shot]:
+def _seen(camera: Port, plan: _Plan, problems: list[str]) -> Iterator[Shot]:
+    """Yield what a camera saw; with a rate, at most so many images a second."""
+    rate = Rate(plan.fps or math.inf)
     try:
-        for (step, message), t_ns in zip(camera.messages(), camera.t_ns, strict=False):
-            if isinstance(message, Image) and message.width:
-                reached(step)
-                yield round(t_ns * 1e-6), pixels_of(message)
+        for (_, message), t_ns in zip(camera.messages(), camera.t_ns.tolist(), strict=False):
+            if t_ns > plan.end_ns:
+                return
+            if t_ns < plan.start_ns or not isinstance(message, Image) or not message.width:
+                continue
+            if rate.passes(camera.topic, t_ns):
+                yield Shot(t_ns, _sized(pixels_of(message), plan.size))
     except StepbusError as exc:
         problems.append(str(exc))
 
 
-def _drawn(recording: Recording, viewpoint: str, reached: Reached) -> Iterator[Shot]:
-    scene, history = build_scene(recording), History(recording)
+def _sized(pixels: Pixels, size: tuple[int, int] | None) -> Pixels:
+    """Return a picture in a size; what its shape leaves free is paper."""
+    if size is None or pixels.shape[:2] == size[::-1]:
+        return pixels
+    images, ops = need("--size", "PIL.Image", "PIL.ImageOps")
+    whole = images.fromarray(np.ascontiguousarray(pixels))
+    return np.asarray(ops.pad(whole, size, color=PAPER["raised"]))
+
+
+def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
+    recording = history.recording
+    scene = build_scene(recording)
     if history.last_step < 0 or not scene.has_looks:
         why = scene.notes[-1] if scene.notes else "it has no messages"
         raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
-    view = parse_viewpoint(viewpoint, scene, history.at(scene.topics, 0))
-    painter = Painter(scene, _SIZE)
-    times = history.times(max(1, round(history.end_ns * 1e-9 * _FRAMES_PER_S)))
-    for number, t_ns in enumerate(times):
-        yield t_ns // 1_000_000, painter.draw(history.at(scene.topics, t_ns), view)
-        reached(history.last_step * number // (len(times) - 1))
+    width, height = plan.size or _SIZE
+    box = box_of_run(scene, history, plan.start_ns, plan.end_ns)
+    view = parse_viewpoint(viewpoint, box, width / height)
+    painter = Painter(scene, (width, height), smooth=True, floor=box)
+    for t_ns in plan.times():
+        yield Shot(t_ns, painter.draw(history.at(scene.topics, t_ns), view))
 
 
-def _write_mp4(path: Path, shots: Iterator[Shot]) -> list[str]:
+def _captioned(
+    recording: Recording, shots: Iterator[Shot], tell: Callable[[int], None]
+) -> Iterator[Shot]:
+    """Yield frames with a caption and a clock. tell: takes the time [ns] of each that is over."""
+    caption: Caption | None = None
+    for shot in shots:
+        height, width, _ = shot.pixels.shape
+        caption = caption or Caption(recording, (width, height))
+        yield Shot(shot.t_ns, caption.on(shot.pixels, shot.t_ns))
+        tell(shot.t_ns)
+
+
+def _write_mp4(path: Path, shots: Iterator[Shot], plan: _Plan) -> list[str]:
     (av,) = need("a video", "av")
     with av.open(str(path), "w", format="mp4") as container:
         stream: Any = None
         newest = -1
-        for t_ms, pixels in shots:
+        for t_ns, pixels in shots:
             even = _even(pixels)
             if stream is None:
-                stream = container.add_stream("libx264", rate=_FRAMES_PER_S)
+                rate = Fraction(plan.fps or _FRAMES_PER_S).limit_denominator(1000)
+                stream = container.add_stream("libx264", rate=rate)
                 stream.height, stream.width = even.shape[:2]
                 stream.pix_fmt = "yuv420p"
-                stream.codec_context.time_base = _MS
+                stream.codec_context.time_base = _TICK
                 stream.options = {"crf": "20", "preset": "veryfast"}
-            if t_ms <= newest or even.shape[:2] != (stream.height, stream.width):
+            tick = round((t_ns - plan.start_ns) * 1e-9 / _TICK)
+            if tick <= newest or even.shape[:2] != (stream.height, stream.width):
                 continue
             frame = av.VideoFrame.from_ndarray(even, format="rgb24")
-            frame.pts, frame.time_base, newest = t_ms, _MS, t_ms
+            frame.pts, frame.time_base, newest = tick, _TICK, tick
             container.mux(stream.encode(frame))
-        if stream is not None:
-            container.mux(stream.encode())
+        if stream is None:
+            raise ValueError("there is no image in that time")
+        container.mux(stream.encode())
     return []
 
 
@@ -142,26 +272,28 @@ def _even(pixels: Pixels) -> Pixels:
     return np.ascontiguousarray(padded)
 
 
-def _write_gif(path: Path, shots: Iterator[Shot]) -> list[str]:
+def _write_gif(path: Path, shots: Iterator[Shot], _plan: _Plan) -> list[str]:
     (pillow,) = need("a GIF", "PIL.Image")
     frames: list[Any] = []
     times: list[int] = []
-    for t_ms, pixels in shots:
+    for t_ns, pixels in shots:
         if len(frames) == _MOST_GIF_FRAMES:
             break
-        if not times or t_ms - times[-1] >= _SHORTEST_GIF_MS:
+        if not times or t_ns - times[-1] >= _SHORTEST_GIF_NS:
             frames.append(pillow.fromarray(np.ascontiguousarray(pixels)).quantize(128))
-            times.append(t_ms)
-    lasts = [b - a for a, b in pairwise(times)] + [500]
+            times.append(t_ns)
+    if not frames:
+        raise ValueError("there is no image in that time")
+    lasts = [round((b - a) * 1e-6) for a, b in pairwise(times)] + [500]
     frames[0].save(
         path, "GIF", save_all=True, append_images=frames[1:], duration=lasts, loop=0, optimize=True
     )
     if len(frames) == _MOST_GIF_FRAMES:
-        return [f"{path.name.strip('.')} ends after {times[-1] * 1e-3:g} s; write .mp4 for all"]
+        return [f"{path.name.strip('.')} ends after {times[-1] * 1e-9:g} s; write .mp4 for all"]
     return []
 
 
-_WRITERS: Mapping[str, Callable[[Path, Iterator[Shot]], list[str]]] = {
+_WRITERS: Mapping[str, Callable[[Path, Iterator[Shot], _Plan], list[str]]] = {
     ".mp4": _write_mp4,
     ".gif": _write_gif,
 }

@@ -1,0 +1,314 @@
+"""A recording for Rerun: an .rrd with the scene in motion, curves, events and images.
+
+The SDK writes the file and opens no connection; only its viewer, a program of its own, would count
+its users, and `rerun analytics disable` forbids it.
+"""
+
+from __future__ import annotations
+
+import io
+import uuid
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from stepbus_orchestrator.analysis.signals import Array
+from stepbus_orchestrator.errors import RecordingFailed
+from stepbus_orchestrator.recording import Batch, Port, Recording
+from stepbus_participant import need
+from stepbus_schemas import Event, Image, StepbusError
+from stepbus_tools.columns import Column, Field, Table
+from stepbus_tools.report.summary import result_of, scenario_name
+from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.history import History
+from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.scene.bodies import Latest
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.viewpoint import box_of_run, framed
+from stepbus_tools.whole_file import replaced
+
+from .instants import Instant, Rate, instants, readable_ports
+
+_PER_S = 30.0
+"""Poses and images a second, at most; curves and events are all there."""
+_NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
+"""Types whose numbers are seen elsewhere, or make no curve."""
+_MOST_HELD = 100_000
+_MEASURED = "JointState/1"
+_JPEG_QUALITY = 85
+_DEPTH = "32FC1"
+
+Placed = tuple[int, int, Pose]
+"""Step, time [ns] and pose in the world."""
+
+
+def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
+    """Write the scene, the numbers of all ports, events and images."""
+    ports, lost = readable_ports(recording)
+    scene = build_scene(recording)
+    wanted = [p for p in ports if p.type in ("Event/1", "Image/1") or p.topic in scene.topics]
+    with replaced(target) as path:
+        images = [p.topic for p in ports if p.type == "Image/1"]
+        file = _Rrd(target, recording, scene, images)
+        try:
+            file.open(path)
+            for shown in scene.frames:
+                file.look(shown)
+            rate, latest, moves = Rate(_PER_S), dict[str, Latest](), _Moves()
+            for t_ns, group in instants(recording, wanted, lost, reached):
+                moving = [i for i in group if i.port.topic in scene.topics]
+                latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
+                if moving and rate.passes("", t_ns):
+                    moves.add(scene.world_poses(latest), group[0].step, t_ns)
+                    if moves.count >= _MOST_HELD:
+                        file.move(moves.taken())
+                for instant in group:
+                    is_event = isinstance(instant.message, Event)
+                    if is_event or rate.passes(instant.port.topic, t_ns):
+                        file.take(instant)
+            file.move(moves.taken())
+            lost |= file.curves(ports, lost)
+            file.end()
+        finally:
+            file.close()
+    return Exported(paths=[target], problems=[*scene.notes, *lost.values()], lost=list(lost))
+
+
+RERUN = Exporter(
+    write=_export, help="an .rrd for Rerun: the scene in motion, curves, events, images"
+)
+
+
+class _Moves:
+    """Poses that wait to be written. count: of them."""
+
+    def __init__(self) -> None:
+        self._rows: dict[str, list[Placed]] = {}
+        self._newest: dict[str, Pose] = {}
+        self.count = 0
+
+    def add(self, placed: Mapping[str, Pose], step: int, t_ns: int) -> None:
+        """Add the frames that have moved since their last pose."""
+        for name, pose in placed.items():
+            if self._newest.get(name) != pose:
+                self._newest[name] = pose
+                self._rows.setdefault(name, []).append((step, t_ns, pose))
+                self.count += 1
+
+    def taken(self) -> Mapping[str, Sequence[Placed]]:
+        """Return frame → its poses, which wait no longer."""
+        rows, self._rows, self.count = self._rows, {}, 0
+        return rows
+
+
+class _Rrd:
+    """The file, and where in it things are. images: topics of cameras.
+
+    Raises ExtraMissing without Rerun or Pillow.
+    """
+
+    _path: Path
+
+    def __init__(
+        self, target: Path, recording: Recording, scene: Scene, images: Sequence[str]
+    ) -> None:
+        self._rr, self._views, self._reading, self._pillow = need(
+            "the export for Rerun", "rerun", "rerun.blueprint", "rerun.chunk", "PIL.Image"
+        )
+        self._target = target
+        self._recording = recording
+        self._shown = {f.name for f in scene.frames if f.visuals and not f.is_ghost}
+        self._images = images
+        self._scene = scene
+        # Path → type of the port.
+        self._curves: dict[str, str] = {}
+        place = uuid.uuid5(uuid.NAMESPACE_URL, recording.path.resolve().as_uri())
+        # Without properties, which would hold the time of the wall clock.
+        self._stream = self._rr.RecordingStream(
+            "stepbus", recording_id=place, send_properties=False
+        )
+
+    def open(self, path: Path) -> None:
+        """Begin the file."""
+        self._path = path
+        try:
+            self._stream.save(path)
+        except RuntimeError as exc:
+            raise RecordingFailed(f"{path} cannot be written: {exc}") from exc
+        # Nothing in the file depends on the clock of the wall.
+        self._rr.set_log_time_enabled(False, recording=self._stream)
+        self._stream.send_recording_name(scenario_name(self._recording))
+        z_up = self._rr.ViewCoordinates.RIGHT_HAND_Z_UP
+        self._stream.log("world", z_up, static=True)
+
+    def close(self) -> None:
+        """Write what is left, and let the file go; raises RecordingFailed where that fails."""
+        try:
+            self._stream.flush()
+            self._stream.disconnect()
+            # What goes wrong at the very end, it does not say.
+            self._reading.RrdReader(self._path).store()
+        except (RuntimeError, ValueError) as exc:
+            why = f"{self._target} cannot be written; is the disk full? ({exc})"
+            raise RecordingFailed(why) from exc
+        finally:
+            self._stream.disconnect()
+
+    def _world(self, name: str) -> str:
+        return f"world/{self._rr.escape_entity_path_part(name)}"
+
+    def look(self, frame: Frame) -> None:
+        """Write what a frame looks like."""
+        if frame.name not in self._shown:
+            return
+        for number, visual in enumerate(frame.visuals):
+            points = visual.mesh.vertices[visual.mesh.faces].reshape(-1, 3)
+            sides = points.reshape(-1, 3, 3)
+            normals = np.cross(sides[:, 1] - sides[:, 0], sides[:, 2] - sides[:, 0])
+            size = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
+            place = f"{self._world(frame.name)}/visual_{number}"
+            mesh = self._rr.Mesh3D(
+                vertex_positions=points,
+                triangle_indices=np.arange(len(points)).reshape(-1, 3),
+                vertex_normals=np.repeat(normals / size, 3, axis=0),
+                albedo_factor=visual.shown_color,
+            )
+            self._stream.log(place, mesh, _transform(self._rr, visual.pose), static=True)
+
+    def move(self, poses: Mapping[str, Sequence[Placed]]) -> None:
+        """Write where the frames are that look like something."""
+        for name, rows in poses.items():
+            if name not in self._shown:
+                continue
+            columns = self._rr.Transform3D.columns(
+                translation=[pose.position for _, _, pose in rows],
+                quaternion=[_xyzw(pose) for _, _, pose in rows],
+            )
+            times = self._times([step for step, _, _ in rows], [t_ns for _, t_ns, _ in rows])
+            self._stream.send_columns(self._world(name), times, columns)
+
+    def _times(self, steps: Any, t_ns: Any) -> list[Any]:
+        durations = np.asarray(t_ns, dtype="timedelta64[ns]")
+        return [
+            self._rr.TimeColumn("time", duration=durations),
+            self._rr.TimeColumn("step", sequence=steps),
+        ]
+
+    def take(self, instant: Instant) -> None:
+        """Write an event or an image; anything else is part of the scene."""
+        match instant.message:
+            case Event() as event:
+                self._log(f"events/{instant.port.participant}", event.level, event.text, instant)
+            case Image() as image if (shown := self._image(image)) is not None:
+                self._at(instant.step, instant.t_ns)
+                self._stream.log(instant.port.topic, shown)
+
+    def _log(self, place: str, level: str, text: str, when: Instant) -> None:
+        self._at(when.step, when.t_ns)
+        word = {"warning": "WARN"}.get(level, level.upper())
+        self._stream.log(place, self._rr.TextLog(text, level=word))
+
+    def _at(self, step: int, t_ns: int) -> None:
+        self._stream.set_time("time", duration=np.timedelta64(t_ns, "ns"))
+        self._stream.set_time("step", sequence=step)
+
+    def _image(self, image: Image) -> Any:
+        """Return a colour image as JPEG, a depth image as it is; None where its size is wrong."""
+        try:
+            if image.encoding == _DEPTH:
+                meters = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
+                return self._rr.DepthImage(meters, meter=1.0)
+            stream = io.BytesIO()
+            pixels = np.ascontiguousarray(pixels_of(image))
+            self._pillow.fromarray(pixels).save(stream, "JPEG", quality=_JPEG_QUALITY)
+        except (ValueError, SystemError):
+            return None
+        return self._rr.EncodedImage(contents=stream.getvalue(), media_type="image/jpeg")
+
+    def curves(self, ports: Sequence[Port], lost: Mapping[str, str]) -> dict[str, str]:
+        """Write all numbers; return topic → why one is not whole, of those that were not lost."""
+        tables = [Table(p) for p in ports if p.type not in _NO_CURVES and p.topic not in lost]
+        failed: dict[str, str] = {}
+        for piece in self._recording.batches([table.port for table in tables]):
+            for table in tables:
+                batch, topic = piece[table.port.topic], table.port.topic
+                if not len(batch.steps) or topic in failed:
+                    continue
+                try:
+                    rows = list(table.numbers(batch, [f for f in table.fields if f.is_numeric]))
+                except StepbusError as exc:
+                    failed[topic] = f"{topic}: {exc}"
+                    continue
+                for field, numbers in rows:
+                    if numbers is not None and field.columns[0].type != "list":
+                        self._curve(table.port, field, batch, numbers)
+        return failed
+
+    def _curve(self, port: Port, field: Field, batch: Batch, numbers: Array) -> None:
+        """Write a piece of one field, a curve for each of its names."""
+        if not np.isfinite(numbers).any():
+            return
+        place = f"{port.topic}/{field.name}"
+        if place not in self._curves:
+            names = [_name(field.name, column) for column in field.columns]
+            self._curves[place] = port.type
+            self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
+        times = self._times(batch.steps, batch.t_ns)
+        self._stream.send_columns(place, times, self._rr.Scalars.columns(scalars=numbers))
+
+    def end(self) -> None:
+        """Write how the run ended, and the layout."""
+        result = result_of(self._recording)
+        if result is not None and result.exit_code:
+            self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
+            self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
+        views, history = self._views, History(self._recording)
+        eye = framed(box_of_run(self._scene, history, 0, history.end_ns), aspect=1.0)
+        column = list(self._panels())
+        self._stream.send_blueprint(
+            views.Blueprint(
+                views.Horizontal(
+                    views.Spatial3DView(
+                        origin="world",
+                        name="scene",
+                        eye_controls=views.EyeControls3D(
+                            position=eye.eye, look_target=eye.target, eye_up=(0.0, 0.0, 1.0)
+                        ),
+                    ),
+                    views.Vertical(*column),
+                    column_shares=[3, 2],
+                ),
+                collapse_panels=True,
+            ),
+            make_active=True,
+            make_default=True,
+        )
+
+    def _panels(self) -> Iterator[Any]:
+        """Yield the panels beside the scene: joints, a camera, events."""
+        views = self._views
+        wanted = [place for place, type_name in self._curves.items() if type_name == _MEASURED]
+        for place in (wanted or list(self._curves))[:2]:
+            yield views.TimeSeriesView(origin=place, name=place)
+        for topic in self._images[:1]:
+            yield views.Spatial2DView(origin=topic, name=topic)
+        yield views.TextLogView(origin="events", name="events")
+
+
+def _name(field: str, column: Column) -> str:
+    """Return the name of a curve, with its unit."""
+    name = column.name.removeprefix(f"{field}.")
+    return name if column.unit in ("", "-") else f"{name} [{column.unit}]"
+
+
+def _xyzw(pose: Pose) -> tuple[float, float, float, float]:
+    w, x, y, z = pose.wxyz
+    return x, y, z, w
+
+
+def _transform(rr: Any, pose: Pose) -> Any:
+    return rr.Transform3D(translation=pose.position, quaternion=_xyzw(pose))
