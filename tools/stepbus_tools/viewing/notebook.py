@@ -12,9 +12,9 @@ from stepbus_tools.columns import dotted
 from stepbus_tools.report.charts import find_signals, signal_names
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.page import PAGE_FILE
-from stepbus_tools.viewing.render import scene_still
 from stepbus_tools.whole_file import replaced
 
+from .page.scene_end import scene_at_end
 from .page.svg import figure
 
 _MOST_NAMES = 8
@@ -65,8 +65,8 @@ def recording_html(recording: Recording) -> str:
     rows = "".join(map(_row, ports))
     why = recording.cut_short
     damage = f"<p>The recording <b>{escape(why)}</b>.</p>" if why else ""
-    pixels = scene_still(recording)
-    still = "" if pixels is None else figure(pixels, "the scene at its end")
+    scene = scene_at_end(recording)
+    still = "" if scene is None else figure(scene.still, "the scene at its end")
     return (
         f"<div><p><b>{escape(str(recording.path))}</b>, up to step {recording.last_step}</p>"
         f"{damage}{still}<table><tr><th>port</th><th>type</th><th>names</th>"

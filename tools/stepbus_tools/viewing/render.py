@@ -7,12 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording import Recording
-from stepbus_schemas import Image, StepbusError
+from stepbus_schemas import Image
 from stepbus_tools.look import PAPER
-from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Messages
-from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.viewpoint import (
@@ -22,7 +19,6 @@ from stepbus_tools.viewing.viewpoint import (
     Viewpoint,
     moved,
     rotation,
-    whole_scene,
 )
 
 Pixels = NDArray[np.uint8]
@@ -290,19 +286,3 @@ def pixels_of(image: Image) -> Pixels:
     far = float(np.max(meters, initial=0.0, where=np.isfinite(meters))) or 1.0
     near = np.clip(1 - np.nan_to_num(meters, nan=far, posinf=far) / far, 0, 1)
     return np.repeat((255 * near).astype(np.uint8)[:, :, None], 3, axis=2)
-
-
-_STILL_SIZE = (480, 320)
-
-
-def scene_still(recording: Recording) -> Pixels | None:
-    """Return what a recording shows at its end, shape (320, 480, 3); None for nothing."""
-    try:
-        scene, history = build_scene(recording), History(recording)
-    except (StepbusError, OSError, ValueError):
-        return None
-    if history.last_step < 0 or not scene.has_looks:
-        return None
-    messages = history.at(scene.topics, history.end_ns)
-    painter = Painter(scene, _STILL_SIZE, smooth=True)
-    return painter.draw(messages, whole_scene(scene, messages))

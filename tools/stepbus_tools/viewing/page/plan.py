@@ -2,15 +2,14 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from html import escape
-from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_tools.report.units import engineering
 from stepbus_tools.viewing.scene.bodies import Messages
-from stepbus_tools.viewing.scene.pose import Pose, rotated
 from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.viewpoint import moved
 
 from .small import nice_ticks
 from .svg import legend
@@ -32,7 +31,7 @@ def outlines(scene: Scene, messages: Messages) -> list[Array]:
     poses, found = scene.world_poses(messages), []
     for body in scene.bodies:
         corners = [
-            _seen_from_above(poses[frame.name] @ visual.pose, visual.mesh.vertices)
+            moved(visual.mesh.vertices.astype(float), poses[frame.name] @ visual.pose)[:, :2]
             for frame in scene.frames
             if frame.body == body.name and not frame.is_ghost and not body.model.has_joints
             for visual in frame.visuals
@@ -40,11 +39,6 @@ def outlines(scene: Scene, messages: Messages) -> list[Array]:
         if corners and float(np.ptp(np.concatenate(corners), axis=0).max()) < _FLOOR_M:
             found.append(hull(np.concatenate(corners)))
     return found
-
-
-def _seen_from_above(pose: Pose, vertices: Any) -> Array:
-    x, y, _ = rotated(pose.wxyz, vertices.T)
-    return np.column_stack((pose.position[0] + x, pose.position[1] + y))
 
 
 def hull(points: Array) -> Array:

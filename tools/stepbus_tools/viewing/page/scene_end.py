@@ -7,8 +7,9 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import Painter, Pixels, whole_scene
+from stepbus_tools.viewing.render import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.viewpoint import whole_scene
 
 from .plan import outlines
 
