@@ -52,7 +52,7 @@ class Controls:
             self._hint = gui.add_markdown(_HINT)
         with tabs.add_tab("Timing"):
             self._table = gui.add_markdown("nothing is known of the participants")
-            self._end = gui.add_button("end the run", color="gray", icon="x", visible=False)
+            self._end = gui.add_button("end the run", color="dark", icon="x", visible=False)
             self._end.on_click(lambda _: self._client.ask("", "stop"))
 
     @property

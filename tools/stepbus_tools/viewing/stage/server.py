@@ -67,7 +67,11 @@ def open_page(
     if port and door.port != port:
         page.close()
         raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
-    server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False)
+    server.gui.configure_theme(
+        control_width="large",
+        show_logo=False,
+        show_share_button=False,
+    )
     server.gui.set_panel_label(label)
     return page
 

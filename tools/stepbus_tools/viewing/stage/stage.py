@@ -14,8 +14,8 @@ from stepbus_tools.viewing.stage.light import drawn
 OTHER_COLOR: Color = (255, 120, 30)
 _GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
-_CELL: Color = (170, 174, 180)
-_SECTION: Color = (130, 135, 142)
+_CELL: Color = (128, 133, 140)
+_SECTION: Color = (105, 110, 117)
 _NEAR = 1e-9
 _APART_M = 0.01
 _APART_RAD = math.radians(1.0)

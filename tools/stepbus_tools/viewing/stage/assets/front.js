@@ -26,6 +26,7 @@ function name() {
     const set = (node, key, value) => {
         if (node && node.getAttribute(key) !== value) node.setAttribute(key, value)
     }
+    set(document.getElementById("root"), "role", "main")
     const all = (query, work) => document.querySelectorAll(query).forEach(work)
     // A slider and its field share a label, which is for neither.
     all(".mantine-Slider-root", slider => {
@@ -37,7 +38,7 @@ function name() {
     all(".mantine-Slider-markLabel", mark => set(mark, "data-mark", mark.textContent))
     // The heads of folders and of the panel are clicked at: they are buttons.
     all("[style*='cursor: pointer']", head => {
-        if (head.closest("button, a, [role=tab], canvas") || !head.textContent.trim()) return
+        if (head.closest("button, a, [role=tab]") || head.querySelector("button, a")) return
         set(head, "role", "button")
         set(head, "tabindex", "0")
         head.onkeydown ??= event => {
