@@ -104,7 +104,8 @@ def opened(address, width=800, height=600, scheme="light"):
     with pytest.importorskip("playwright.sync_api").sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
         try:
-            watched = Watched(browser.new_page(viewport={"width": width, "height": height}))
+            context = browser.new_context(viewport={"width": width, "height": height})
+            watched = Watched(context.new_page())
             watched.page.emulate_media(color_scheme=scheme)
             watched.page.set_default_timeout(1000 * _LONGEST_S)
             watched.page.goto(address)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.pose import Pose, rotated
 from stepbus_tools.viewing.scene.scene import Scene
-from stepbus_tools.viewing.stage.stage import add_floor
+from stepbus_tools.viewing.stage.stage import FLOOR_M, add_floor
 
 Box = tuple[NDArray[np.float64], NDArray[np.float64]]
 """Lower and upper corner, shape (3,) [m]."""
@@ -27,8 +27,6 @@ _MARGIN = 0.9
 Part = tuple[tuple[float, float], tuple[float, float]]
 """Of a picture: from left to right and from below to above, −1 to 1."""
 WHOLE: Part = ((-_MARGIN, _MARGIN), (-_MARGIN, _MARGIN))
-_FLOOR_M = 8.0
-"""What is as large, such as a floor, does not count."""
 _MOVED_M = 0.01
 _GREW = 0.05
 _SAME = 1e-3
@@ -101,7 +99,7 @@ def _solids(scene: Scene) -> Iterator[tuple[str, str, Pose, NDArray[np.float64]]
     for frame in scene.frames:
         for visual in () if frame.is_ghost else frame.visuals:
             low, high = visual.mesh.vertices.min(axis=0), visual.mesh.vertices.max(axis=0)
-            if float((high - low).max()) < _FLOOR_M:
+            if float((high - low).max()) < FLOOR_M:
                 x, y, z = ((low + high) / 2).tolist()
                 half = np.asarray((high - low) / 2, dtype=np.float64)
                 yield frame.name, frame.body, visual.pose @ Pose((x, y, z)), half

@@ -16,6 +16,8 @@ _GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
 _CELL: Color = (128, 133, 140)
 _SECTION: Color = (105, 110, 117)
+FLOOR_M = 8.0
+"""What is as large is a floor: it has shadows, and is not among what is looked at."""
 _NEAR = 1e-9
 _APART_M = 0.01
 _APART_RAD = math.radians(1.0)
@@ -76,8 +78,8 @@ class Stage:
             flat_shading=True,
             side="double",
             cast_shadow=tint is None,
-            # Drawn from both sides, since files turn some faces around, it would shade itself.
-            receive_shadow=False,
+            # Drawn from both sides, since files turn some faces around, a body would shade itself.
+            receive_shadow=_is_floor(visual),
             position=visual.pose.position,
             wxyz=visual.pose.wxyz,
         )
@@ -106,6 +108,10 @@ class Stage:
 
 def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
     return any(abs(x - y) > _NEAR for x, y in zip(a, b, strict=True))
+
+
+def _is_floor(visual: Visual) -> bool:
+    return float(np.ptp(visual.mesh.vertices, axis=0).max()) >= FLOOR_M
 
 
 class Ghosts:
