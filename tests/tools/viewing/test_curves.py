@@ -108,7 +108,7 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
             watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
             watched.page.wait_for_timeout(500)
             drawn = curves.drawn()
-            left, right = (np.array(row) for row in drawn.data[1:])
+            left, right = (np.array(row) for row in drawn.data[1:3])
             assert np.all(np.diff(left) >= 1.0)
             assert set(right) == {-1.0}
             assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]

@@ -90,8 +90,9 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         shown.get_by_role("button", name="emergency stop").click()
         watched.wait(lambda: shown.get_by_text("emergency_stop True").count() > 0, "the stop")
         paused.pace.step(2)
-        watched.wait(lambda: shown.get_by_role("alert").count() > 0, "the banner")
-        assert "by a person at the page, since t = 0.0" in shown.get_by_role("alert").inner_text()
+        banner = shown.locator(".stopped[role=alert]")
+        watched.wait(lambda: banner.count() > 0, "the banner")
+        assert "by a person at the page, since t = 0.0" in banner.inner_text()
         assert shown.evaluate(FRAME) == "10px"
         assert shown.get_by_role("button", name="release").count() == 1
         assert shown.get_by_role("button", name="emergency stop").count() == 0

@@ -33,7 +33,7 @@ _RULES = (
     ("line", ("divergence",)),
 )
 """Lines up and down: their colour, and the levels of what they mark."""
-_RULE_COLORS = {"soft": PAPER["soft"], "bad": PAPER["bad"], "line": LINES[1]}
+_RULE_COLORS = {"soft": f"{PAPER['soft']}70", "bad": PAPER["bad"], "line": LINES[1]}
 _UNNAMED = "\u2060"
 """Begins the label of a line that is left out of the legend (front.js)."""
 
@@ -300,7 +300,7 @@ def value_span(
     finite = values[np.isfinite(values)]
     low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
     reach = high - low or max(abs(high), 1.0) * 0.1
-    near = [end for pair in limits for end in pair if low - reach / 2 <= end <= high + reach / 2]
+    near = [end for pair in limits for end in pair if low - reach / 4 <= end <= high + reach / 4]
     low, high = min([low, *near]), max([high, *near])
     step = _rounded((high - low or reach) / 8)
     return math.floor(low / step - 0.25) * step, math.ceil(high / step + 0.25) * step

@@ -69,6 +69,7 @@ class Stage:
         ]
 
     def _add_visual(self, path: str, visual: Visual, tint: Color | None) -> Any:
+        is_floor = float(np.ptp(visual.mesh.vertices, axis=0).max()) >= FLOOR_M
         return self._server.scene.add_mesh_simple(
             path,
             vertices=visual.mesh.vertices,
@@ -77,9 +78,9 @@ class Stage:
             opacity=None if tint is None else _GHOST_OPACITY,
             flat_shading=True,
             side="double",
-            cast_shadow=tint is None,
+            cast_shadow=tint is None and not is_floor,
             # Drawn from both sides, since files turn some faces around, a body would shade itself.
-            receive_shadow=_is_floor(visual),
+            receive_shadow=is_floor,
             position=visual.pose.position,
             wxyz=visual.pose.wxyz,
         )
@@ -108,10 +109,6 @@ class Stage:
 
 def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
     return any(abs(x - y) > _NEAR for x, y in zip(a, b, strict=True))
-
-
-def _is_floor(visual: Visual) -> bool:
-    return float(np.ptp(visual.mesh.vertices, axis=0).max()) >= FLOOR_M
 
 
 class Ghosts:
