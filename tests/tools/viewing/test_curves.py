@@ -69,8 +69,8 @@ def test_limits_of_a_curve_before_now_change_seldom():
 def test_a_chart_has_room_for_its_values_and_for_limits_that_are_near():
     values = np.array([[0.0, 1.0], [0.5, np.nan]])
     assert value_span(values) == pytest.approx((-0.15, 1.2), abs=0.11)
-    low, high = value_span(values, [(-0.2, 1.4), (-9.0, np.inf)])
-    assert (-0.6 < low < -0.2, 1.4 < high < 1.8) == (True, True)
+    low, high = value_span(values, [(-0.2, 1.2), (-9.0, np.inf)])
+    assert (-0.6 < low < -0.2, 1.2 < high < 1.8) == (True, True)
     assert value_span(np.full((3, 1), np.nan))[0] < 0 < value_span(np.zeros((2, 1)))[1]
 
 

@@ -10,7 +10,6 @@ from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.framing import Framing, fit
 from stepbus_tools.viewing.stage.front import branded
-from stepbus_tools.viewing.stage.light import add_light
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
 from stepbus_tools.whole_file import replaced
@@ -34,8 +33,9 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     times = history.times(max(1, count))
     page = open_page(recording.path.parent.name)
     try:
-        add_light(page.server.scene)
-        stage, first = Stage(page.server, scene), history.at(scene.topics, times[0])
+        # The light is viser's: its player switches that on again whenever it starts anew.
+        stage = Stage(page.server, scene, shade=lambda color: color)
+        first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
         framing = Framing(page.server, scene)
         for t_ns in history.times(_LOOKS):

@@ -28,12 +28,20 @@ _STICKS = 0.5
 class Stage:
     """Draws a scene on a server of viser, or for one of its clients, and moves its frames.
 
-    root: of its nodes. tint: colour of a scene that is only shown beside another one. paths: frame
-    → its node.
+    root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: returns
+    the colour to draw with in its light. paths: frame → its node.
     """
 
-    def __init__(self, server: Any, scene: Scene, root: str = "/run", tint: Color | None = None):
+    def __init__(
+        self,
+        server: Any,
+        scene: Scene,
+        root: str = "/run",
+        tint: Color | None = None,
+        shade: Callable[[Color], Color] = drawn,
+    ) -> None:
         self.scene = scene
+        self._shade = shade
         self.paths: dict[str, str] = {"": root}
         self._server = server
         self._tint = tint
@@ -74,7 +82,7 @@ class Stage:
             path,
             vertices=visual.mesh.vertices,
             faces=visual.mesh.faces,
-            color=drawn(visual.shown_color if tint is None else tint),
+            color=self._shade(visual.shown_color if tint is None else tint),
             opacity=None if tint is None else _GHOST_OPACITY,
             flat_shading=True,
             side="double",
