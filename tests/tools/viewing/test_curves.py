@@ -11,7 +11,8 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Tail
 from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
-from stepbus_tools.viewing.stage.curves import Signal, time_span, value_span
+from stepbus_tools.viewing.stage.curves import Signal, _rows, time_span, value_span
+from stepbus_tools.viewing.stage.marks import Mark
 from stepbus_tools.viewing.stage.server import open_page
 
 STEP_NS = 20_000_000
@@ -72,6 +73,16 @@ def test_a_chart_has_room_for_its_values_and_for_limits_that_are_near():
     low, high = value_span(values, [(-0.2, 1.2), (-9.0, np.inf)])
     assert (-0.6 < low < -0.2, 1.2 < high < 1.8) == (True, True)
     assert value_span(np.full((3, 1), np.nan))[0] < 0 < value_span(np.zeros((2, 1)))[1]
+
+
+def test_a_chart_gets_no_nan_and_its_rules_go_up_once_for_each_mark():
+    data = np.array([0.0, 1.0, 2.0]), np.array([[0.0, 0.5], [1.0, np.nan], [2.0, np.nan]])
+    marks = [Mark(t_s=0.5, level="fault", text=""), Mark(t_s=9.0, level="fault", text="")]
+    x, rows = _rows(data, [(-np.inf, 5.0), (0.0, 1.0)], marks, 1.5, (0.0, 2.0))
+    assert np.isfinite(rows).all()
+    assert rows[0].tolist() == x.tolist()
+    *_, bad, _, now = rows
+    assert [x[row > 2.0].tolist() for row in (bad, now)] == [[0.5], [1.5]]
 
 
 def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):

@@ -270,12 +270,10 @@ def _rows(
     x = np.concatenate([times, *(np.repeat(kind, 3) for kind in kinds)])
     order = np.argsort(x, kind="stable")
     x = x[order]
-    rows = [np.interp(x, times, column) for column in values.T]
-    rows += [
-        np.full(len(x), end) if math.isfinite(end) else np.full(len(x), math.nan)
-        for pair in limits
-        for end in pair
-    ]
+    # A line without a value leaves the chart downwards: NaN would take its axes away.
+    rows = [np.interp(x, times, np.where(np.isfinite(row), row, below)) for row in values.T]
+    ends = (end if math.isfinite(end) else below for pair in limits for end in pair)
+    rows += [np.full(len(x), end) for end in ends]
     start = len(times)
     for kind in kinds:
         comb = np.full(len(x), below)

@@ -28,7 +28,7 @@ _STICKS = 0.5
 class Stage:
     """Draws a scene on a server of viser, or for one of its clients, and moves its frames.
 
-    root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: returns
+    root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: gives
     the colour to draw with in its light. paths: frame → its node.
     """
 
