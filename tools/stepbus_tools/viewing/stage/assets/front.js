@@ -5,11 +5,13 @@ window.__VISER_EMBED_CONFIG__ = {darkMode: night.matches}
 night.addEventListener("change", () => location.reload())
 
 // What has keys of its own keeps them: they bubble up to viser's root, and no further.
-const busy = "input, textarea, select, button, [role=slider], [role=tab], [role=option]"
+const busy = "input, textarea, select, [role=slider], [role=tab], [role=option]"
+const pressed = "button, [role=button]"
 const keys = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]
 addEventListener("DOMContentLoaded", () => {
     document.body.addEventListener("keydown", event => {
-        if (event.target.closest(busy)) event.stopPropagation()
+        const presses = [" ", "Enter"].includes(event.key) && event.target.closest(pressed)
+        if (presses || event.target.closest(busy)) event.stopPropagation()
     })
     // The arrows step in time; viser would move its camera as well, which W, A, S and D do.
     document.documentElement.addEventListener("keydown", event => {
