@@ -12,10 +12,12 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.viewing.history import History
+from stepbus_schemas import CallRecord
+from stepbus_tools.viewing.history import History, stop_of
 from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.view import stop_banner
 
 
 def record(folder, *overrides):
@@ -69,6 +71,21 @@ def test_the_divergence_from_a_second_recording_is_marked(recording, other, page
     while not any("divergence" in event for event in playback.events):
         playback.turn(0.01)
     assert re.match(r"0\.\d+ s divergence: first divergence: step \d+: ", playback.events[0])
+
+
+@pytest.mark.parametrize(
+    ("args", "error", "stopped"),
+    [
+        ([True, "me"], None, "by me, since t = 2.50 s"),
+        ([True], None, "by a call, since t = 2.50 s"),
+        ([False, "me"], None, ""),
+        ([True], "refused", None),
+    ],
+)
+def test_a_call_stops_a_robot_or_releases_it(args, error, stopped):
+    call = CallRecord(step=5, participant="plant", method="emergency_stop", args=args, error=error)
+    assert stop_of(call, 2.5) == stopped
+    assert (stop_banner(stopped or "") == "") == (not stopped)
 
 
 def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, capsys):
