@@ -76,15 +76,22 @@ class Curves:
         return types.SimpleNamespace(**charts[0]) if charts else None
 
     def has(self, *names):
-        """Return whether curves with these names have data."""
+        """Return whether curves with these names have data, in the chart that is drawn first."""
         drawn = self.drawn()
-        return drawn is not None and drawn.names[1:] == list(names) and len(drawn.data[0]) > 1
+        if drawn is None or len(drawn.data[0]) < 2:
+            return False
+        return [name for name in drawn.names[1:] if not name.startswith("\u2060")] == list(names)
 
-    def pick(self, before, label):
-        """Choose another signal in the place of one that is shown."""
-        now = self.watched.values().index(before)
-        self.watched.page.locator("input").nth(now).click()
-        self.watched.page.get_by_role("option", name=label, exact=True).click()
+    def lines(self, name):
+        """Return where lines up and down of a kind stand in the chart that is drawn first [s]."""
+        drawn = self.drawn()
+        row = drawn.data[drawn.names.index(f"\u2060{name}")]
+        return [x for x, y in zip(drawn.data[0], row, strict=True) if y == max(row) > min(row)]
+
+    def pick(self, *labels):
+        """Choose signals, or leave them out, in the tree of ports, whose folders are open."""
+        for label in labels:
+            self.watched.page.get_by_role("checkbox", name=label, exact=True).click()
 
     def colours(self):
         """Return the colours of the chart's canvas, red, green, blue."""
@@ -92,12 +99,14 @@ class Curves:
 
 
 @contextlib.contextmanager
-def opened(address, width=800, height=600):
+def opened(address, width=800, height=600, scheme="light"):
     """Yield an address of ours in Chromium, watched."""
     with pytest.importorskip("playwright.sync_api").sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=_FLAGS)
         try:
-            watched = Watched(browser.new_page(viewport={"width": width, "height": height}))
+            context = browser.new_context(viewport={"width": width, "height": height})
+            watched = Watched(context.new_page())
+            watched.page.emulate_media(color_scheme=scheme)
             watched.page.set_default_timeout(1000 * _LONGEST_S)
             watched.page.goto(address)
             yield watched

@@ -101,7 +101,7 @@ def test_an_address_of_a_page_opens_it_once_and_then_a_cookie_counts(view):
     address = address_of(view)
     page, cookie = let_in(address)
     status, headers, text = get(page, Cookie=cookie)
-    assert (status, "<title>Viser</title>" in text) == (200, True)
+    assert (status, " · stepbus</title>" in text) == (200, True)
     assert headers["Cache-Control"] == "no-store"
     assert headers["Referrer-Policy"] == "no-referrer"
     assert "default-src 'none'" in headers["Content-Security-Policy"]

@@ -11,7 +11,8 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Tail
 from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
-from stepbus_tools.viewing.stage.curves import Signal, _span
+from stepbus_tools.viewing.stage.curves import Signal, _rows, time_span, value_span
+from stepbus_tools.viewing.stage.marks import Mark
 from stepbus_tools.viewing.stage.server import open_page
 
 STEP_NS = 20_000_000
@@ -61,9 +62,27 @@ def tail(vehicle, tmp_path):
 
 
 def test_limits_of_a_curve_before_now_change_seldom():
-    spans = [_span(np.array([-length, 0.0])) for length in (0.02, 0.021, 1.5, 7.0, 29.9, 31.0)]
+    spans = [time_span(np.array([-length, 0.0])) for length in (0.02, 0.021, 1.5, 7.0, 29.9, 31.0)]
     assert [-low for low, _ in spans] == pytest.approx([0.02, 0.03, 2.0, 8.0, 30.0, 40.0])
-    assert _span(np.array([0.5, 9.0])) == (0.5, 9.0)
+    assert time_span(np.array([0.5, 9.0])) == (0.5, 9.0)
+
+
+def test_a_chart_has_room_for_its_values_and_for_limits_that_are_near():
+    values = np.array([[0.0, 1.0], [0.5, np.nan]])
+    assert value_span(values) == pytest.approx((-0.15, 1.2), abs=0.11)
+    low, high = value_span(values, [(-0.2, 1.2), (-9.0, np.inf)])
+    assert (-0.6 < low < -0.2, 1.2 < high < 1.8) == (True, True)
+    assert value_span(np.full((3, 1), np.nan))[0] < 0 < value_span(np.zeros((2, 1)))[1]
+
+
+def test_a_chart_gets_no_nan_and_its_rules_go_up_once_for_each_mark():
+    data = np.array([0.0, 1.0, 2.0]), np.array([[0.0, 0.5], [1.0, np.nan], [2.0, np.nan]])
+    marks = [Mark(t_s=0.5, level="fault", text=""), Mark(t_s=9.0, level="fault", text="")]
+    x, rows = _rows(data, [(-np.inf, 5.0), (0.0, 1.0)], marks, 1.5, (0.0, 2.0))
+    assert np.isfinite(rows).all()
+    assert rows[0].tolist() == x.tolist()
+    *_, bad, _, now = rows
+    assert [x[row > 2.0].tolist() for row in (bad, now)] == [[0.5], [1.5]]
 
 
 def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):
@@ -96,15 +115,15 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
             watched.wait(lambda: grown(watched.page.get_by_role("tab").count), "the page")
             watched.page.get_by_role("tab", name="Curves").press("Enter")
             watched.wait(lambda: grown(lambda: curves.has("x", "y", "z")), "the position")
-            curves.pick("vehicle.thruster.at", "vehicle.thruster.thrust")
+            curves.pick("at", "thrust [N]")
             watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
             watched.page.wait_for_timeout(500)
             drawn = curves.drawn()
-            left, right = (np.array(row) for row in drawn.data[1:])
+            left, right = (np.array(row) for row in drawn.data[1:3])
             assert np.all(np.diff(left) >= 1.0)
             assert set(right) == {-1.0}
             assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]
-            assert {"31,119,180", "214,39,40"} <= curves.colours()
+            assert {"6,104,187", "232,72,12"} <= curves.colours()
             assert not watched.errors
     finally:
         page.close()

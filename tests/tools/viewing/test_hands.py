@@ -14,6 +14,7 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_tools.viewing.run_client import newest
 
+FRAME = "getComputedStyle(document.body, '::after').borderTopWidth"
 CRATE = """<robot name="crate"><link name="crate">
 <inertial><mass value="1"/><inertia ixx="0.01" iyy="0.01" izz="0.01" ixy="0" ixz="0" iyz="0"/>
 </inertial>
@@ -86,8 +87,15 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
 
         watched.wait(is_taken, "the crate to be taken")
         watched.wait(is_put, "the crate to be put elsewhere")
-        shown.get_by_role("button", name="emergency stop (plant)").click()
+        shown.get_by_role("button", name="emergency stop").click()
         watched.wait(lambda: shown.get_by_text("emergency_stop True").count() > 0, "the stop")
+        paused.pace.step(2)
+        banner = shown.locator(".stopped[role=alert]")
+        watched.wait(lambda: banner.count() > 0, "the banner")
+        assert "by a person at the page, since t = 0.0" in banner.inner_text()
+        assert shown.evaluate(FRAME) == "10px"
+        assert shown.get_by_role("button", name="release").count() == 1
+        assert shown.get_by_role("button", name="emergency stop").count() == 0
         shown.get_by_role("button", name="resume").click()
         watched.wait(lambda: not paused.thread.is_alive(), "the run to end")
         assert not watched.errors

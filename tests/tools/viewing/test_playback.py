@@ -1,5 +1,7 @@
 """The page over a recording."""
 
+import re
+
 import numpy as np
 import pytest
 from support.browser import Curves, needs_chromium, opened
@@ -10,9 +12,12 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.playback import Playback, open_recording
+from stepbus_schemas import CallRecord
+from stepbus_tools.viewing.history import History, stop_of
+from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording
+from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.view import stop_banner
 
 
 def record(folder, *overrides):
@@ -44,8 +49,16 @@ def test_a_history_has_the_newest_message_of_a_time(recording):
     assert {topic: latest.step for topic, latest in found.items()} == {"plant/joint_state": 20}
 
 
+def player(page, *paths):
+    """Return a player for all visitors of a page."""
+    recordings = [open_recording(path) for path in paths]
+    scenes = [build_scene(one) for one in recordings]
+    findings = Findings(*recordings, *[None][: 2 - len(recordings)])
+    return Player(page.server, [History(one) for one in recordings], scenes, findings)
+
+
 def test_a_page_plays_to_its_end_and_stays_there(recording, page):
-    playback = Playback(page.server, Recording(recording))
+    playback = player(page, recording)
     playback.play(playing=True)
     for _ in range(5):
         playback.turn(0.1)
@@ -54,10 +67,25 @@ def test_a_page_plays_to_its_end_and_stays_there(recording, page):
 
 
 def test_the_divergence_from_a_second_recording_is_marked(recording, other, page):
-    playback = Playback(page.server, Recording(recording), Recording(other))
-    while not playback.events:
+    playback = player(page, recording, other)
+    while not any("divergence" in event for event in playback.events):
         playback.turn(0.01)
-    assert "first divergence" in playback.events[0]
+    assert re.match(r"0\.\d+ s divergence: first divergence: step \d+: ", playback.events[0])
+
+
+@pytest.mark.parametrize(
+    ("args", "error", "stopped"),
+    [
+        ([True, "me"], None, "by me, since t = 2.50 s"),
+        ([True], None, "by a call, since t = 2.50 s"),
+        ([False, "me"], None, ""),
+        ([True], "refused", None),
+    ],
+)
+def test_a_call_stops_a_robot_or_releases_it(args, error, stopped):
+    call = CallRecord(step=5, participant="plant", method="emergency_stop", args=args, error=error)
+    assert stop_of(call, 2.5) == stopped
+    assert (stop_banner(stopped or "") == "") == (not stopped)
 
 
 def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, capsys):
@@ -73,7 +101,7 @@ def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, caps
 def test_half_a_recording_is_shown_up_to_its_damage(recording, tmp_path, page):
     half, data = tmp_path / "half.mcap", recording.read_bytes()
     half.write_bytes(data[: len(data) * 3 // 4])
-    playback = Playback(page.server, open_recording(half))
+    playback = player(page, half)
     assert "the recording **is damaged: " in playback.status
 
 
@@ -89,9 +117,9 @@ def test_the_buttons_of_the_page_do_what_they_say(recording, page):
             return watched.page.get_by_text(text).count() > 0
 
         watched.wait(lambda: shows("step 0 of 60"), "the page")
-        watched.page.get_by_text("last", exact=True).click()
+        watched.page.get_by_text("last »", exact=True).click()
         watched.wait(lambda: shows("step 60 of 60"), "the last step")
-        watched.page.get_by_text("back", exact=True).click()
+        watched.page.get_by_text("‹ back", exact=True).click()
         watched.wait(lambda: shows("step 59 of 60"), "the step before")
         watched.page.get_by_text("play", exact=True).click()
         watched.wait(lambda: shows("step 60 of 60"), "the end")

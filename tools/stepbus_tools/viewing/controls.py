@@ -6,7 +6,8 @@ from typing import Any
 from stepbus_tools.viewing.run_client import RunClient
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.stage.stage import Stage
-from stepbus_tools.viewing.steer_panel import SteerPanel
+from stepbus_tools.viewing.stage.view import stop_banner
+from stepbus_tools.viewing.steer_panel import SteerPanel, StopButtons
 
 _SPEEDS: Mapping[str, float | None] = {
     "as fast as possible": None,
@@ -14,6 +15,7 @@ _SPEEDS: Mapping[str, float | None] = {
     "half": 0.5,
     "a tenth": 0.1,
 }
+_PLAY, _PAUSE = "player-play-filled", "player-pause-filled"
 _HINT = "The run has not begun, or it runs in one process: it cannot be changed from here."
 _REDONE = "Each change is recorded as a call with its step; `stepbus rerun` does it again."
 _HEAD = "| participant | state | computes [µs] | waits [µs] | dropped |\n|---|---|---|---|---|"
@@ -26,11 +28,18 @@ class Controls:
         gui = server.gui
         self._server = server
         self._client = client
-        self._pause = gui.add_button("pause")
+        self._banner = gui.add_html("")
+        self._stop = StopButtons(gui, client)
+        self._pause = gui.add_button("pause", icon=_PAUSE, hint="space", visible=False)
         self._pause.on_click(lambda _: self._toggle())
-        gui.add_button("step").on_click(lambda _: client.ask("", "step", 1))
+        self._step = gui.add_button("step", icon="player-track-next", hint="→", visible=False)
+        self._step.on_click(lambda _: self._one_step())
+        gui.add_command("pause or resume", hotkey="space").on_trigger(lambda _: self._toggle())
+        gui.add_command("one step", hotkey="arrowright").on_trigger(lambda _: self._one_step())
         self._speeds = dict(_SPEEDS)
-        self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value=next(iter(_SPEEDS)))
+        self._speed = gui.add_dropdown(
+            "speed", tuple(_SPEEDS), initial_value=next(iter(_SPEEDS)), visible=False
+        )
         self._speed.on_update(self._set_speed)
         self._has_panel = False
 
@@ -42,31 +51,47 @@ class Controls:
         with self._steer:
             self._hint = gui.add_markdown(_HINT)
         with tabs.add_tab("Timing"):
-            self._table = gui.add_markdown("")
-            stop = gui.add_button("end the run", color="gray")
-            stop.on_click(lambda _: self._client.ask("", "stop"))
+            self._table = gui.add_markdown("nothing is known of the participants")
+            self._end = gui.add_button("end the run", color="dark", icon="x", visible=False)
+            self._end.on_click(lambda _: self._client.ask("", "stop"))
+
+    @property
+    def _is_paused(self) -> bool:
+        return bool(self._client.status.get("phase") == "paused")
 
     def _toggle(self) -> None:
-        is_paused = self._client.status.get("phase") == "paused"
-        self._client.ask("", "resume" if is_paused else "pause")
+        self._client.ask("", "resume" if self._is_paused else "pause")
+
+    def _one_step(self) -> None:
+        if self._is_paused:
+            self._client.ask("", "step", 1)
 
     def _set_speed(self, event: Any) -> None:
         # What this process sets has no client.
         if event.client_id is not None:
             self._client.ask("", "speed", self._speeds[self._speed.value])
 
-    def update(self) -> None:
-        """Show what the run says of itself."""
+    def update(self, stopped: str) -> None:
+        """Show what the run says of itself. stopped: who stopped its robot; empty: nobody."""
+        banner = stop_banner(stopped)
+        if banner != self._banner.content:
+            self._banner.content = banner
+        self._stop.update(is_stopped=bool(stopped))
         status = self._client.status
         if not status:
             return
-        label = "resume" if status["phase"] == "paused" else "pause"
+        is_paused = self._is_paused
+        label = "resume" if is_paused else "pause"
         if self._pause.label != label:
-            self._pause.label = label
+            self._pause.label, self._pause.icon = label, _PLAY if is_paused else _PAUSE
+        for control in (self._pause, self._step, self._speed, self._end):
+            control.visible = True
+        self._step.disabled = not is_paused
         if self._client.offered and not self._has_panel:
             self._has_panel = True
             with self._steer:
                 self.panel.offer(self._client.offered)
+            self._stop.offer(self._client.offered)
         self._show_speed(status)
         self.panel.update()
         if self._has_panel:
@@ -96,7 +121,9 @@ def _pace(factor: float) -> str:
 
 def _row(name: str, status: Mapping[str, Any]) -> str:
     """Return a participant's row of a table in Markdown."""
-    state = "holds the step" if name in status["holders"] else status["phases"][name]
+    phase = status["phases"][name]
+    state = "running" if phase == "stepping" else phase
+    state = "holds the step" if name in status["holders"] else state
     computes, waits = (
         f"{status[key][name]:.0f}" if name in status[key] else ""
         for key in ("compute_us", "waited_us")

@@ -84,9 +84,7 @@ def _events(port: Port) -> Iterator[TimelineEvent]:
         source = f"{port.participant}.{port.name}"
         match message:
             case CallRecord():
-                level, source = "call", message.participant
-                text = f"{message.method}({', '.join(map(repr, message.args))})"
-                text += f": {message.error}" if message.error else ""
+                level, source, text = "call", message.participant, call_text(message)
             case Event():
                 level, text = message.level, message.text
             case GoalStatus() if message.state not in ("accepted", "running"):
@@ -112,3 +110,17 @@ def _failure(result: Result | None) -> Iterator[TimelineEvent]:
         t_ns = result.at_step * result.step_ns
         who = result.participant or "orchestrator"
         yield TimelineEvent(t_ns=t_ns, level="failure", source=who, text=result.reason)
+
+
+def call_text(call: CallRecord) -> str:
+    """Return what was called, and why it failed."""
+    text = f"{call.method}({', '.join(map(repr, call.args))})"
+    return f"{text}: {call.error}" if call.error else text
+
+
+def stop_of(call: CallRecord, t_s: float) -> str | None:
+    """Return who a call has stopped a robot for; empty: it has released it; None: another call."""
+    if call.method != "emergency_stop" or call.error:
+        return None
+    active, by = (*call.args, "", "")[:2]
+    return f"by {by or 'a call'}, since t = {t_s:.2f} s" if active else ""

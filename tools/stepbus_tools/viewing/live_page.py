@@ -1,20 +1,27 @@
 """A live run, on a page."""
 
+import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.recording import Tail, layout
-from stepbus_schemas import Event
+from stepbus_orchestrator.recording.layout import recorded_decoder
+from stepbus_schemas import CallRecord, Event, StepbusError
 from stepbus_tools.viewing.controls import Controls
+from stepbus_tools.viewing.history import call_text, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.framing import Framing
+from stepbus_tools.viewing.stage.light import add_light
+from stepbus_tools.viewing.stage.marks import Mark
 from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _CHART_S = 0.25
@@ -22,6 +29,9 @@ _WORDS_S = 0.5
 _RATE_S = 2.0
 _POINTS = 900
 """Of a curve: half a minute."""
+_MOST_MARKS = 400
+_RECENT = 40
+_decode_call = recorded_decoder(CallRecord)
 _BYTES = 2 * 1024 * 1024
 """Of a port: a type of the user's own may be large."""
 
@@ -35,13 +45,17 @@ class LivePage:
     def __init__(self, server: Any, tail: Tail, client: RunClient) -> None:
         self._tail = tail
         self._client = client
-        self._events: list[str] = []
+        self._marks: list[Mark] = []
         self._event_topics = [p.topic for p in tail.ports.values() if p.type == "Event/1"]
-        tail.keep(self._event_topics)
+        tail.keep([*self._event_topics, layout.CALLS_TOPIC])
+        self._stopped_by_call = ""
         self._controls = Controls(server, client)
         self._plain_topics = plain_topics(tail.ports)
         self._points = Points(tail, self._plain_topics)
-        self._view = View(server, build_scene(tail), tail.ports, self._points.sample)
+        scene = build_scene(tail)
+        add_light(server.scene)
+        self._framing = Framing(server, scene)
+        self._view = View(server, scene, tail.ports, self._points.sample)
         self._controls.add_tabs(self._view.tabs, self._view.stage, tail.ports)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
         self._charted_at = self._worded_at = 0.0
@@ -58,13 +72,18 @@ class LivePage:
             self._grown_at = now
         if now - self._charted_at >= _CHART_S:
             self._charted_at = now
-            self._view.curves.update()
+            now_s = self._tail.last_step * self._step_s
+            recent = [replace(mark, t_s=mark.t_s - now_s) for mark in self._marks[-_RECENT:]]
+            self._view.curves.update(recent)
+            if is_new:
+                self._framing.sweep(latest_of(self._tail, self._view.stage.scene.topics))
+            self._framing.turn()
         if now - self._worded_at >= _WORDS_S:
             self._worded_at = now
             self._view.offer_signals(latest_of(self._tail, self._plain_topics))
             self._view.status.content = self._words(now)
-            self._controls.update()
             self._tell_events()
+            self._controls.update(self._view.stopped or self._stopped_by_call)
 
     def _words(self, now: float) -> str:
         """Return how far the run is, and whether it goes on."""
@@ -85,18 +104,30 @@ class LivePage:
         simulated_s = (step - first) * status["step_ns"] * 1e-9
         return simulated_s / (now - began) if now > began else math.nan
 
+    @property
+    def _step_s(self) -> float:
+        return (self._tail.step_ns or 1_000_000_000) * 1e-9
+
     def _tell_events(self) -> None:
-        count = len(self._events)
+        marks = list(self._calls())
         for topic in self._event_topics:
             for step, data in self._tail.take_kept(topic):
                 message = self._tail.decode(topic, data)
                 if isinstance(message, Event):
-                    who = layout.split_topic(topic)[0]
-                    self._events.append(f"step {step} {message.level}: {who}: {message.text}")
-        self._events += self._client.said
-        self._client.said = []
-        if len(self._events) > count:
-            self._view.tell(self._events)
+                    text = f"{layout.split_topic(topic)[0]}: {message.text}"
+                    marks.append(Mark(t_s=step * self._step_s, level=message.level, text=text))
+        if marks:
+            self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t_s)[-_MOST_MARKS:]
+            self._view.tell(self._marks)
+
+    def _calls(self) -> Iterator[Mark]:
+        """Yield the calls that have been recorded since, by whomever they were made."""
+        for step, data in self._tail.take_kept(layout.CALLS_TOPIC):
+            with contextlib.suppress(StepbusError):
+                call, t_s = _decode_call(data), step * self._step_s
+                stop = stop_of(call, t_s)
+                self._stopped_by_call = self._stopped_by_call if stop is None else stop
+                yield Mark(t_s=t_s, level="call", text=f"{call.participant}: {call_text(call)}")
 
 
 def headline(status: Any, last_step: int, rate: float) -> str:
@@ -106,7 +137,8 @@ def headline(status: Any, last_step: int, rate: float) -> str:
     t_s = status["step"] * status["step_ns"] * 1e-9
     total = "" if status["steps"] is None else f" of {status['steps']}"
     factor = "" if math.isnan(rate) else f", {rate:.2f} × real time"
-    return f"**{status['phase']}**, t = {t_s:.2f} s, step {status['step']}{total}{factor}"
+    phase = "running" if status["phase"] == "stepping" else status["phase"]
+    return f"**{phase}**, t = {t_s:.2f} s, step {status['step']}{total}{factor}"
 
 
 class Points:
@@ -118,8 +150,7 @@ class Points:
     def __init__(self, tail: Tail, topics: Iterable[str]) -> None:
         self._tail = tail
         self._kept: dict[str, deque[tuple[int, bytes]]] = {topic: deque() for topic in topics}
-        self._picked: Signal | None = None
-        self._rows: deque[tuple[int, list[float]]] = deque(maxlen=_POINTS)
+        self._rows: dict[tuple[str, str], deque[tuple[int, list[float]]]] = {}
 
     def add(self) -> None:
         """Keep what is new."""
@@ -132,16 +163,14 @@ class Points:
 
     def sample(self, signal: Signal) -> Data:
         """Return a signal before now: times up to 0, shape (T,) [s], and values, shape (T, n)."""
-        if signal != self._picked:
-            self._picked = signal
-            self._rows.clear()
-        last = self._rows[-1][0] if self._rows else -1
+        rows = self._rows.setdefault(signal.key, deque(maxlen=_POINTS))
+        last = rows[-1][0] if rows else -1
         for step, data in self._kept.get(signal.topic, ()):
             message = self._tail.decode(signal.topic, data) if step > last else None
             if message is not None:
-                self._rows.append((step, signal.values(message)))
-        steps = np.array([step for step, _ in self._rows], dtype=np.float64)
-        values = np.array([row for _, row in self._rows], dtype=np.float64)
+                rows.append((step, signal.values(message)))
+        steps = np.array([step for step, _ in rows], dtype=np.float64)
+        values = np.array([row for _, row in rows], dtype=np.float64)
         seconds = (steps - steps[-1:].sum()) * (self._tail.step_ns or 1_000_000_000) * 1e-9
         return seconds, values.reshape(len(steps), len(signal.names))
 

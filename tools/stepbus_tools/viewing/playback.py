@@ -1,35 +1,49 @@
-"""A recording on a page, with its time."""
+"""A recording on a page: each of its visitors has a time of their own."""
 
 import contextlib
+import math
 import threading
 import time
-from collections.abc import Callable, Sequence
-from itertools import islice
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
-from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording
-from stepbus_schemas import Event, StepbusError
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_schemas import StepbusError
+from stepbus_tools.report.summary import result_of
 from stepbus_tools.viewing.exports import check_readable
-from stepbus_tools.viewing.history import History, timed_messages
+from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.framing import Framing
+from stepbus_tools.viewing.stage.light import add_light
+from stepbus_tools.viewing.stage.marks import Mark, on_slider
 from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage
-from stepbus_tools.viewing.stage.view import View, plain_topics
+from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
 
 _SAMPLES = 400
-_MOST_EVENTS = 300
+_LOOKS = 24
+"""Times at which it is looked what moves."""
 _FRAME_S = 1 / 30
+_CHART_S = 0.15
 _SPEEDS = {"0.1 ×": 0.1, "0.25 ×": 0.25, "0.5 ×": 0.5, "1 ×": 1.0, "2 ×": 2.0, "5 ×": 5.0}
 _JUMP = "jump to an event"
-_STEPS = ("first", "back", "next", "last")
-_MOST_MARKS = 40
+_STEPS = ("« first", "‹ back", "next ›", "last »")
+_KEYS = (
+    ("arrowleft", "a step back"),
+    ("arrowright", "a step on"),
+    ("home", "the first step"),
+    ("end", "the last step"),
+)
 _SLOWLY_S = 0.5
+_TOP = -2.0
+"""Order of what is above all else."""
+_PLAY, _PAUSE = "player-play-filled", "player-pause-filled"
 
 
 def open_recording(path: Path) -> Recording:
@@ -48,64 +62,163 @@ def open_recording(path: Path) -> Recording:
     return recording
 
 
-class Playback:
-    """A recording on a page, with its time.
+class Findings:
+    """What is found in recordings, in the background: what happened, and where they part.
 
-    server: of viser. other: a second recording, drawn as a ghost at the same time. is_playing:
-    whether its time goes on by itself.
+    marks: in order of time. stops: time [ns], and who has stopped the robot by a call; empty: it
+    has been released. error: why they cannot be compared.
+    """
+
+    def __init__(self, recording: Recording, other: Recording | None) -> None:
+        self.marks: tuple[Mark, ...] = ()
+        self.stops: list[tuple[int, str]] = []
+        self._lock = threading.Lock()
+        threading.Thread(
+            target=self._read, args=(recording.path,), name="events", daemon=True
+        ).start()
+        if other is not None:
+            find = (recording.path, other.path, History(recording).step_ns)
+            threading.Thread(target=self._compare, args=find, name="diff", daemon=True).start()
+
+    def _read(self, path: Path) -> None:
+        with Recording(path) as recording:
+            events, _ = read_timeline(recording, result_of(recording))
+            if calls := recording.ports.get(layout.CALLS_TOPIC):
+                rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
+                self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
+        self._add(
+            Mark(t_s=one.t_ns * 1e-9, level=one.level, text=f"{one.source}: {one.text}")
+            for one in events
+        )
+
+    def _compare(self, path: Path, other: Path, step_ns: int) -> None:
+        t_s, level = 0.0, "info"
+        try:
+            divergence = diff(path, other).divergence
+        except StepbusError as exc:
+            text = str(exc)
+        else:
+            text = "both recordings are equal"
+            if divergence is not None:
+                t_s, level = divergence.step * step_ns * 1e-9, "divergence"
+                text = f"first divergence: {divergence.text()}"
+        self._add([Mark(t_s=t_s, level=level, text=text)])
+
+    def _add(self, marks: Iterable[Mark]) -> None:
+        with self._lock:
+            self.marks = tuple(sorted((*self.marks, *marks), key=lambda mark: mark.t_s))
+
+
+class Playback:
+    """A recording on a page: every visitor has a time of their own.
+
+    server: of viser. other: a second recording, drawn as a ghost at the same time.
     """
 
     def __init__(self, server: Any, recording: Recording, other: Recording | None = None) -> None:
-        self._history = History(recording)
-        self._other = None if other is None else History(other)
-        self._t_ns = 0
-        self.is_playing = False
+        self._server = server
+        recordings = [recording] if other is None else [recording, other]
+        self._histories = [History(one) for one in recordings]
+        self._scenes = [build_scene(one) for one in recordings]
+        self._findings = Findings(recording, other)
+        self._players: dict[int, Player] = {}
+        add_light(server.scene)
+        self._framing = Framing(server, self._scenes[0])
+        history, topics = self._histories[0], self._scenes[0].topics
+        for t_ns in history.times(_LOOKS):
+            self._framing.sweep(history.at(topics, t_ns))
+
+    def turn(self, elapsed_s: float) -> None:
+        """Go on by the time since the last turn [s], and show what is new."""
+        clients = self._server.get_clients()
+        self._players = {key: one for key, one in self._players.items() if key in clients}
+        for key, client in clients.items():
+            if key not in self._players:
+                self._players[key] = Player(client, self._histories, self._scenes, self._findings)
+            self._players[key].turn(elapsed_s)
+        self._framing.turn()
+
+
+class Player:
+    """A recording on the page of one visitor, with its time.
+
+    host: a client of viser's server, or the server for all. is_playing: whether its time goes on
+    by itself.
+    """
+
+    def __init__(
+        self, host: Any, histories: Sequence[History], scenes: Sequence[Scene], findings: Findings
+    ) -> None:
+        self._host = host
+        self._histories = histories
+        self._history = histories[0]
+        self._findings = findings
+        self._marks: tuple[Mark, ...] = ()
         self._jumps: dict[str, int] = {}
-        # Work for the page's own thread, which alone touches the page.
-        self._pending: SimpleQueue[Callable[[], None]] = SimpleQueue()
-        self._add_time(server.gui)
-        self._view = View(server, build_scene(recording), recording.ports, self._samples)
-        self._stage: Stage | None = None
-        if other is not None:
-            self._stage = Stage(server, build_scene(other), "/other", OTHER_COLOR)
+        self._t_ns = 0
+        self._shown_ns = -1
+        self._charted_s = 0.0
+        self._samples: dict[tuple[str, str], Data] = {}
+        self.is_playing = False
+        self._stop = host.gui.add_html("", order=_TOP)
+        self._slider = self._add_slider(())
+        self._add_controls(host.gui)
+        recording = self._history.recording
+        runs = _run_names([one.recording.path for one in histories]) if histories[1:] else ()
+        self._view = View(host, scenes[0], recording.ports, self._sample, runs)
+        self._others = [
+            (history, Stage(host, scene, "/other", OTHER_COLOR))
+            for history, scene in zip(histories[1:], scenes[1:], strict=True)
+        ]
         self._show()
         topics = plain_topics(recording.ports)
         self._view.offer_signals(self._history.at(topics, self._history.end_ns))
-        threading.Thread(target=self._find_events, name="events", daemon=True).start()
-        if other is not None:
-            find = threading.Thread(
-                target=self._find_divergence, args=(other.path,), name="diff", daemon=True
-            )
-            find.start()
 
-    def _samples(self, signal: Signal) -> Data:
+    def _sample(self, signal: Signal) -> Data:
         """Return a signal over the whole recording, at evenly spaced times."""
-        history = self._history
-        times: list[float] = []
-        rows: list[list[float]] = []
-        for t_ns in history.times(max(1, min(_SAMPLES, history.last_step))):
-            latest = history.at((signal.topic,), t_ns).get(signal.topic)
-            if latest is not None:
-                times.append(t_ns * 1e-9)
-                rows.append(signal.values(latest.message))
-        values: Any = np.array(rows, dtype=np.float64).reshape(len(rows), len(signal.names))
-        return np.array(times), values
+        if signal.key not in self._samples:
+            self._samples[signal.key] = self._read(signal)
+        return self._samples[signal.key]
+
+    def _read(self, signal: Signal) -> Data:
+        times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
+        values = np.full((len(times), len(self._histories), len(signal.names)), math.nan)
+        for number, history in enumerate(self._histories):
+            for row, t_ns in enumerate(times):
+                latest = history.at((signal.topic,), t_ns).get(signal.topic)
+                if latest is not None and t_ns <= history.end_ns:
+                    values[row, number] = signal.values(latest.message)
+        return np.array(times) * 1e-9, values.reshape(len(times), -1)
 
     # --- the controls ---------------------------------------------------------------------
 
-    def _add_time(self, gui: Any) -> None:
+    def _add_slider(self, marks: Sequence[Mark]) -> Any:
         end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns * 1e-9
-        self._slider = gui.add_slider(
-            "time [s]", min=0.0, max=end_s, step=step_s, initial_value=0.0
+        slider = self._host.gui.add_slider(
+            "time [s]",
+            min=0.0,
+            max=end_s,
+            step=step_s,
+            initial_value=min(self._t_ns * 1e-9, end_s),
+            marks=on_slider(marks, end_s),
+            order=_TOP + 1,
         )
-        self._slider.on_update(self._dragged)
-        self._play = gui.add_button("play")
+        slider.on_update(self._dragged)
+        return slider
+
+    def _add_controls(self, gui: Any) -> None:
+        self._play = gui.add_button("play", icon=_PLAY, hint="space")
         self._play.on_click(lambda _: self.play(playing=not self.is_playing))
-        self._step = gui.add_button_group("step", _STEPS)
-        self._step.on_click(lambda _: self._stepped(str(self._step.value)))
+        self._step = gui.add_button_group("step", _STEPS, hint="←, →, home, end")
+        self._step.on_click(lambda _: self._stepped(_STEPS.index(self._step.value)))
         self._speed = gui.add_dropdown("speed", tuple(_SPEEDS), initial_value="1 ×")
-        self._jump = gui.add_dropdown("event", (_JUMP,), initial_value=_JUMP)
+        self._jump = gui.add_dropdown("event", (_JUMP,), initial_value=_JUMP, visible=False)
         self._jump.on_update(lambda _: self._seek(self._jumps.get(self._jump.value, self._t_ns)))
+        play = gui.add_command("play or pause", hotkey="space")
+        play.on_trigger(lambda _: self.play(playing=not self.is_playing))
+        for which, (key, label) in zip((1, 2, 0, 3), _KEYS, strict=True):
+            step = gui.add_command(label, hotkey=key)
+            step.on_trigger(lambda _, which=which: self._stepped(which))
 
     def _dragged(self, event: Any) -> None:
         # What this process sets has no client.
@@ -117,51 +230,27 @@ class Playback:
         if playing and self._t_ns >= self._history.end_ns:
             self._t_ns = 0
         self.is_playing = playing
-        self._play.label = "pause" if playing else "play"
+        self._play.label, self._play.icon = ("pause", _PAUSE) if playing else ("play", _PLAY)
 
-    def _stepped(self, which: str) -> None:
+    def _stepped(self, which: int) -> None:
+        """Go to the first step, back, on, or to the last one."""
         history = self._history
         self.play(playing=False)
         step = round(self._t_ns / history.step_ns)
-        number = {"first": 0, "back": step - 1, "next": step + 1, "last": history.last_step}[which]
-        self._seek(number * history.step_ns)
+        self._seek((0, step - 1, step + 1, history.last_step)[which] * history.step_ns)
 
     def _seek(self, t_ns: int) -> None:
         self._t_ns = min(max(0, t_ns), self._history.end_ns)
 
-    # --- what is found in the background --------------------------------------------------
-
-    def _find_events(self) -> None:
-        events: list[tuple[int, str]] = []
-        with Recording(self._history.recording.path) as recording:
-            for port in recording.of_type("Event/1"):
-                for t_ns, message in islice(timed_messages(port), _MOST_EVENTS):
-                    if isinstance(message, Event):
-                        text = (message.text.splitlines() or [""])[0]
-                        who = f"{message.level}: {port.participant}"
-                        events.append((t_ns, f"{t_ns * 1e-9:.3f} s {who}: {text}"))
-        events = sorted(events)[:_MOST_EVENTS]
-        self._pending.put(lambda: self._view.tell([text for _, text in events]))
-        self._pending.put(lambda: self._add_jumps({text: t_ns for t_ns, text in events}))
-
-    def _add_jumps(self, jumps: dict[str, int]) -> None:
-        self._jumps |= jumps
-        self._jump.options = (_JUMP, *sorted(self._jumps, key=self._jumps.__getitem__))
-        marks = sorted({round(t_ns * 1e-9, 9) for t_ns in self._jumps.values()})
-        self._slider.marks = tuple(marks) if len(marks) <= _MOST_MARKS else ()
-
-    def _find_divergence(self, other: Path) -> None:
-        try:
-            divergence = diff(self._history.recording.path, other).divergence
-        except StepbusError as exc:
-            text = str(exc)
-            self._pending.put(lambda: self._view.tell([text]))
-            return
-        t_ns, text = 0, "0.000 s both recordings are equal"
-        if divergence is not None:
-            t_ns = divergence.step * self._history.step_ns
-            text = f"{t_ns * 1e-9:.3f} s first divergence: {divergence.text()}"
-        self._pending.put(lambda: self._add_jumps({text: t_ns}))
+    def _mark(self) -> None:
+        """Show what has been found since."""
+        self._marks = self._findings.marks
+        self._jumps = {mark.label: round(mark.t_s * 1e9) for mark in self._marks}
+        self._jump.options = (_JUMP, *self._jumps)
+        self._jump.visible = bool(self._jumps)
+        self._slider.remove()
+        self._slider = self._add_slider(self._marks)
+        self._view.tell(self._marks)
 
     @property
     def status(self) -> str:
@@ -177,8 +266,8 @@ class Playback:
 
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
-        while not self._pending.empty():
-            self._pending.get_nowait()()
+        if self._marks is not self._findings.marks:
+            self._mark()
         if self.is_playing:
             speed = _SPEEDS[self._speed.value]
             self._seek(self._t_ns + round(elapsed_s * speed * 1e9))
@@ -187,20 +276,33 @@ class Playback:
         if self._t_ns != self._shown_ns:
             self._slider.value = self._t_ns * 1e-9
             self._show()
+        self._charted_s += elapsed_s
+        if self._charted_s >= _CHART_S:
+            self._charted_s = 0.0
+            self._view.curves.update(self._marks, self._t_ns * 1e-9)
 
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
         self._view.show(history.at(self._view.topics, t_ns))
-        if self._stage is not None and self._other is not None:
-            scene = self._stage.scene
-            self._stage.move(scene.poses(self._other.at(scene.topics, t_ns)))
+        for other, stage in self._others:
+            stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
+        called = [who for since_ns, who in self._findings.stops if since_ns <= t_ns]
+        banner = stop_banner(self._view.stopped or next(reversed(called), ""))
+        if banner != self._stop.content:
+            self._stop.content = banner
         step = round(t_ns / history.step_ns)
         why = history.recording.cut_short
         note = f"  \nthe recording **{why}**; what precedes that is shown" if why else ""
         self._view.status.content = (
             f"**t = {t_ns * 1e-9:.3f} s**, step {step} of {history.last_step}{note}"
         )
+
+
+def _run_names(paths: Sequence[Path]) -> list[str]:
+    """Return the folders of recordings, or their paths where they share a name."""
+    names = [path.parent.name for path in paths]
+    return names if len(set(names)) == len(names) else [str(path) for path in paths]
 
 
 def play(playback: Playback, is_over: Callable[[], bool]) -> None:

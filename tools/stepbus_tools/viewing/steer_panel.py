@@ -1,4 +1,4 @@
-"""What a viewer changes in a run: joints, bodies, orders, and the emergency stop."""
+"""What a visitor changes in a run: joints, bodies, orders, and the emergency stop."""
 
 import math
 import time
@@ -27,8 +27,33 @@ _MOST_JOINTS = 40
 Offered = Mapping[str, Mapping[str, Any]]
 
 
+class StopButtons:
+    """The emergency stop and its release, above all tabs, where calls offer them."""
+
+    def __init__(self, gui: Any, client: RunClient) -> None:
+        self._client = client
+        self._stop = gui.add_button("emergency stop", color="red", icon="hand-stop", visible=False)
+        self._release = gui.add_button("release", color="dark", icon="lock-open", visible=False)
+        self._stop.on_click(lambda _: self._ask(stops=True))
+        self._release.on_click(lambda _: self._ask(stops=False))
+        self._offering: list[str] = []
+
+    def offer(self, offered: Offered) -> None:
+        """Take what the participants of a run offer."""
+        self._offering = _offering(offered, _STOP)
+
+    def update(self, *, is_stopped: bool) -> None:
+        """Show the one that does something."""
+        self._stop.visible = bool(self._offering) and not is_stopped
+        self._release.visible = bool(self._offering) and is_stopped
+
+    def _ask(self, *, stops: bool) -> None:
+        for who in self._offering:
+            self._client.ask(who, _STOP, stops, _PERSON)
+
+
 class SteerPanel:
-    """Sliders of joints, a handle at a body, orders, and emergency stop, where calls offer them."""
+    """Sliders of joints, a handle at a body, and orders, where calls offer them."""
 
     def __init__(self, server: Any, client: RunClient, ports: Ports, stage: Stage) -> None:
         self._server = server
@@ -45,18 +70,11 @@ class SteerPanel:
 
     def offer(self, offered: Offered) -> None:
         """Add what the participants of a run offer; call it once, in a tab."""
-        for name in _offering(offered, _STOP):
-            self._add_button(f"emergency stop ({name})", "red", name, True)
-            self._add_button("release", "gray", name, False)
         for name in _offering(offered, _ORDER):
             self._add_order(name)
         for name in _offering(offered, _MOVE):
             self._add_bodies(name)
         self._add_joints(offered)
-
-    def _add_button(self, label: str, color: str, who: str, stops: bool) -> None:
-        button = self._gui.add_button(label, color=color)
-        button.on_click(lambda _: self._client.ask(who, _STOP, stops, _PERSON))
 
     def follow(self, messages: Messages) -> None:
         """Take what is measured now."""
@@ -109,7 +127,7 @@ class SteerPanel:
         kinds = {kind for port in poses for kind in port.description.details.get("type", ())}
         if types := sorted(kinds - {""}):
             choice = self._gui.add_dropdown("order", tuple(types), initial_value=types[0])
-            button = self._gui.add_button("order it")
+            button = self._gui.add_button("order it", icon="shopping-cart")
             button.on_click(lambda _: self._client.ask(who, _ORDER, choice.value))
 
     # --- bodies ---------------------------------------------------------------------------
@@ -119,8 +137,13 @@ class SteerPanel:
             return
         names = (_NO_BODY, *sorted(self._bodies))
         choice = self._gui.add_dropdown("move", names, initial_value=_NO_BODY)
-        button = self._gui.add_button("put it there")
-        choice.on_update(lambda _: self._hold(choice.value))
+        button = self._gui.add_button("put it there", icon="map-pin", disabled=True)
+
+        def hold() -> None:
+            self._hold(choice.value)
+            button.disabled = self._handle is None
+
+        choice.on_update(lambda _: hold())
         button.on_click(lambda _: self._put(who, choice.value))
 
         def choose(body: str) -> None:

@@ -1,55 +1,103 @@
-"""One signal as a chart of a page: what is chosen from, and how it is drawn."""
+"""Signals as charts of a page: a tree of ports to choose from, and how they are drawn."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
 from stepbus_tools.columns import NUMBERS, dotted, fields_of
+from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.stage.marks import Mark
 
-_MOST = 16
-"""Curves of one signal; more cannot be told apart."""
-_NOTHING = "(none)"
+_MOST_LINES = 16
+"""Of one signal; more cannot be told apart."""
+_MOST_CHARTS = 8
+_LAST = 1000.0
+"""Order of what comes after all charts."""
 Data = tuple[NDArray[np.float64], NDArray[np.float64]]
-"""Times, shape (T,) [s], and values, shape (T, n). Times up to 0 count back from now."""
+"""Times, shape (T,) [s], and values, shape (T, n). Times up to 0 count back from now.
 
-_COLORS = (
-    "#1f77b4", "#d62728", "#2ca02c", "#ff7f0e", "#9467bd", "#8c564b", "#e377c2", "#17becf",
-    "#7f7f7f", "#bcbd22", "#3b5b92", "#b5338a", "#5a8f29", "#c7762b", "#6a3d9a", "#34495e",
-)  # fmt: skip
+A second recording has its values behind those of the first, shape (T, 2 n).
+"""
+_LIMITS = {"position": ("lower", "upper"), "velocity": ("velocity",), "effort": ("effort",)}
+_RULES = (
+    ("soft", ("info", "warning", "goal", "call")),
+    ("bad", ("error", "fault", "failure")),
+    ("line", ("divergence",)),
+)
+"""Lines up and down: their colour, and the levels of what they mark."""
+_RULE_COLORS = {"soft": f"{PAPER['soft']}70", "bad": PAPER["bad"], "line": LINES[1]}
+_UNNAMED = "\u2060"
+"""Begins the label of a line that is left out of the legend (front.js)."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class Signal:
-    """A field of a port that has numbers. label: as `stepbus plot` has it. names: of its lines."""
+    """A field of a port that has numbers. label: as `stepbus plot` has it. names: of its lines.
+
+    limits: of each line, the lower and the upper one; infinite where there is none.
+    """
 
     topic: str
     field: str
     names: Sequence[str]
     label: str = ""
+    unit: str = ""
+    limits: Sequence[tuple[float, float]] = ()
 
     def values(self, message: Message) -> list[float]:
         """Return its numbers in a message; NaN for what is absent."""
         values = _numbers(getattr(message, self.field, None))[: len(self.names)]
         return values + [math.nan] * (len(self.names) - len(values))
 
+    @property
+    def key(self) -> tuple[str, str]:
+        """Return what tells it from all others."""
+        return self.topic, self.field
+
+    @property
+    def title(self) -> str:
+        """Return its label with its unit."""
+        return f"{self.label} [{self.unit}]" if self.unit else self.label
+
 
 def signals(ports: Ports, messages: Messages) -> list[Signal]:
     """Return what the newest messages of some ports have numbers of."""
     rows = []
     for topic, latest in messages.items():
-        for field in fields_of(ports[topic], type(latest.message)):
+        port = ports[topic]
+        for field in fields_of(port, type(latest.message)):
             count = len(_numbers(getattr(latest.message, field.name)))
             if count and field.columns[0].type in (*NUMBERS, "list"):
-                label, names = f"{dotted(ports[topic])}.{field.name}", field.labels(count)[:_MOST]
-                rows.append(Signal(topic=topic, field=field.name, names=names, label=label))
+                label, names = f"{dotted(port)}.{field.name}", field.labels(count)[:_MOST_LINES]
+                limits = _limits(port, field.name, len(names))
+                unit = field.columns[0].unit
+                rows.append(
+                    Signal(
+                        topic=topic,
+                        field=field.name,
+                        names=names,
+                        label=label,
+                        unit=unit,
+                        limits=limits,
+                    )
+                )
     return rows
+
+
+def _limits(port: PortInfo, field: str, count: int) -> list[tuple[float, float]]:
+    rows = [port.description.limits.get(key, ()) for key in _LIMITS.get(field, ())]
+    if not rows or any(len(row) < count for row in rows):
+        return []
+    pairs = zip(*rows, strict=True) if len(rows) > 1 else ((-value, value) for value in rows[0])
+    return [(float(low), float(high)) for low, high in pairs][:count]
 
 
 def _numbers(value: Any) -> list[float]:
@@ -64,85 +112,199 @@ def _numbers(value: Any) -> list[float]:
 
 
 class Curves:
-    """A choice of signals and a chart, in a tab. sample: returns the data of a signal."""
+    """A tree of ports and the charts of the signals that are chosen in it, in a tab.
 
-    def __init__(self, server: Any, tab: Any, sample: Callable[[Signal], Data]) -> None:
-        self._gui = server.gui
+    gui: of a server of viser, or of one of its clients. sample: returns the data of a signal. runs:
+    names of two recordings whose values it has, else none.
+    """
+
+    def __init__(
+        self, gui: Any, tab: Any, sample: Callable[[Signal], Data], runs: Sequence[str] = ()
+    ) -> None:
+        self._gui = gui
         self._tab = tab
         self._sample = sample
+        self._runs = runs
         self._signals: dict[str, Signal] = {}
-        self._chart: Any = None
-        self._shown = _NOTHING
-        self._span = (0.0, 0.0)
+        self._boxes: dict[str, Any] = {}
+        self._folders: dict[str, Any] = {}
+        self._charts: dict[str, _Chart] = {}
         with tab:
-            self._choice = self._gui.add_dropdown("signal", (_NOTHING,), initial_value=_NOTHING)
-        self._choice.on_update(lambda _: self._choose())
+            self._hint = gui.add_markdown("choose signals below", order=_LAST - 1)
 
     def offer(self, offered: Sequence[Signal]) -> None:
         """Offer signals to choose from; the first one is chosen where none is yet."""
-        labels = {signal.label: signal for signal in offered}
-        if labels.keys() <= self._signals.keys():
-            return
-        is_first = not self._signals
-        self._signals |= labels
-        self._choice.options = (_NOTHING, *sorted(self._signals))
-        if is_first:
-            self._choice.value = next(iter(labels))
-            self._choose()
+        for signal in offered:
+            if signal.label not in self._signals:
+                is_first = not self._signals
+                self._signals[signal.label] = signal
+                with self._folder(signal, is_first):
+                    what = signal.title.removeprefix(".".join(signal.label.split(".")[:-1]) + ".")
+                    box = self._gui.add_checkbox(what, initial_value=is_first, hint=signal.title)
+                self._boxes[signal.label] = box
 
-    def _choose(self) -> None:
-        self._shown = self._choice.value
-        if self._chart is not None:
-            self._chart.remove()
-            self._chart = None
-        self.update()
+    def _folder(self, signal: Signal, is_open: bool) -> Any:
+        """Return the folder of a signal's port, in that of its participant."""
+        participant, port, *_ = signal.label.split(".")
+        parent, path = self._tab, ""
+        for name in (participant, port):
+            path += f".{name}"
+            if path not in self._folders:
+                with parent:
+                    order = {"order": _LAST} if parent is self._tab else {}
+                    self._folders[path] = self._gui.add_folder(
+                        name, expand_by_default=is_open, **order
+                    )
+            parent = self._folders[path]
+        return parent
 
-    def update(self) -> None:
-        """Draw the newest data of the signal that is chosen."""
-        signal = self._signals.get(self._shown)
-        if signal is None:
+    def update(self, marks: Sequence[Mark] = (), now_s: float | None = None) -> None:
+        """Draw the newest data of the signals that are chosen, with marks, and a line at now."""
+        chosen = [label for label, box in self._boxes.items() if box.value][:_MOST_CHARTS]
+        if self._hint.visible != (not chosen):
+            self._hint.visible = not chosen
+        for label in [label for label in self._charts if label not in chosen]:
+            self._charts.pop(label).remove()
+        for label in chosen:
+            if label not in self._charts:
+                self._charts[label] = _Chart(self._gui, self._tab, self._signals[label], self._runs)
+            chart = self._charts[label]
+            chart.draw(self._sample(chart.signal), marks, now_s)
+
+
+class _Chart:
+    """The chart of one signal."""
+
+    def __init__(self, gui: Any, tab: Any, signal: Signal, runs: Sequence[str]) -> None:
+        self.signal = signal
+        self._gui = gui
+        self._tab = tab
+        self._runs = runs
+        self._plot: Any = None
+        self._scales: dict[str, Any] = {}
+        self._drawn: tuple[Any, ...] = ()
+
+    def remove(self) -> None:
+        """Take it off the page."""
+        if self._plot is not None:
+            self._plot.remove()
+
+    def draw(self, data: Data, marks: Sequence[Mark], now_s: float | None) -> None:
+        """Draw data, marks, and a line at now."""
+        times, values = data
+        drawn = (len(times), *times[-1:], len(marks), now_s, *values[-1:].ravel())
+        if len(times) < 2 or drawn == self._drawn:
             return
-        times, values = self._sample(signal)
-        # The choice is made in a thread of viser's: a sample may be of the one before.
-        if len(times) < 2 or values.shape[1] != len(signal.names):
-            return
-        data, span = (times, *values.T.copy()), _span(times)
-        if self._chart is None:
-            self._chart = self._make(signal, data, span)
+        self._drawn = drawn
+        low, high = value_span(values, self.signal.limits)
+        x, rows = _rows(data, self.signal.limits, marks, now_s, (low, high))
+        span = time_span(times)
+        # viser's page, left to find limits, loses them for ever when it is so busy that new data
+        # comes before the chart is first drawn: the chart stays empty.
+        scales = {
+            "x": {"time": False, "range": span},
+            "y": {"auto": False, "range": (low, high)},
+        }
+        if self._plot is None:
+            self._plot = self._make((x, *rows), span[1] > 0, scales)
         else:
-            self._chart.data = data
-            if span != self._span:
-                self._chart.scales = _scales(span)
-        self._span = span
+            self._plot.data = (x, *rows)
+            if scales != self._scales:
+                self._plot.scales = scales
+        self._scales = scales
 
-    def _make(self, signal: Signal, data: tuple[Any, ...], span: tuple[float, float]) -> Any:
-        lines = tuple(
-            {"label": name, "stroke": _COLORS[number % len(_COLORS)], "width": 1.5}
-            for number, name in enumerate(signal.names)
-        )
+    def _make(self, data: tuple[Any, ...], is_past: bool, scales: Mapping[str, Any]) -> Any:
+        axis = {"stroke": PAPER["soft"], "grid": {"stroke": PAPER["line"], "width": 1}}
         with self._tab:
             return self._gui.add_uplot(
                 data=data,
-                series=({"label": "t [s]" if span[1] else "before now [s]"}, *lines),
-                scales=_scales(span),
+                title=self.signal.title,
+                series=({"label": "t [s]" if is_past else "before now [s]"}, *self._series()),
+                scales=scales,
+                axes=(axis, axis | {"size": 56}),
                 legend={"show": True},
-                aspect=1.4,
+                aspect=1.6,
+                padding=(8, 12, 0, 0),
             )
 
+    def _series(self) -> list[dict[str, Any]]:
+        names, runs = self.signal.names, self._runs or ("",)
+        lines = []
+        for number_of_run, run in enumerate(runs):
+            for number, name in enumerate(names):
+                style = line_style(number)
+                is_broken = style.is_broken or number_of_run > 0
+                line = {"label": f"{name} · {run}" if run else name, "stroke": LINES[style.color]}
+                lines.append(line | {"width": 1.5} | ({"dash": (5, 4)} if is_broken else {}))
+        for number in range(len(self.signal.limits)):
+            color = LINES[line_style(number).color]
+            for end in ("lower", "upper"):
+                label = f"{end} limit of {names[number]}"
+                lines.append(_rule(label, color, dash=(2, 4)))
+        for name, _ in _RULES:
+            lines.append(_rule(name, _RULE_COLORS[name], dash=(6, 3)))
+        return [*lines, _rule("now", PAPER["ink"], width=2)]
 
-def _span(times: NDArray[np.float64]) -> tuple[float, float]:
+
+def _rule(label: str, color: str, **more: Any) -> dict[str, Any]:
+    return {"label": _UNNAMED + label, "stroke": color, "width": 1} | more
+
+
+def _rows(
+    data: Data,
+    limits: Sequence[tuple[float, float]],
+    marks: Sequence[Mark],
+    now_s: float | None,
+    span: tuple[float, float],
+) -> tuple[Any, list[Any]]:
+    """Return times, and what is drawn over them: values, limits, marks, and now.
+
+    A line up and down is three points at the same time, from below the chart and back.
+    """
+    times, values = data
+    kinds = [[mark.t_s for mark in marks if mark.level in levels] for _, levels in _RULES]
+    kinds.append([] if now_s is None else [now_s])
+    kinds = [[t for t in kind if times[0] <= t <= times[-1]] for kind in kinds]
+    size = span[1] - span[0]
+    below, above = span[0] - size, span[1] + size
+    x = np.concatenate([times, *(np.repeat(kind, 3) for kind in kinds)])
+    order = np.argsort(x, kind="stable")
+    x = x[order]
+    # A line without a value leaves the chart downwards: NaN would take its axes away.
+    rows = [np.interp(x, times, np.where(np.isfinite(row), row, below)) for row in values.T]
+    ends = (end if math.isfinite(end) else below for pair in limits for end in pair)
+    rows += [np.full(len(x), end) for end in ends]
+    start = len(times)
+    for kind in kinds:
+        comb = np.full(len(x), below)
+        comb[start + 1 : start + 3 * len(kind) : 3] = above
+        start += 3 * len(kind)
+        rows.append(comb[order])
+    return x, rows
+
+
+def time_span(times: NDArray[np.float64]) -> tuple[float, float]:
     """Return the first and the last time of a chart; before now, it is one of a few sizes."""
     first, last = float(times[0]), float(times[-1])
     if last > 0:
         return first, last
-    decade = 10.0 ** math.floor(math.log10(max(-first, 1e-3)))
-    return -next(n * decade for n in (1, 2, 3, 4, 6, 8, 10) if n * decade >= -first - 1e-9), 0.0
+    return -_rounded(max(-first, 1e-3)), 0.0
 
 
-def _scales(span: tuple[float, float]) -> dict[str, Any]:
-    """Return scales with limits of our own.
+def value_span(
+    values: NDArray[np.float64], limits: Sequence[tuple[float, float]] = ()
+) -> tuple[float, float]:
+    """Return the ends of a chart: of all values and of limits near them. They seldom change."""
+    finite = values[np.isfinite(values)]
+    low, high = (float(finite.min()), float(finite.max())) if finite.size else (0.0, 0.0)
+    reach = high - low or max(abs(high), 1.0) * 0.1
+    near = [end for pair in limits for end in pair if low - reach / 4 <= end <= high + reach / 4]
+    low, high = min([low, *near]), max([high, *near])
+    step = _rounded((high - low or reach) / 8)
+    return math.floor(low / step - 0.25) * step, math.ceil(high / step + 0.25) * step
 
-    viser's page, left to find them, loses them for ever when it is so busy that new data comes
-    before the chart is first drawn: the chart stays empty.
-    """
-    return {"x": {"time": False, "range": span}}
+
+def _rounded(size: float) -> float:
+    """Return the next larger of a few sizes."""
+    decade = 10.0 ** math.floor(math.log10(size))
+    return float(next(n * decade for n in (1, 2, 3, 4, 6, 8, 10) if n * decade >= size - 1e-9))

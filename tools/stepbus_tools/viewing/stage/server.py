@@ -12,6 +12,8 @@ from stepbus_participant import need
 from stepbus_schemas import WiringError
 from stepbus_tools.viewing.access import LOOPBACK, Door, Process, listening
 
+from .front import with_front
+
 _START_S = 60.0
 _starting = threading.Lock()
 
@@ -58,23 +60,20 @@ def open_page(
     # viser takes the next port when one is taken, and does not say what is wrong with a host.
     listening(host, port).close()
     # It prints a box.
-    with _starting, _guarded(door), contextlib.redirect_stdout(io.StringIO()):
+    with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
         server = _started(lambda: Server(host=host, port=port, verbose=False))
     door.port = server.get_port()
     page = Page(server=server, door=door, address=door.new_address())
     if port and door.port != port:
         page.close()
         raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
-    set_theme(server)
+    server.gui.configure_theme(
+        control_width="large",
+        show_logo=False,
+        show_share_button=False,
+    )
     server.gui.set_panel_label(label)
     return page
-
-
-def set_theme(server: Any, *, is_dark: bool = False) -> None:
-    """Give a page its colours."""
-    server.gui.configure_theme(
-        control_width="large", show_logo=False, show_share_button=False, dark_mode=is_dark
-    )
 
 
 def _started(make: Callable[[], Any]) -> Any:
@@ -105,19 +104,20 @@ def _started(make: Callable[[], Any]) -> Any:
 
 
 @contextlib.contextmanager
-def _guarded(door: Door) -> Iterator[None]:
+def _guarded(door: Door, title: str) -> Iterator[None]:
     """Make a server that starts now refuse requests that do not come through the door.
 
     viser 1.1 has no option, hook or base class for that: it makes its own server, on a port that
     every user of the machine can connect to, so that no server of ours in front of it would help.
-    But all of its requests pass `process_request` of websockets.
+    But all of its requests pass `process_request` of websockets. title: of its page.
     """
     from websockets.asyncio import server as websockets  # noqa: PLC0415  (an extra)
 
     serve = websockets.serve
 
     def guarded(*args: Any, process_request: Process, **named: Any) -> Any:
-        return serve(*args, process_request=door.guard(process_request), **named)
+        fronted = with_front(process_request, title)
+        return serve(*args, process_request=door.guard(fronted), **named)
 
     websockets.serve = guarded  # type: ignore[assignment,misc]  # for as long as it starts
     try:

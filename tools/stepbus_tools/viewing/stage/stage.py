@@ -1,4 +1,4 @@
-"""A scene on a page: its nodes, what moves them, and where a viewer stands at the start."""
+"""A scene on a page: its nodes, what moves them, and the floor below."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -6,37 +6,42 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.meshes import Color, Visual
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import GHOST, Frame, Scene, bounds
+from stepbus_tools.viewing.scene.scene import GHOST, Frame, Scene
+from stepbus_tools.viewing.stage.light import drawn
 
 OTHER_COLOR: Color = (255, 120, 30)
 _GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
+_CELL: Color = (128, 133, 140)
+_SECTION: Color = (105, 110, 117)
+FLOOR_M = 8.0
+"""What is as large is a floor: it has shadows, and is not among what is looked at."""
 _NEAR = 1e-9
 _APART_M = 0.01
 _APART_RAD = math.radians(1.0)
 _STICKS = 0.5
 """A ghost that is shown stays until it is so much nearer."""
-_AWAY = np.array([0.64, -0.64, 0.43])
-_RIGHT = 0.14 * np.array([1.0, 1.0, 0.0])
-"""The controls cover the right of the page, so its middle is to the right of the scene's."""
-_FLAT, _TALL = 0.6, 0.25
-"""How far away, in sizes of a scene: one that is flat needs less of the page."""
-_NARROW, _LIFT = 0.7, 0.3
-"""On a page that is higher than wide: how far away at an aspect of 1, how far below the middle."""
 
 
 class Stage:
-    """Draws a scene on a server of viser, and moves its frames.
+    """Draws a scene on a server of viser, or for one of its clients, and moves its frames.
 
-    root: of its nodes. tint: colour of a scene that is only shown beside another one. paths: frame
-    → its node.
+    root: of its nodes. tint: colour of a scene that is only shown beside another one. shade: gives
+    the colour to draw with in its light. paths: frame → its node.
     """
 
-    def __init__(self, server: Any, scene: Scene, root: str = "/run", tint: Color | None = None):
+    def __init__(
+        self,
+        server: Any,
+        scene: Scene,
+        root: str = "/run",
+        tint: Color | None = None,
+        shade: Callable[[Color], Color] = drawn,
+    ) -> None:
         self.scene = scene
+        self._shade = shade
         self.paths: dict[str, str] = {"": root}
         self._server = server
         self._tint = tint
@@ -72,16 +77,18 @@ class Stage:
         ]
 
     def _add_visual(self, path: str, visual: Visual, tint: Color | None) -> Any:
+        is_floor = float(np.ptp(visual.mesh.vertices, axis=0).max()) >= FLOOR_M
         return self._server.scene.add_mesh_simple(
             path,
             vertices=visual.mesh.vertices,
             faces=visual.mesh.faces,
-            color=visual.shown_color if tint is None else tint,
+            color=self._shade(visual.shown_color if tint is None else tint),
             opacity=None if tint is None else _GHOST_OPACITY,
             flat_shading=True,
             side="double",
-            cast_shadow=False,
-            receive_shadow=False,
+            cast_shadow=tint is None and not is_floor,
+            # Drawn from both sides, since files turn some faces around, a body would shade itself.
+            receive_shadow=is_floor,
             position=visual.pose.position,
             wxyz=visual.pose.wxyz,
         )
@@ -155,34 +162,20 @@ def _apart(a: Pose, b: Pose) -> float:
     return max(math.dist(a.position, b.position) / _APART_M, 2 * math.acos(cosine) / _APART_RAD)
 
 
-def look_at(server: Any, scene: Scene, messages: Messages) -> None:
-    """Make new viewers look at the whole scene, and draw a floor below it."""
-    low, high = bounds(scene, messages)
+def add_floor(scene: Any, low: Any, high: Any) -> None:
+    """Draw a grid of 0.5 m below a box. scene: of a server of viser, or of one of its clients."""
     middle, size = (low + high) / 2, float(np.linalg.norm(high - low))
-    width, depth, height = (high - low).tolist()
-    away = (_FLAT + _TALL * min(1.0, height / max(width, depth, 1e-9))) * size
-    beside = middle + _RIGHT * away
-    server.initial_camera.look_at = tuple(beside.tolist())
-    server.initial_camera.position = tuple((beside + _AWAY * away).tolist())
-    server.on_client_connect(lambda client: _step_back(client, middle, away))
-    side = max(3.0, np.ceil(1.5 * size))
-    server.scene.add_grid(
+    side = max(3.0, np.ceil(3.0 * size))
+    scene.add_grid(
         "/floor",
         width=side,
         height=side,
         position=(float(middle[0]), float(middle[1]), min(0.0, float(low[2]))),
         cell_size=0.5,
         section_size=1.0,
+        cell_color=_CELL,
+        section_color=_SECTION,
+        cell_thickness=0.5,
+        fade_distance=2.0 * side,
+        shadow_opacity=0.35,
     )
-
-
-def _step_back(client: Any, middle: Any, away: float) -> None:
-    """Fit the scene above the controls of a page that is higher than wide, as on a phone."""
-    aspect = client.camera.aspect
-    if aspect >= 1.0:
-        return
-    distance = away * _NARROW / aspect
-    down = np.array([0.0, 0.0, _LIFT * distance])
-    with client.atomic():
-        client.camera.position = tuple((middle + _AWAY * distance - down).tolist())
-        client.camera.look_at = tuple((middle - down).tolist())

@@ -1,0 +1,63 @@
+"use strict"
+// Runs ahead of viser's client: the colours of the visitor's system, keys, and names of controls.
+const night = matchMedia("(prefers-color-scheme: dark)")
+window.__VISER_EMBED_CONFIG__ = {darkMode: night.matches}
+night.addEventListener("change", () => location.reload())
+
+// What has keys of its own keeps them: they bubble up to viser's root, and no further.
+const busy = "input, textarea, select, [role=slider], [role=tab], [role=option]"
+const pressed = "button, [role=button]"
+const keys = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]
+addEventListener("DOMContentLoaded", () => {
+    document.body.addEventListener("keydown", event => {
+        const presses = [" ", "Enter"].includes(event.key) && event.target.closest(pressed)
+        if (presses || event.target.closest(busy)) event.stopPropagation()
+    })
+    // The arrows step in time; viser would move its camera as well, which W, A, S and D do.
+    document.documentElement.addEventListener("keydown", event => {
+        if (keys.includes(event.key)) event.stopPropagation()
+    })
+    document.documentElement.lang = "en"
+    new MutationObserver(() => { waiting ??= requestAnimationFrame(name) })
+        .observe(document.body, {childList: true, subtree: true, characterData: true})
+})
+
+let waiting = null
+function name() {
+    waiting = null
+    const set = (node, key, value) => {
+        if (node && node.getAttribute(key) !== value) node.setAttribute(key, value)
+    }
+    set(document.getElementById("root"), "role", "main")
+    const all = (query, work) => document.querySelectorAll(query).forEach(work)
+    // A slider and its field share a label, which is for neither.
+    all(".mantine-Slider-root", slider => {
+        const label = document.querySelector(`label[for="${slider.id}"]`)?.textContent
+        if (!label) return
+        set(slider.querySelector("[role=slider]"), "aria-label", label)
+        set(slider.parentNode.querySelector("input:not([type=hidden])"), "aria-label", label)
+    })
+    all(".mantine-Slider-markLabel", mark => set(mark, "data-mark", mark.textContent))
+    // The heads of folders and of the panel are clicked at: they are buttons.
+    all("[style*='cursor: pointer']", head => {
+        if (head.closest("button, a, [role=tab]") || head.querySelector("button, a")) return
+        set(head, "role", "button")
+        set(head, "tabindex", "0")
+        head.onkeydown ??= event => {
+            if (event.target === head && ["Enter", " "].includes(event.key)) {
+                event.preventDefault()
+                head.click()
+            }
+        }
+    })
+    all("button:not([aria-label])", button => {
+        if (!button.textContent.trim()) set(button, "aria-label", button.title || "settings")
+    })
+    // Limits, marks and the playhead have no place in a legend.
+    all(".u-series", row => { row.hidden = row.textContent.startsWith("\u2060") })
+    all("canvas", canvas => {
+        const title = canvas.closest(".uplot")?.querySelector(".u-title")?.textContent
+        set(canvas, "role", "img")
+        set(canvas, "aria-label", title ? `curves of ${title}` : "the scene")
+    })
+}

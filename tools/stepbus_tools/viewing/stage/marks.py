@@ -1,0 +1,49 @@
+"""What happened in a run, as marks: on the slider of its time, in its curves, in a list."""
+
+import html
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+_SIGNS = {
+    "fault": "✕", "failure": "✕", "error": "✕", "warning": "▲", "divergence": "≠",
+    "goal": "•", "call": "•", "info": "•",
+}  # fmt: skip
+"""Level → its sign on the slider; front.css has the colours of these. The serious come first."""
+_ORDER = tuple(_SIGNS)
+_MOST_ON_SLIDER = 24
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mark:
+    """Something that happened. level: as of a TimelineEvent, or divergence."""
+
+    t_s: float
+    level: str
+    text: str
+
+    @property
+    def label(self) -> str:
+        """Return its time, its level and its first line."""
+        return f"{self.t_s:.3f} s {self.level}: {(self.text.splitlines() or [''])[0]}"
+
+
+def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], ...]:
+    """Return the marks of a slider, with their signs: the most serious ones where there are many.
+
+    end_s: of the slider, which has its ends as marks too.
+    """
+    by_time: dict[float, str] = {}
+    for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
+        if len(by_time) < _MOST_ON_SLIDER:
+            by_time.setdefault(round(mark.t_s, 6), _SIGNS[mark.level])
+    ends = {0.0: "0", end_s: f"{end_s:.3g}"}
+    return tuple(sorted((ends | by_time).items()))
+
+
+def listed(marks: Sequence[Mark], most: int) -> str:
+    """Return the last marks as HTML; their text comes from the author of the recording."""
+    rows = "".join(
+        f'<li data-level="{html.escape(mark.level)}">{html.escape(mark.label)}</li>'
+        for mark in marks[-most:]
+    )
+    return f'<ul class="lines">{rows or "<li>nothing yet</li>"}</ul>'
