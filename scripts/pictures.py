@@ -30,32 +30,38 @@ MADE_FROM = PICTURES / "made_from.json"
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 SETTLED_MS = 6000
+WAITED_MS = 120_000
 """What a page of a scene takes until its meshes are there, drawn by the processor."""
 _ADDRESS = re.compile(r"https?://\S+")
 
 
 @dataclass(frozen=True)
 class Shot:
-    """A picture of a page. size: of the window [pixel]. at: where a live run pauses [step]."""
+    """A picture of a page.
+
+    size: of the window [pixel]. at: where a live run pauses [step], or what a recording shows [s].
+    tab: which one is open.
+    """
 
     name: str
     scenario: str
     page: str
     size: tuple[int, int] = (1280, 800)
     is_dark: bool = False
-    at: int = 0
+    at: float = 0.0
+    tab: str = ""
 
 
 SHOTS = (
     Shot("report_two_link", "two_link", "report"),
     Shot("report_baxter", "baxter", "report", is_dark=True),
     Shot("report_store", "store", "report"),
-    Shot("view_two_link", "two_link", "view"),
-    Shot("view_store", "store", "view"),
-    Shot("view_baxter", "baxter", "view", size=(390, 844)),
-    Shot("view_live", "two_link", "live", at=700),
+    Shot("view_two_link", "two_link", "view", at=4.0, tab="Curves"),
+    Shot("view_store", "store", "view", at=6.0, tab="Curves"),
+    Shot("view_baxter", "baxter", "view", size=(390, 844), at=4.0, tab="Curves"),
+    Shot("view_live", "two_link", "live", at=700, tab="Curves"),
     Shot("view_live_baxter", "baxter", "live", is_dark=True, at=120),
-    Shot("view_live_store", "store", "live", at=430),
+    Shot("view_live_store", "store", "live", at=500, tab="Images"),
 )
 STORE = ("store.gif", "store_above", "store_camera", "store_grasp", "store_sale", "store_scene")
 """What the scripts of the store draw."""
@@ -109,10 +115,10 @@ def opened(shot: Shot, runs: Runs, scratch: Path) -> contextlib.AbstractContextM
     if shot.page == "live":
         out = [
             "--out",
-            str(scratch / f"live_{shot.name}"),
+            str(scratch / shot.name / shot.scenario),
             "--no-report",
             "--pause-at",
-            str(shot.at),
+            str(round(shot.at)),
         ]
         return address([*STEPBUS, "run", shot.scenario, "--view", "--no-open", *out])
     target = scratch / f"{shot.name}.html"
@@ -132,10 +138,30 @@ def photograph(browser: Any, shot: Shot, runs: Runs, scratch: Path) -> Path:
     with opened(shot, runs, scratch) as url:
         page = context.new_page()
         page.goto(url)
-        page.wait_for_timeout(500 if shot.page == "report" else SETTLED_MS)
+        if shot.page != "report":
+            settle(page, shot)
+        page.wait_for_timeout(500)
         page.screenshot(path=target)
     context.close()
     return small(target)
+
+
+def settle(page: Any, shot: Shot) -> None:
+    """Bring the page of a scene to what its picture shows."""
+    page.set_default_timeout(WAITED_MS)
+    if shot.page == "live":
+        page.get_by_text("paused").wait_for()
+    if shot.tab:
+        page.get_by_role("tab", name=shot.tab).click()
+    if shot.page == "view":
+        field = page.locator("input[type=text]").first
+        field.fill(f"{shot.at:g}")
+        field.press("Enter")
+    page.wait_for_timeout(SETTLED_MS)
+    # Chromium draws here without a graphics card, and viser says so.
+    for button in page.locator(".mantine-Notification-closeButton").all():
+        button.click()
+    page.mouse.move(5, shot.size[1] - 5)
 
 
 def small(path: Path) -> Path:

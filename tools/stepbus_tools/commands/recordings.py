@@ -57,7 +57,8 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
 
     $ stepbus export run.mcap --parquet tables
     $ stepbus export runs/arm --csv all.csv
-    $ stepbus export runs/arm --video arm.mp4 --viewpoint front --size 1280x720 --from 2s --to 5s
+    $ stepbus export runs/arm --video arm.mp4 --viewpoint front --size 1280x720
+    $ stepbus export runs/arm --video arm.gif --from 2s --to 5s
     $ stepbus export runs/arm --ros2 arm.mcap
     $ stepbus export run.mcap --scene scene.html
     """

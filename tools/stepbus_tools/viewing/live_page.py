@@ -59,6 +59,7 @@ class LivePage:
         self._controls.add_tabs(self._view.tabs, self._view.stage, tail.ports)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
         self._charted_at = self._worded_at = 0.0
+        self._is_unswept = False
         self._grown_at = time.monotonic()
 
     def turn(self, is_new: bool) -> None:
@@ -70,12 +71,14 @@ class LivePage:
             self._controls.panel.follow(messages)
             self._points.add()
             self._grown_at = now
+            self._is_unswept = True
         if now - self._charted_at >= _CHART_S:
             self._charted_at = now
             now_s = self._tail.last_step * self._step_s
             recent = [replace(mark, t_s=mark.t_s - now_s) for mark in self._marks[-_RECENT:]]
             self._view.curves.update(recent)
-            if is_new:
+            if self._is_unswept:
+                self._is_unswept = False
                 self._framing.sweep(latest_of(self._tail, self._view.stage.scene.topics))
             self._framing.turn()
         if now - self._worded_at >= _WORDS_S:

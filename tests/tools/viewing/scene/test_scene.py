@@ -45,7 +45,7 @@ def test_targets_are_a_second_robot(two_link):
     messages = latest(two_link, scene, 10**18)
     wanted = messages["mission/reference"].message.position
     ghosts = [frame for frame in scene.frames if frame.is_ghost and frame.visuals]
-    assert ghosts
+    assert {frame.ghost_of for frame in ghosts} == {"arm/link1", "arm/link2"}
     moved = scene.poses(messages)
     link = next(frame for frame in scene.frames if frame.name == "target/arm/link1")
     assert moved[link.name].wxyz[0] == pytest.approx(math.cos(wanted[0] / 2), abs=1e-6)

@@ -22,7 +22,7 @@ def mesh():
 
 @pytest.fixture
 def ghosts(mesh):
-    return Ghosts({"target/arm/link": [mesh]})
+    return Ghosts({"target/arm/link": [mesh]}, {"target/arm/link": "arm/link"})
 
 
 def poses(x=0.0, yaw=0.0):

@@ -172,21 +172,31 @@ class _Builder:
                 )
         else:
             placed = []
+            own = {}
             self._add_tree(body, f"{body.name}/", body.measured)
         targets = self._sources(body, _WANTED)
         if targets:
             # The body once more, where its joints should be.
             sources = [*targets, *body.measured]
-            self._add_tree(body, f"{GHOST}/{body.name}/", sources, is_ghost=True)
+            real = {name: own.get(name, f"{body.name}/{name}") for name in body.model.links}
+            self._add_tree(body, f"{GHOST}/{body.name}/", sources, real)
         return placed
 
     def _add_tree(
-        self, body: Body, prefix: str, sources: Sequence[JointSource], *, is_ghost: bool = False
+        self,
+        body: Body,
+        prefix: str,
+        sources: Sequence[JointSource],
+        real: Mapping[str, str] | None = None,
     ) -> None:
+        """Add the frames of a body that its joints place.
+
+        real: of a ghost, link → the frame that is where the link is.
+        """
         model = body.model
         known = {name for source in sources for name in source.names}
         moving = [joint for joint in model.joints if joint.is_moved_by(known)]
-        shown = _below(model, {joint.child for joint in moving}) if is_ghost else set(model.links)
+        shown = _below(model, {joint.child for joint in moving}) if real else set(model.links)
         rows = [(model.root, "", body.start)]
         for joint in model.joints:
             pose = joint.at(model.position(joint, {}))
@@ -198,7 +208,7 @@ class _Builder:
                 pose=pose,
                 visuals=model.links.get(link, ()) if link in shown else (),
                 body=body.name,
-                is_ghost=is_ghost,
+                ghost_of=(real or {}).get(link, ""),
             )
             for link, parent, pose in rows
         ]

@@ -26,8 +26,8 @@ GHOST = "target"
 class Frame:
     """A frame: its parent, where it is at the start, and what it looks like.
 
-    name: unique. parent: name of a frame that precedes it; empty: the world. is_ghost: shows where
-    something should be, not where it is.
+    name: unique. parent: name of a frame that precedes it; empty: the world. ghost_of: the frame
+    that is where this one shows that it should be; empty of others.
     """
 
     name: str
@@ -35,7 +35,12 @@ class Frame:
     pose: Pose = field(default_factory=Pose)
     visuals: tuple[Visual, ...] = ()
     body: str = ""
-    is_ghost: bool = False
+    ghost_of: str = ""
+
+    @property
+    def is_ghost(self) -> bool:
+        """Return whether it shows where something should be, not where it is."""
+        return bool(self.ghost_of)
 
 
 class LinkMotion:

@@ -8,7 +8,7 @@ import numpy as np
 
 from stepbus_tools.viewing.scene.meshes import Color, Visual
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import GHOST, Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.stage.light import drawn
 
 OTHER_COLOR: Color = (255, 120, 30)
@@ -61,7 +61,8 @@ class Stage:
                         ghost_meshes[frame.name] = meshes
                     elif frame.body:
                         self._bodies.setdefault(frame.body, []).extend(meshes)
-        self.ghosts = Ghosts(ghost_meshes)
+        real = {frame.name: frame.ghost_of for frame in scene.frames if frame.is_ghost}
+        self.ghosts = Ghosts(ghost_meshes, real)
         self.ghosts.compare(scene.placed({}) if self.ghosts else {})
 
     def _add(self, frame: Frame, path: str) -> list[Any]:
@@ -122,11 +123,12 @@ def _differ(a: Sequence[float], b: Sequence[float]) -> bool:
 class Ghosts:
     """Shows targets only where they differ from what is measured: the same place twice flickers.
 
-    meshes: frame of a ghost → what it is drawn with.
+    meshes: frame of a ghost → what it is drawn with. real: the same → the frame that it is of.
     """
 
-    def __init__(self, meshes: Mapping[str, Sequence[Any]]) -> None:
+    def __init__(self, meshes: Mapping[str, Sequence[Any]], real: Mapping[str, str]) -> None:
         self._meshes = meshes
+        self._real = real
         self._apart: set[str] = set(meshes)
         self._visible = True
 
@@ -143,7 +145,7 @@ class Ghosts:
     def compare(self, poses: Mapping[str, Pose]) -> None:
         """Show ghosts that have gone, hide those that have arrived. poses: in the world."""
         for name in self._meshes:
-            actual = poses.get(name.removeprefix(f"{GHOST}/"))
+            actual = poses.get(self._real[name])
             is_apart = actual is None or _apart(poses[name], actual) > (
                 _STICKS if name in self._apart else 1.0
             )
