@@ -117,6 +117,7 @@ def opened(shot: Shot, runs: Runs, scratch: Path) -> contextlib.AbstractContextM
             "--out",
             str(scratch / shot.name / shot.scenario),
             "--no-report",
+            "--real-time",
             "--pause-at",
             str(round(shot.at)),
         ]
