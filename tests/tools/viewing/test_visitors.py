@@ -15,11 +15,13 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.stage.framing import Framing, fit, free_part
+from stepbus_tools.viewing.scene.swept import Swept
+from stepbus_tools.viewing.stage.framing import free_part
 from stepbus_tools.viewing.stage.front import branded
 from stepbus_tools.viewing.stage.light import add_light, drawn
 from stepbus_tools.viewing.stage.marks import Mark, on_slider
 from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.viewpoint import framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])
 RED = (200, 30, 30)
@@ -66,7 +68,8 @@ def says(page, text):
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844), (2560, 1440), (640, 360)])
 def test_a_camera_sees_the_whole_box_in_the_free_part_and_fills_it(size):
     fov, (width, height) = 1.0, size
-    position, look_at = fit(BOX, fov, width / height, free_part(*size))
+    view = framed(BOX, aspect=width / height, fov=fov, free=free_part(*size))
+    position, look_at = view.eye, view.target
     forward = (look_at - position) / np.linalg.norm(look_at - position)
     right = np.cross(forward, [0, 0, 1]) / np.linalg.norm(np.cross(forward, [0, 0, 1]))
     corners = np.array(list(itertools.product(*zip(*BOX, strict=True)))) - position
@@ -90,12 +93,12 @@ def test_what_moves_is_framed_and_what_stands_is_not():
 
             return {name: Pose((x, 0.0, 0.0)) for name, x in places.items()}
 
-    framing = Framing(None, Moving(frames=frames))
-    framing.sweep({})
-    assert framing.box[1][0] == pytest.approx(9.1)
+    swept = Swept(Moving(frames=frames))
+    swept.take({})
+    assert swept.box[1][0] == pytest.approx(9.1)
     places["arm"] = 1.0
-    framing.sweep({})
-    assert (framing.box[0][0], framing.box[1][0]) == pytest.approx((-0.1, 1.1))
+    swept.take({})
+    assert (swept.box[0][0], swept.box[1][0]) == pytest.approx((-0.1, 1.1))
 
 
 def test_the_page_has_our_title_and_mark():

@@ -18,6 +18,7 @@ from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import call_text, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.framing import Framing
 from stepbus_tools.viewing.stage.light import add_light
@@ -54,7 +55,7 @@ class LivePage:
         self._points = Points(tail, self._plain_topics)
         scene = build_scene(tail)
         add_light(server.scene)
-        self._framing = Framing(server, scene)
+        self._framing, self._swept = Framing(server), Swept(scene)
         self._view = View(server, scene, tail.ports, self._points.sample)
         self._controls.add_tabs(self._view.tabs, self._view.stage, tail.ports)
         self._pace: deque[tuple[float, int]] = deque(maxlen=round(_RATE_S / _WORDS_S) + 1)
@@ -79,8 +80,8 @@ class LivePage:
             self._view.curves.update(recent)
             if self._is_unswept:
                 self._is_unswept = False
-                self._framing.sweep(latest_of(self._tail, self._view.stage.scene.topics))
-            self._framing.turn()
+                self._swept.take(latest_of(self._tail, self._view.stage.scene.topics))
+            self._framing.turn(self._swept.box)
         if now - self._worded_at >= _WORDS_S:
             self._worded_at = now
             self._view.offer_signals(latest_of(self._tail, self._plain_topics))

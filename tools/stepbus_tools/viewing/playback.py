@@ -19,6 +19,7 @@ from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
 from stepbus_tools.viewing.stage.framing import Framing
 from stepbus_tools.viewing.stage.light import add_light
@@ -27,7 +28,6 @@ from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage
 from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
 
 _SAMPLES = 400
-_LOOKS = 24
 """Times at which it is looked what moves."""
 _FRAME_S = 1 / 30
 _CHART_S = 0.15
@@ -123,10 +123,8 @@ class Playback:
         self._findings = Findings(recording, other)
         self._players: dict[int, Player] = {}
         add_light(server.scene)
-        self._framing = Framing(server, self._scenes[0])
-        history, topics = self._histories[0], self._scenes[0].topics
-        for t_ns in history.times(_LOOKS):
-            self._framing.sweep(history.at(topics, t_ns))
+        self._framing = Framing(server)
+        self._box = swept(self._scenes[0], self._histories[0])
 
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
@@ -136,7 +134,7 @@ class Playback:
             if key not in self._players:
                 self._players[key] = Player(client, self._histories, self._scenes, self._findings)
             self._players[key].turn(elapsed_s)
-        self._framing.turn()
+        self._framing.turn(self._box)
 
 
 class Player:

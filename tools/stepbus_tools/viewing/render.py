@@ -12,9 +12,9 @@ from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.swept import Box
 from stepbus_tools.viewing.viewpoint import (
     FIELD_OF_VIEW,
-    Box,
     Floats,
     Viewpoint,
     moved,

@@ -8,20 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_schemas import WiringError
-from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
+from stepbus_tools.viewing.scene.swept import Box
 
 Floats = NDArray[np.float64]
 
 FIELD_OF_VIEW = 0.9
 """Of the height [rad]."""
-_FLOOR_M = 8.0
-_LOOKS = 25
-"""Times at which a film's viewpoint is chosen for."""
-_MARGIN = 0.86
-"""How much of the picture is filled."""
+MARGIN = 0.9
+"""How much of a picture is filled."""
+Part = tuple[tuple[float, float], tuple[float, float]]
+"""Of a picture: from left to right and from below to above, −1 to 1."""
+WHOLE: Part = ((-MARGIN, MARGIN), (-MARGIN, MARGIN))
+_NEAREST_M = 1e-3
 _SIDES = {
     "corner": (0.62, -0.62, 0.42),
     "front": (1.0, 0.0, 0.15),
@@ -50,61 +49,44 @@ class Viewpoint:
         return np.stack((right, np.cross(ahead, right), ahead))
 
 
-Box = tuple[Floats, Floats]
-"""The lower and upper corner of what is shown, shape (3,) each [m]."""
+def framed(
+    box: Box,
+    side: str = "corner",
+    *,
+    aspect: float = 1.5,
+    fov: float = FIELD_OF_VIEW,
+    free: Part = WHOLE,
+) -> Viewpoint:
+    """Return the nearest viewpoint that has a box in a part of its picture.
 
-
-def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewpoint:
-    """Return a viewpoint that sees all of a scene. side: where from, such as `front`."""
-    return framed(bounds(scene, messages), side)
-
-
-def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Box:
-    """Return what a scene takes up from one time to another [ns].
-
-    A floor does not count, nor what is far from most things, such as a crate in a far corner.
-    """
-    frames = [frame for frame in scene.frames if frame.visuals and not frame.is_ghost]
-    corners = {frame.name: _corners(frame) for frame in frames}
-    corners = {
-        name: rows for name, rows in corners.items() if np.ptp(rows, axis=0).max() < _FLOOR_M
-    }
-    ends = []
-    for t_ns in np.linspace(start_ns, end_ns, _LOOKS, dtype=np.int64).tolist():
-        messages = history.at(scene.topics, t_ns)
-        poses = scene.world_poses(messages)
-        low, high = bounds(scene, messages)
-        middle, size = (low + high) / 2, float((high - low).max())
-        placed = [moved(rows, poses[name]) for name, rows in corners.items()]
-        kept = [rows for rows in placed if np.abs(rows.mean(axis=0) - middle).max() <= size]
-        points = np.concatenate(kept) if kept else np.stack((low, high))
-        ends.append((points.min(axis=0), points.max(axis=0)))
-    return np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
-
-
-def _corners(frame: Frame) -> Floats:
-    """Return the corners of the boxes around what a frame looks like, shape (n, 3) [m]."""
-    boxes = []
-    for visual in frame.visuals:
-        vertices = visual.mesh.vertices.astype(float)
-        sides = zip(vertices.min(axis=0), vertices.max(axis=0), strict=True)
-        boxes.append(moved(np.array(list(product(*sides))), visual.pose))
-    return np.concatenate(boxes)
-
-
-def framed(box: Box, side: str = "corner", aspect: float = 1.5) -> Viewpoint:
-    """Return the nearest viewpoint that has a box in the picture.
-
-    side: where from, such as `front`. aspect: width over height.
+    side: where from, such as `front`. aspect: width over height. fov: of the height [rad].
     """
     low, high = box
     middle = (low + high) / 2
-    towards = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3))
-    corners = np.array(list(product(*zip(low, high, strict=True)))) - middle
-    right, down, ahead = (corners @ towards.axes().T).T
-    half = _MARGIN * math.tan(FIELD_OF_VIEW / 2)
-    away = np.maximum(np.abs(right) / (aspect * half), np.abs(down) / half) - ahead
-    return Viewpoint(eye=middle - towards.axes()[2] * max(float(away.max()), 0.25), target=middle)
+    right, down, ahead = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3)).axes()
+    rows = (np.array(list(product((-1, 1), repeat=3))) * (high - low) / 2) @ np.stack(
+        (right, -down, ahead)
+    ).T
+    slopes, ends = math.tan(fov / 2) * np.array([aspect, 1.0]), np.array(free)
+
+    def shifts(distance: float) -> tuple[Floats, Floats]:
+        reach = (distance + rows[:, 2:]) * slopes
+        below, above = rows[:, :2] - reach * ends[:, 1], rows[:, :2] - reach * ends[:, 0]
+        return below.max(axis=0), above.min(axis=0)
+
+    near, far = float(-rows[:, 2].min()) + _NEAREST_M, 200.0 * size_of(box)
+    for _ in range(40):
+        distance = (near + far) / 2
+        least, most = shifts(distance)
+        near, far = (near, distance) if (least <= most).all() else (distance, far)
+    least, most = shifts(far)
+    eye = middle + ((least + most) / 2) @ np.stack((right, -down)) - far * ahead
+    return Viewpoint(eye=eye, target=eye + far * ahead)
+
+
+def size_of(box: Box) -> float:
+    """Return the diagonal of a box, at least a millimetre [m]."""
+    return max(1e-3, float(np.linalg.norm(box[1] - box[0])))
 
 
 def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
@@ -113,7 +95,7 @@ def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
     box, aspect: as of `framed`. Raises WiringError for any other text.
     """
     if text in _SIDES:
-        return framed(box, text, aspect)
+        return framed(box, text, aspect=aspect)
     eye, _, target = text.partition(":")
     looked_at = _point(target) if target else (box[0] + box[1]) / 2
     seen_from = _point(eye)

@@ -12,8 +12,9 @@ from stepbus_schemas import Description, Image, Poses, WiringError
 from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene, bounds
-from stepbus_tools.viewing.viewpoint import parse_viewpoint, whole_scene
+from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.swept import Swept
+from stepbus_tools.viewing.viewpoint import framed, parse_viewpoint
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 
@@ -166,22 +167,29 @@ def test_what_is_nearer_hides_what_is_behind_it_and_a_cut_floor_is_drawn():
         box((40.0, 40.0, 0.1), (0.0, 0.0, -1.0), (0, 0, 255)),
     ]
     scene = Scene(frames=frames, motions=())
-    view = parse_viewpoint("0,-3,0.2:0,0,0", bounds(scene, {}))
+    view = parse_viewpoint("0,-3,0.2:0,0,0", box_of(scene))
     pixels = Painter(scene, (120, 90)).draw({}, view).astype(int)
     assert pixels[45, 60].argmax() == 0
     assert pixels[86, 60].argmax() == 2
     assert (pixels[:, :, 0] > 200).sum() > 100
 
 
+def box_of(scene):
+    """Return the box of a scene in which nothing moves."""
+    found = Swept(scene)
+    found.take({})
+    return found.box
+
+
 def test_the_whole_scene_is_seen():
     frames = [box((0.3, 0.3, 0.3), (x, 0.0, 0.0), (255, 0, 0)) for x in (-1.0, 1.0)]
     scene = Scene(frames=frames, motions=())
-    pixels = Painter(scene, (120, 80)).draw({}, whole_scene(scene, {})).astype(int)
+    pixels = Painter(scene, (120, 80)).draw({}, framed(box_of(scene))).astype(int)
     columns = np.flatnonzero((pixels[:, :, 0] - pixels[:, :, 1] > 60).any(axis=0))
     assert 0 < columns[0] < 45
     assert 75 < columns[-1] < 119
     with pytest.raises(WiringError, match="no viewpoint"):
-        parse_viewpoint("1,2", bounds(scene, {}))
+        parse_viewpoint("1,2", box_of(scene))
 
 
 @pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "sphere"])

@@ -20,7 +20,7 @@ from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conve
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.viewpoint import Box, box_of_run
+from stepbus_tools.viewing.scene.swept import Box, swept
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports
@@ -53,7 +53,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
                     conversion.take(instant.port, instant.message, t_ns)
     with replaced(layout) as path:
-        box = box_of_run(scene, history, 0, history.end_ns)
+        box = swept(scene, history)
         text = json.dumps(_layout(box, wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     problems = [*scene.notes, *lost.values()]

@@ -9,16 +9,16 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.stage.framing import Framing, fit
+from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.front import branded
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
+from stepbus_tools.viewing.viewpoint import framed
 from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 30.0
 _MOST_FRAMES = 1800
 _ASPECT = 1.6
-_LOOKS = 24
 _DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
 
 
@@ -49,12 +49,10 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
         stage = Stage(page.server, scene, shade=lambda color: color)
         first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
-        framing = Framing(page.server, scene)
-        for t_ns in history.times(_LOOKS):
-            framing.sweep(history.at(scene.topics, t_ns))
-        camera = page.server.initial_camera
-        camera.position, camera.look_at = fit(framing.box, camera.fov, _ASPECT)
-        add_floor(page.server.scene, *framing.box)
+        box, camera = swept(scene, history), page.server.initial_camera
+        view = framed(box, aspect=_ASPECT, fov=camera.fov)
+        camera.position, camera.look_at = view.eye, view.target
+        add_floor(page.server.scene, *box)
         serializer = page.server.get_scene_serializer()
         for before, t_ns in pairwise(times):
             serializer.insert_sleep((t_ns - before) * 1e-9)

@@ -9,7 +9,8 @@ from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.viewpoint import whole_scene
+from stepbus_tools.viewing.scene.swept import swept
+from stepbus_tools.viewing.viewpoint import framed
 
 from .plan import outlines
 
@@ -34,5 +35,5 @@ def scene_at_end(recording: Recording) -> SceneAtEnd | None:
         return None
     messages = history.at(scene.topics, history.end_ns)
     painter = Painter(scene, _SIZE, smooth=True)
-    still = painter.draw(messages, whole_scene(scene, messages))
+    still = painter.draw(messages, framed(swept(scene, history)))
     return SceneAtEnd(still=still, things=outlines(scene, messages))

@@ -3,9 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
-from typing import Any
-
-import numpy as np
 
 from stepbus_schemas import Poses
 from stepbus_tools.viewing.scene.pose import Pose, from_xyzw
@@ -14,10 +11,6 @@ from .bodies import Body, JointSource, Messages, all_positions
 from .meshes import Visual
 from .model import Joint, Model
 
-_FLOOR_M = 8.0
-_FEW = 40
-_APART = (4.0, 96.0)
-"""What is outside of these percentiles, such as a crate in a far corner, does not count."""
 GHOST = "target"
 """Prefix of the frames that show where joints should be."""
 
@@ -153,28 +146,3 @@ class Scene:
             pose = moved.get(frame.name, frame.pose)
             poses[frame.name] = poses[frame.parent] @ pose if frame.parent else pose
         return poses
-
-
-def bounds(scene: Scene, messages: Messages) -> tuple[Any, Any]:
-    """Return the lower and upper corner of what a scene shows, shape (3,) [m].
-
-    Things over 8 m in size, such as a floor, do not count.
-    """
-    corners = []
-    poses = scene.world_poses(messages)
-    for frame in scene.frames:
-        for visual in frame.visuals:
-            vertices = visual.mesh.vertices
-            low, high = vertices.min(axis=0), vertices.max(axis=0)
-            if float(np.max(high - low)) < _FLOOR_M:
-                x, y, z = ((low + high) / 2).tolist()
-                placed = poses[frame.name] @ visual.pose
-                middle = np.array((placed @ Pose((x, y, z))).position)
-                reach = float(np.linalg.norm(high - low)) / 2
-                corners += [middle - reach, middle + reach]
-    if not corners:
-        return np.full(3, -1.0), np.full(3, 1.0)
-    if len(corners) < _FEW:
-        return np.min(corners, axis=0), np.max(corners, axis=0)
-    low, high = np.percentile(corners, _APART, axis=0)
-    return low, high

@@ -9,6 +9,7 @@ import numpy as np
 from stepbus_tools.viewing.scene.meshes import Color, Visual
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.swept import FLOOR_M
 from stepbus_tools.viewing.stage.light import drawn
 
 OTHER_COLOR: Color = (255, 120, 30)
@@ -16,8 +17,6 @@ _GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
 _CELL: Color = (128, 133, 140)
 _SECTION: Color = (105, 110, 117)
-FLOOR_M = 8.0
-"""What is as large is a floor: it has shadows, and is not among what is looked at."""
 _NEAR = 1e-9
 _APART_M = 0.01
 _APART_RAD = math.radians(1.0)
