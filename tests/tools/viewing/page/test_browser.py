@@ -161,6 +161,17 @@ def test_a_filter_keeps_what_has_all_its_words(recording):
         assert not watched.errors
 
 
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_finds_nothing_serious(recording, scheme):
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()
+    with opened(write_page([recording]).as_uri(), width=1280, height=900) as watched:
+        watched.page.emulate_media(color_scheme=scheme)
+        watched.page.locator(".cell summary").first.click()
+        watched.wait(lambda: len(watched.page.evaluate(READ)) == 1, "the chart")
+        found = axe.run(watched.page).response["violations"]
+        assert [(one["id"], one["nodes"][0]["html"]) for one in found] == []
+
+
 def test_in_a_comparison_a_run_has_a_line_style_and_a_joint_its_colour(recording, tmp_path):
     (tmp_path / "other").mkdir()
     other = write_recording(tmp_path / "other" / "run.mcap")

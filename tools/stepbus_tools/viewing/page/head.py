@@ -59,14 +59,14 @@ def _figures(run: RunPage) -> Iterator[tuple[str, str]]:
     errors = [row for row in charts if row[0].title == "error" and row[1] in run.joints.measured]
     if errors:
         worst, joint = max(errors, key=lambda row: row[0].largest)
-        yield "largest error", f"{engineering(worst.largest, worst.unit)} ({joint})"
+        yield "largest error", f"{engineering(worst.largest, worst.unit)}, {joint}"
     used = [(c.used, c.title, joint) for c, joint in charts if c.used is not None]
     if used:
         share, what, joint = max(used)
-        yield "nearest to a limit", f"{100 * share:.0f} % ({joint}, {what})"
+        yield "nearest to a limit", f"{100 * share:.0f} %, {joint} {what}"
     if run.times:
         slow = max(run.times, key=lambda name: run.times[name].longest)
-        yield "longest step", f"{in_units(run.times[slow].longest * 1e-3)} ({slow})"
+        yield "longest step", f"{in_units(run.times[slow].longest * 1e-3)}, {slow}"
     if result is not None:
         yield "warnings, faults", f"{result.warning_count}, {len(result.faults)}"
 

@@ -29,7 +29,7 @@ def _parts(text: str) -> Iterator[str]:
             yield "".join(f"<p>{escape(row[0])}</p>" for row in lines)
         else:
             body = "".join(_row(row, "td") for row in lines[1:])
-            yield f"<div class=scroll><table>{_row(lines[0], 'th')}{body}</table></div>"
+            yield f"<div class=scroll tabindex=0><table>{_row(lines[0], 'th')}{body}</table></div>"
 
 
 def _row(cells: Sequence[str], tag: str) -> str:

@@ -175,7 +175,7 @@ def _events(runs: Sequence[RunPage]) -> str:
     )
     left = sum(run.events_left for run in runs)
     more = f"<p>{left} more are in the recording.</p>" if left else ""
-    return f"<div class=scroll><table>{rows}</table></div>{more}" if rows else ""
+    return f"<div class=scroll tabindex=0><table>{rows}</table></div>{more}" if rows else ""
 
 
 def _times(run: RunPage) -> str:
