@@ -94,18 +94,19 @@ def _info(recording: Recording) -> Info:
     is_run = recording.path.name == layout.RUN_FILE and (beside / layout.TIMING_FILE).exists()
     faults = recording.metadata.get(layout.FAULTS_METADATA, {})
     incomplete = recording.metadata.get(layout.INCOMPLETE_METADATA, {})
+    missing = {name: int(step) for name, step in incomplete.items() if step.isdecimal()}
     files = beside.rglob("*") if is_run else ()
     return Info(
         recording=str(recording.path),
         scenario=str(scenario.get("name") or ""),
         outcome=result.outcome if result else "",
         reason=result.reason if result else "",
-        steps=recorded_end(recording),
+        steps=result.steps if result else min((recorded_end(recording), *missing.values())),
         planned_steps=planned_ns // step_ns if step_ns and planned_ns else None,
         step_ns=step_ns,
         wall_s=result.wall_s if result else None,
         cut_short=recording.cut_short,
-        incomplete={name: int(step) for name, step in incomplete.items() if step.isdecimal()},
+        incomplete=missing,
         programs=_programs(scenario),
         ports=_ports(recording),
         events=_events(recording),

@@ -20,6 +20,8 @@ Role = Literal["measured", "error", "reference", "command", "target"]
 """What a line is: what was, what it was apart from what it should be, or what it should be."""
 
 _MOST_JOINTS = 20
+_NO_UNIT = "-"
+"""As columns have it."""
 _NEAR = 0.6
 """Share of a limit from which on it is drawn."""
 _SIGNAL = re.compile(r"([\w-]+)[./]([\w-]+)(?:\.(\w+))?(?:\[([^\[\]]+)\])?")
@@ -204,7 +206,7 @@ def field_chart(field: FieldCurve, most: int) -> Chart:
         for number, label in enumerate(field.labels[:most])
         if np.isfinite((points := field.curve.line(number))[1]).any()
     ]
-    return Chart(field.title, field.unit, lines)
+    return Chart(field.title, "" if field.unit == _NO_UNIT else field.unit, lines)
 
 
 def signal_names(recording: Recording) -> list[str]:

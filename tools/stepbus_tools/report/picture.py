@@ -25,7 +25,13 @@ from stepbus_tools.report.charts import (
     path_of,
 )
 from stepbus_tools.report.curves import Curve, JointCurves, Line, PortCurves, read_ports
-from stepbus_tools.report.summary import NO_DYNAMICS, lacks_dynamics, read_joints, scenario_name
+from stepbus_tools.report.summary import (
+    NO_DYNAMICS,
+    lacks_dynamics,
+    read_joints,
+    result_of,
+    scenario_name,
+)
 from stepbus_tools.report.units import prefixed
 from stepbus_tools.whole_file import replaced
 
@@ -204,7 +210,9 @@ def draw_report(
         target = recording.path.with_name(REPORT_FILE)
         try:
             title = scenario_name(recording)
-            more = f", {NO_DYNAMICS}" if lacks_dynamics(recording) else ""
+            result = result_of(recording)
+            failed = f": failed, {result.cause}" if result and result.exit_code else ""
+            more = f", {NO_DYNAMICS}{failed}" if lacks_dynamics(recording) else failed
             shown = [mark for mark in marks if mark.level in _MARKS]
             save(f"{title}{more}", charts, target, marks=shown)
         except (StepbusError, OSError) as exc:

@@ -25,6 +25,8 @@ from stepbus_tools.viewing.stage.light import add_light
 from stepbus_tools.viewing.stage.marks import Mark
 from stepbus_tools.viewing.stage.view import View, plain_topics
 
+_LAST_S = 0.2
+"""What a browser takes to be told the last."""
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
@@ -190,4 +192,10 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
         waiting.remove()
         return LivePage(server, tail, client).turn
 
-    return follow_run(folder, is_over, begin)
+    has_ended = follow_run(folder, is_over, begin)
+    # The page may stay open for longer than what it shows.
+    told = f"**This page is no longer live.** `stepbus view {folder}` shows the recording."
+    server.gui.add_markdown(told, order=-1.0)
+    server.flush()
+    time.sleep(_LAST_S)
+    return has_ended

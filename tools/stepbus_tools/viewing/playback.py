@@ -17,6 +17,7 @@ from stepbus_schemas import StepbusError
 from stepbus_tools.report.summary import result_of
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
+from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.scene.swept import swept
@@ -178,6 +179,10 @@ class Player:
             self._samples[signal.key] = self._read(signal)
         return self._samples[signal.key]
 
+    def _past(self, step: int) -> Messages:
+        """Return what placed the scene at a step."""
+        return self._history.at(self._view.stage.scene.topics, step * self._history.step_ns)
+
     def _read(self, signal: Signal) -> Data:
         times = self._history.times(max(1, min(_SAMPLES, self._history.last_step)))
         values = np.full((len(times), len(self._histories), len(signal.names)), math.nan)
@@ -282,7 +287,7 @@ class Player:
     def _show(self) -> None:
         t_ns, history = self._t_ns, self._history
         self._shown_ns = t_ns
-        self._view.show(history.at(self._view.topics, t_ns))
+        self._view.show(history.at(self._view.topics, t_ns), self._past)
         for other, stage in self._others:
             stage.move(stage.scene.poses(other.at(stage.scene.topics, t_ns)))
         called = [who for since_ns, who in self._findings.stops if since_ns <= t_ns]

@@ -117,7 +117,7 @@ class RunPage:
 
     def local(self, text: str) -> str:
         """Return a text without the folder of the run: nobody else has this machine's folders."""
-        return text.replace(f"{self.path.parent}/", "")
+        return text.replace(f"{self.path.resolve().parent}/", "")
 
 
 def _readers(recording: Recording) -> tuple[list[PortReader], list[str]]:

@@ -44,7 +44,7 @@ class Curves:
         self.groups = _merged(runs)
         self.marks = [mark for run in runs for mark in run.marks]
         last = max(run.end_s for run in runs)
-        marked = max((mark.t for mark in self.marks), default=0.0)
+        marked = max((mark.t for mark in self.marks if mark.level != "info"), default=0.0)
         # What ended a run comes a step behind its last message.
         self.end_s = max(last, _PAST * marked if _PAST * marked > last else 0.0)
 

@@ -97,8 +97,10 @@ def again(run: RunPage) -> str:
     """Return the commands that run it again."""
     rows = [f"stepbus rerun {shlex.quote(_short(run.path))}"]
     if run.result is not None and run.result.file:
-        sets = "".join(f" --set {shlex.quote(text)}" for text in run.result.overrides)
-        rows.insert(0, f"stepbus run {shlex.quote(_scenario(run.result))}{sets}")
+        sets = [f" --set {shlex.quote(text)}" for text in run.result.overrides]
+        faults = [f" --fault {shlex.quote(text)}" for text in run.result.faults]
+        words = "".join([shlex.quote(_scenario(run.result)), *sets, *faults])
+        rows.insert(0, f"stepbus run {words}")
     return "".join(f"<pre>{escape(row)}</pre>" for row in rows)
 
 

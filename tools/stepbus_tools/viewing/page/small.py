@@ -15,6 +15,7 @@ _WIDTH, _HEIGHT = 300.0, 118.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 42.0, 296.0, 8.0, 100.0
 _MOST_POINTS = 240
 _ROOM = 0.06
+_MOST_DIGITS, _LARGE = 5, 1e6
 _WIDE = ("reference", "command")
 _SAID = ("failure", "fault")
 _MOST_SAID = 3
@@ -94,11 +95,21 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
     return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
+def labels_of(ticks: Sequence[float]) -> list[str]:
+    """Return ticks as texts, with as many digits as tell them apart."""
+    step = ticks[1] - ticks[0] if len(ticks) > 1 else abs(ticks[0]) or 1.0
+    digits = max(0, -math.floor(math.log10(step) + 1e-9))
+    if digits > _MOST_DIGITS or max(map(abs, ticks)) >= _LARGE:
+        return [f"{tick:.3g}" for tick in ticks]
+    return [f"{tick + 0.0:.{digits}f}" for tick in ticks]
+
+
 def _grid(ends: tuple[float, float], factor: float, end_s: float, x: _Place, y: _Place) -> _Parts:
-    for tick in nice_ticks(ends[0] * factor, ends[1] * factor, 4):
+    rows = nice_ticks(ends[0] * factor, ends[1] * factor, 4)
+    for tick, label in zip(rows, labels_of(rows), strict=True):
         at = y(tick / factor)
         yield f'<path class="grid" d="M{_LEFT:g} {at:.1f}H{_RIGHT:g}"/>'
-        yield f'<text x="{_LEFT - 4:g}" y="{at + 3:.1f}" text-anchor="end">{tick:.4g}</text>'
+        yield f'<text x="{_LEFT - 4:g}" y="{at + 3:.1f}" text-anchor="end">{label}</text>'
     ticks = nice_ticks(0.0, end_s, 5)
     for tick in ticks:
         at, unit = x(tick), " s" if tick == ticks[-1] else ""

@@ -124,7 +124,9 @@ def _histogram(rows: Mapping[str, Sequence[int]], labels: Sequence[str]) -> str:
                 )
     for index in range(first, last, max(1, (last - first) // _MOST_LABELS)):
         x = (index - first) * slot
-        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT + 18}">{escape(labels[index])}</text>')
+        anchor = ' text-anchor="end"' if x > 0.9 * _WIDTH else ""
+        x = _WIDTH if anchor else x
+        parts.append(f'<text x="{x:.1f}" y="{_HEIGHT + 18}"{anchor}>{escape(labels[index])}</text>')
     return (
         f'<svg class="histogram" role="img" aria-label="how many steps took how long" '
         f'viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>'

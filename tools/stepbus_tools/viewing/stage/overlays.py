@@ -49,6 +49,9 @@ class Images:
             self._shown[topic] = (latest.step, handle)
 
 
+Past = Callable[[int], Messages]
+
+
 class Overlays:
     """Draws what messages of some types say beside the frames, when they change."""
 
@@ -68,8 +71,8 @@ class Overlays:
         }
         self.topics = frozenset(self._drawers)
 
-    def show(self, messages: Messages) -> None:
-        """Draw what is new."""
+    def show(self, messages: Messages, past: Past | None = None) -> None:
+        """Draw what is new. past: returns the messages of an earlier step; None: they are these."""
         for topic, draw in self._drawers.items():
             latest = messages.get(topic)
             step, handles = self._drawn.get(topic, (-1, ()))
@@ -77,7 +80,8 @@ class Overlays:
             if now != step:
                 for handle in handles:
                     handle.remove()
-                made = [] if latest is None else draw(topic, latest.message, messages)
+                then = past(now) if past is not None and latest is not None else messages
+                made = [] if latest is None else draw(topic, latest.message, then)
                 self._drawn[topic] = (now, made)
                 self._apply(made)
 

@@ -10,7 +10,7 @@ from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
 from stepbus_tools.viewing.stage.marks import Mark, listed
-from stepbus_tools.viewing.stage.overlays import Images, Overlays
+from stepbus_tools.viewing.stage.overlays import Images, Overlays, Past
 
 from .stage import Stage
 
@@ -72,11 +72,11 @@ class View:
             rows = "".join(f"<li>{html.escape(note)}</li>" for note in self.stage.scene.notes)
             gui.add_html(f'<ul class="lines">{rows}</ul>')
 
-    def show(self, messages: Messages) -> None:
-        """Show what messages say: of each port the newest one."""
+    def show(self, messages: Messages, past: Past | None = None) -> None:
+        """Show what messages say: of each port the newest one. past: as of `Overlays.show`."""
         with self._host.atomic():
             self.stage.move(self.stage.scene.poses(messages))
-            self._overlays.show(messages)
+            self._overlays.show(messages, past)
         if self._images.topics & messages.keys():
             with self._camera_tab:
                 self._images.show(messages)

@@ -43,7 +43,9 @@ function marks(chart, factor) {
     ctx.lineWidth = dot;
     ctx.font = `${11 * dot}px sans-serif`;
     let row = 0;
-    for (const one of report.marks) {
+    // What ended the run lies above all else.
+    const last = (one) => one.level === "failure";
+    for (const one of [...report.marks].sort((a, b) => last(a) - last(b))) {
       const x = u.valToPos(one.t, "x", true);
       ctx.strokeStyle = ctx.fillStyle = color(serious[one.level] || "--soft");
       ctx.setLineDash(serious[one.level] ? [] : [dot, 5 * dot]);
@@ -54,7 +56,7 @@ function marks(chart, factor) {
       if (serious[one.level]) {
         const isLeft = x < left + width / 2;
         ctx.textAlign = isLeft ? "left" : "right";
-        const text = `${one.level}: ${one.text}`.slice(0, 60);
+        const text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
         ctx.fillText(text, x + (isLeft ? 4 : -4) * dot, top + (12 + 13 * (row++ % 4)) * dot);
       }
     }
