@@ -93,19 +93,16 @@ def export(
         "parquet": parquet, "csv": csv, "scene": scene, "ros2": ros2, "foxglove": foxglove,
         "rerun": rerun, "video": video, **others,
     }  # fmt: skip
-    options = {
-        "camera": camera, "viewpoint": viewpoint, "size": size, "fps": str(fps), "from_": from_,
-        "to": to,
-    }  # fmt: skip
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
         raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
     with Recording(recording_file(recording)) as opened:
         damage = [line for line in (exports.damage_line(opened),) if line]
-        return {
-            form: replace(done, problems=[*done.problems, *damage])
-            for form, done in exports.export(opened, targets, **options)
-        }
+        written = exports.export(
+            opened, targets, camera=camera, viewpoint=viewpoint, size=size, fps=str(fps),
+            from_=from_, to=to,
+        )  # fmt: skip
+        return {form: replace(done, problems=[*done.problems, *damage]) for form, done in written}
 
 
 def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:

@@ -17,9 +17,10 @@ Floats = NDArray[np.float64]
 
 FIELD_OF_VIEW = 0.9
 """Of the height [rad]."""
+_FLOOR_M = 8.0
 _LOOKS = 25
 """Times at which a film's viewpoint is chosen for."""
-_MARGIN = 0.9
+_MARGIN = 0.86
 """How much of the picture is filled."""
 _SIDES = {
     "corner": (0.62, -0.62, 0.42),
@@ -59,18 +60,26 @@ def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewp
 
 
 def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Box:
-    """Return what a scene takes up from one time to another [ns]; `bounds` says what counts."""
-    corners = {frame.name: _corners(frame) for frame in scene.frames if frame.visuals}
-    lows, highs = [], []
+    """Return what a scene takes up from one time to another [ns].
+
+    A floor does not count, nor what is far from most things, such as a crate in a far corner.
+    """
+    frames = [frame for frame in scene.frames if frame.visuals and not frame.is_ghost]
+    corners = {frame.name: _corners(frame) for frame in frames}
+    corners = {
+        name: rows for name, rows in corners.items() if np.ptp(rows, axis=0).max() < _FLOOR_M
+    }
+    ends = []
     for t_ns in np.linspace(start_ns, end_ns, _LOOKS, dtype=np.int64).tolist():
         messages = history.at(scene.topics, t_ns)
         poses = scene.world_poses(messages)
-        placed = [moved(rows, poses[name]) for name, rows in corners.items()]
         low, high = bounds(scene, messages)
-        points = np.concatenate(placed) if placed else np.stack((low, high))
-        lows.append(np.maximum(low, points.min(axis=0)))
-        highs.append(np.minimum(high, points.max(axis=0)))
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+        near = (low + high) / 2, high - low
+        placed = [moved(rows, poses[name]) for name, rows in corners.items()]
+        kept = [rows for rows in placed if (abs(rows.mean(axis=0) - near[0]) <= near[1]).all()]
+        points = np.concatenate(kept) if kept else np.stack((low, high))
+        ends.append((points.min(axis=0), points.max(axis=0)))
+    return np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
 
 
 def _corners(frame: Frame) -> Floats:

@@ -2,6 +2,8 @@
 
 import io
 import math
+import subprocess
+import sys
 
 import numpy as np
 import pytest
@@ -9,6 +11,7 @@ from PIL import Image as Pillow
 from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_schemas import Description, Event, Image, JointState, Poses
 
 chunk = pytest.importorskip("rerun.chunk", reason="Rerun is not installed: the extra `rerun`")
@@ -85,3 +88,26 @@ def test_events_are_a_log_and_images_are_shown(rows):
 
 def test_nothing_in_the_file_is_of_the_wall_clock(rows):
     assert not any("log_time" in columns for columns in rows.values())
+
+
+FULL_DISK = """
+import resource, sys
+from stepbus_orchestrator.cli import main
+sys.dont_write_bytecode = True  # what is imported now would be cached in part
+resource.setrlimit(resource.RLIMIT_FSIZE, (4096, resource.RLIM_INFINITY))
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(tmp_path):
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip", "knee"], list(map(joints, range(2000)))),
+    )
+    words = ["export", str(path), "--rerun", str(tmp_path / "a.rrd")]
+    command = [sys.executable, "-c", FULL_DISK, *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == ExitCode.RECORDING
+    assert "a.rrd cannot be written; is the disk full?" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]

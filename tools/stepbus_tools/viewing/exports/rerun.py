@@ -52,7 +52,8 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in ("Event/1", "Image/1") or p.topic in scene.topics]
     with replaced(target) as path:
-        file = _Rrd(recording, scene, [p.topic for p in ports if p.type == "Image/1"])
+        images = [p.topic for p in ports if p.type == "Image/1"]
+        file = _Rrd(target, recording, scene, images)
         try:
             file.open(path)
             for shown in scene.frames:
@@ -110,10 +111,15 @@ class _Rrd:
     Raises ExtraMissing without Rerun or Pillow.
     """
 
-    def __init__(self, recording: Recording, scene: Scene, images: Sequence[str]) -> None:
-        self._rr, self._views, self._pillow = need(
-            "the export for Rerun", "rerun", "rerun.blueprint", "PIL.Image"
+    _path: Path
+
+    def __init__(
+        self, target: Path, recording: Recording, scene: Scene, images: Sequence[str]
+    ) -> None:
+        self._rr, self._views, self._reading, self._pillow = need(
+            "the export for Rerun", "rerun", "rerun.blueprint", "rerun.chunk", "PIL.Image"
         )
+        self._target = target
         self._recording = recording
         self._shown = {f.name for f in scene.frames if f.visuals and not f.is_ghost}
         self._images = images
@@ -128,6 +134,7 @@ class _Rrd:
 
     def open(self, path: Path) -> None:
         """Begin the file."""
+        self._path = path
         try:
             self._stream.save(path)
         except RuntimeError as exc:
@@ -139,9 +146,17 @@ class _Rrd:
         self._stream.log("world", z_up, static=True)
 
     def close(self) -> None:
-        """Write what is left, and let the file go."""
-        self._stream.flush()
-        self._stream.disconnect()
+        """Write what is left, and let the file go; raises RecordingFailed where that fails."""
+        try:
+            self._stream.flush()
+            self._stream.disconnect()
+            # What goes wrong at the very end, it does not say.
+            self._reading.RrdReader(self._path).store()
+        except (RuntimeError, ValueError) as exc:
+            why = f"{self._target} cannot be written; is the disk full? ({exc})"
+            raise RecordingFailed(why) from exc
+        finally:
+            self._stream.disconnect()
 
     def _world(self, name: str) -> str:
         return f"world/{self._rr.escape_entity_path_part(name)}"

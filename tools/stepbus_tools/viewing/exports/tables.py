@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import csv
 import json
-import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
+from io import StringIO
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, Self, TextIO
 
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
-from stepbus_participant import need, scratch_folder
+from stepbus_participant import need
 from stepbus_schemas import StepbusError
 from stepbus_tools.columns import CLOCK, NUMBERS, Cells, Column, Table, readable
 from stepbus_tools.viewing.exports.exporter import (
@@ -90,22 +90,19 @@ def _csv_size(recording: Recording, target: Path) -> float:
     tables, _ = readable(recording)
     is_file = target.suffix == ".csv"
     piece = next(recording.batches([table.port for table in tables], _SAMPLE_BYTES), {})
-    size, last = 0, 0
-    with tempfile.TemporaryDirectory(prefix="stepbus-csv-", dir=scratch_folder()) as folder:
-        path = Path(folder) / "sample.csv"
-        for table in tables:
-            batch = piece.get(table.port.topic)
-            if batch is None or not len(batch.steps):
-                continue
-            columns = _LONG if is_file else [*CLOCK, *table.columns]
-            # A port that cannot be read is named when it is exported.
-            with _Csv(path, columns, {}) as sink, suppress(StepbusError):
-                values = table.values(batch)
-                for rows in _long(table, values) if is_file else [values]:
-                    sink.write(rows)
-            size += path.stat().st_size
-            last = max(last, int(batch.steps[-1]))
-    return size * (recording.last_step + 1) / (last + 1)
+    text, last = StringIO(), 0
+    for table in tables:
+        batch = piece.get(table.port.topic)
+        if batch is None or not len(batch.steps):
+            continue
+        sink = _Csv(text, _LONG if is_file else [*CLOCK, *table.columns], {})
+        # A port that cannot be read is named when it is exported.
+        with suppress(StepbusError):
+            values = table.values(batch)
+            for rows in _long(table, values) if is_file else [values]:
+                sink.write(rows)
+        last = max(last, int(batch.steps[-1]))
+    return text.tell() * (recording.last_step + 1) / (last + 1)
 
 
 def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path]:
@@ -177,8 +174,12 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
 class _Csv:
     """A CSV file. Absent: empty; vectors: JSON; bytes: how many there are."""
 
-    def __init__(self, path: Path, columns: Sequence[Column], _about: Mapping[str, str]) -> None:
-        self._file = path.open("w", newline="", encoding="utf-8")
+    def __init__(
+        self, place: Path | TextIO, columns: Sequence[Column], _about: Mapping[str, str]
+    ) -> None:
+        self._file = (
+            place.open("w", newline="", encoding="utf-8") if isinstance(place, Path) else place
+        )
         self._types = [column.type for column in columns]
         self._writer = csv.writer(self._file)
         self._writer.writerow(column.name for column in columns)
