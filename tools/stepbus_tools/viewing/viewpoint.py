@@ -74,9 +74,9 @@ def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Bo
         messages = history.at(scene.topics, t_ns)
         poses = scene.world_poses(messages)
         low, high = bounds(scene, messages)
-        near = (low + high) / 2, high - low
+        middle, size = (low + high) / 2, float((high - low).max())
         placed = [moved(rows, poses[name]) for name, rows in corners.items()]
-        kept = [rows for rows in placed if (abs(rows.mean(axis=0) - near[0]) <= near[1]).all()]
+        kept = [rows for rows in placed if np.abs(rows.mean(axis=0) - middle).max() <= size]
         points = np.concatenate(kept) if kept else np.stack((low, high))
         ends.append((points.min(axis=0), points.max(axis=0)))
     return np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
