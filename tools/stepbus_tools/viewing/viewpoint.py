@@ -18,6 +18,8 @@ Floats = NDArray[np.float64]
 FIELD_OF_VIEW = 0.9
 """Of the height [rad]."""
 _FLOOR_M = 8.0
+_NEAREST_M = 0.25
+_ROUNDS = 8
 _LOOKS = 25
 """Times at which a film's viewpoint is chosen for."""
 _MARGIN = 0.86
@@ -50,17 +52,14 @@ class Viewpoint:
         return np.stack((right, np.cross(ahead, right), ahead))
 
 
-Box = tuple[Floats, Floats]
-"""The lower and upper corner of what is shown, shape (3,) each [m]."""
-
-
 def whole_scene(scene: Scene, messages: Messages, side: str = "corner") -> Viewpoint:
     """Return a viewpoint that sees all of a scene. side: where from, such as `front`."""
-    return framed(bounds(scene, messages), side)
+    low, high = bounds(scene, messages)
+    return framed(np.array(list(product(*zip(low, high, strict=True)))), side)
 
 
-def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Box:
-    """Return what a scene takes up from one time to another [ns].
+def points_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Floats:
+    """Return corners of all that a scene takes up from one time to another [ns], shape (n, 3) [m].
 
     A floor does not count, nor what is far from most things, such as a crate in a far corner.
     """
@@ -69,7 +68,7 @@ def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Bo
     corners = {
         name: rows for name, rows in corners.items() if np.ptp(rows, axis=0).max() < _FLOOR_M
     }
-    ends = []
+    points = []
     for t_ns in np.linspace(start_ns, end_ns, _LOOKS, dtype=np.int64).tolist():
         messages = history.at(scene.topics, t_ns)
         poses = scene.world_poses(messages)
@@ -77,9 +76,55 @@ def box_of_run(scene: Scene, history: History, start_ns: int, end_ns: int) -> Bo
         middle, size = (low + high) / 2, float((high - low).max())
         placed = [moved(rows, poses[name]) for name, rows in corners.items()]
         kept = [rows for rows in placed if np.abs(rows.mean(axis=0) - middle).max() <= size]
-        points = np.concatenate(kept) if kept else np.stack((low, high))
-        ends.append((points.min(axis=0), points.max(axis=0)))
-    return np.min([low for low, _ in ends], axis=0), np.max([high for _, high in ends], axis=0)
+        points += kept or [np.stack((low, high))]
+    return np.concatenate(points)
+
+
+def box_of(points: Floats) -> tuple[Floats, Floats]:
+    """Return the lower and the upper corner of the box around points."""
+    return points.min(axis=0), points.max(axis=0)
+
+
+def framed(points: Floats, side: str = "corner", aspect: float = 1.5) -> Viewpoint:
+    """Return the nearest viewpoint that has points in the picture, in its middle.
+
+    points: shape (n, 3) [m]. side: where from, such as `front`. aspect: width over height.
+    """
+    axes = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3)).axes()
+    tangent = _MARGIN * math.tan(FIELD_OF_VIEW / 2)
+    room = np.array((aspect * tangent, tangent))
+    low, high = box_of(points)
+    target = (low + high) / 2
+    for _ in range(_ROUNDS):
+        seen = (points - target) @ axes.T
+        beside, ahead = seen[:, :2], seen[:, 2:]
+        away = max(float((np.abs(beside) / room - ahead).max()), _NEAREST_M)
+        across = beside / (ahead + away)
+        # What is seen more to one side is moved to the middle, which lets the eye come nearer.
+        shift = (across.min(axis=0) + across.max(axis=0)) / 2 * away
+        target = target + shift @ axes[:2]
+    seen = (points - target) @ axes.T
+    away = max(float((np.abs(seen[:, :2]) / room - seen[:, 2:]).max()), _NEAREST_M)
+    return Viewpoint(eye=target - axes[2] * away, target=target)
+
+
+def parse_viewpoint(text: str, points: Floats, aspect: float = 1.5) -> Viewpoint:
+    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
+
+    points, aspect: as of `framed`. Raises WiringError for any other text.
+    """
+    if text in _SIDES:
+        return framed(points, text, aspect)
+    eye, _, target = text.partition(":")
+    low, high = box_of(points)
+    looked_at = _point(target) if target else (low + high) / 2
+    seen_from = _point(eye)
+    if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
+        raise WiringError(
+            f"{text!r} is no viewpoint; write one of {', '.join(_SIDES)}, or metres such as "
+            "2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the eye, and what it looks at)"
+        )
+    return Viewpoint(eye=seen_from, target=looked_at)
 
 
 def _corners(frame: Frame) -> Floats:
@@ -90,39 +135,6 @@ def _corners(frame: Frame) -> Floats:
         sides = zip(vertices.min(axis=0), vertices.max(axis=0), strict=True)
         boxes.append(moved(np.array(list(product(*sides))), visual.pose))
     return np.concatenate(boxes)
-
-
-def framed(box: Box, side: str = "corner", aspect: float = 1.5) -> Viewpoint:
-    """Return the nearest viewpoint that has a box in the picture.
-
-    side: where from, such as `front`. aspect: width over height.
-    """
-    low, high = box
-    middle = (low + high) / 2
-    towards = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3))
-    corners = np.array(list(product(*zip(low, high, strict=True)))) - middle
-    right, down, ahead = (corners @ towards.axes().T).T
-    half = _MARGIN * math.tan(FIELD_OF_VIEW / 2)
-    away = np.maximum(np.abs(right) / (aspect * half), np.abs(down) / half) - ahead
-    return Viewpoint(eye=middle - towards.axes()[2] * max(float(away.max()), 0.25), target=middle)
-
-
-def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
-    """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
-
-    box, aspect: as of `framed`. Raises WiringError for any other text.
-    """
-    if text in _SIDES:
-        return framed(box, text, aspect)
-    eye, _, target = text.partition(":")
-    looked_at = _point(target) if target else (box[0] + box[1]) / 2
-    seen_from = _point(eye)
-    if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
-        raise WiringError(
-            f"{text!r} is no viewpoint; write one of {', '.join(_SIDES)}, or metres such as "
-            "2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the eye, and what it looks at)"
-        )
-    return Viewpoint(eye=seen_from, target=looked_at)
 
 
 def _point(text: str) -> Floats | None:

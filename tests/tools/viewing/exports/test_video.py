@@ -166,7 +166,7 @@ def test_what_is_nearer_hides_what_is_behind_it_and_a_cut_floor_is_drawn():
         box((40.0, 40.0, 0.1), (0.0, 0.0, -1.0), (0, 0, 255)),
     ]
     scene = Scene(frames=frames, motions=())
-    view = parse_viewpoint("0,-3,0.2:0,0,0", bounds(scene, {}))
+    view = parse_viewpoint("0,-3,0.2:0,0,0", np.stack(bounds(scene, {})))
     pixels = Painter(scene, (120, 90)).draw({}, view).astype(int)
     assert pixels[45, 60].argmax() == 0
     assert pixels[86, 60].argmax() == 2
@@ -181,7 +181,7 @@ def test_the_whole_scene_is_seen():
     assert 0 < columns[0] < 45
     assert 75 < columns[-1] < 119
     with pytest.raises(WiringError, match="no viewpoint"):
-        parse_viewpoint("1,2", bounds(scene, {}))
+        parse_viewpoint("1,2", np.stack(bounds(scene, {})))
 
 
 @pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "sphere"])

@@ -28,7 +28,7 @@ from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.viewpoint import box_of_run, framed
+from stepbus_tools.viewing.viewpoint import framed, points_of_run
 from stepbus_tools.whole_file import replaced
 
 from .instants import Instant, Rate, instants, readable_ports
@@ -267,7 +267,7 @@ class _Rrd:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
         views, history = self._views, History(self._recording)
-        eye = framed(box_of_run(self._scene, history, 0, history.end_ns), aspect=1.0)
+        eye = framed(points_of_run(self._scene, history, 0, history.end_ns), aspect=1.0)
         column = list(self._panels())
         self._stream.send_blueprint(
             views.Blueprint(

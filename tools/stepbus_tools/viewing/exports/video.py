@@ -20,7 +20,7 @@ from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.viewpoint import box_of_run, parse_viewpoint
+from stepbus_tools.viewing.viewpoint import box_of, parse_viewpoint, points_of_run
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
@@ -220,9 +220,9 @@ def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
         why = scene.notes[-1] if scene.notes else "it has no messages"
         raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
     width, height = plan.size or _SIZE
-    box = box_of_run(scene, history, plan.start_ns, plan.end_ns)
-    view = parse_viewpoint(viewpoint, box, width / height)
-    painter = Painter(scene, (width, height), smooth=True, floor=box)
+    points = points_of_run(scene, history, plan.start_ns, plan.end_ns)
+    view = parse_viewpoint(viewpoint, points, width / height)
+    painter = Painter(scene, (width, height), smooth=True, floor=box_of(points))
     for t_ns in plan.times():
         yield Shot(t_ns, painter.draw(history.at(scene.topics, t_ns), view))
 
