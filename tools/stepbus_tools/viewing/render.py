@@ -12,7 +12,6 @@ from stepbus_tools.look import PAPER
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.scene.swept import Box
 from stepbus_tools.viewing.viewpoint import (
     FIELD_OF_VIEW,
     Floats,
@@ -61,8 +60,8 @@ class _Body(NamedTuple):
 class Painter:
     """Draws a scene again and again. size: (width, height) in pixels. smooth: edges are blended.
 
-    floor: draws a grid below all that is in a box. What has not moved since the first picture is
-    drawn once for all of them.
+    floor: draws a grid below a box, of its lower and its upper corner. What has not moved since the
+    first picture is drawn once for all of them.
     """
 
     def __init__(
@@ -71,7 +70,7 @@ class Painter:
         size: tuple[int, int],
         *,
         smooth: bool = False,
-        floor: Box | None = None,
+        floor: tuple[Floats, Floats] | None = None,
     ) -> None:
         self._scene = scene
         self._smooth = smooth

@@ -251,7 +251,8 @@ def test_the_layout_names_topics_that_exist(view):
     panels = layout["configById"]
     for quantity, unit in (("position", "rad"), ("velocity", "rad/s")):
         panel = panels[f"Plot!{quantity}"]
-        assert [path["label"] for path in panel["paths"]] == [f"hip [{unit}]", f"knee [{unit}]"]
+        assert [path["label"] for path in panel["paths"]] == ["hip", "knee"]
+        assert panel["yAxisLabel"] == unit
         assert {path["value"].partition(".")[0] for path in panel["paths"]} <= topics
         assert {p["value"].rpartition(".")[2] for p in panel["paths"]} == {quantity}
         assert (

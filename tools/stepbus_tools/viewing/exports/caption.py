@@ -44,7 +44,7 @@ class Caption:
             color = PAPER["good" if result.exit_code == 0 else "bad"]
             words.append((result.outcome, color))
             if result.exit_code:
-                words.append((result.reason, PAPER["soft"]))
+                words.append((result.cause or result.reason, PAPER["soft"]))
         pen = self._drawing.Draw(self._strip)
         pen.line([(0, 0), (width, 0)], fill=PAPER["line"])
         # Room for the clock is left at the right.

@@ -148,7 +148,7 @@ def _plot(ports: Sequence[Port], quantity: str) -> Mapping[str, Any]:
             paths.append(
                 {
                     "value": f"{topic_of(port)}.joints[{index}].{quantity}",
-                    "label": f"{name} [{unit}]",
+                    "label": name,
                     "enabled": True,
                     "timestampMethod": "receiveTime",
                 }
@@ -170,7 +170,7 @@ def _plot(ports: Sequence[Port], quantity: str) -> Mapping[str, Any]:
         "legendDisplay": "left",
         "showPlotValuesInLegend": False,
         "isSynced": True,
-        "sidebarDimension": 190,
+        "sidebarDimension": 220,
     }
 
 
