@@ -135,6 +135,25 @@ def test_several_runs_share_their_charts(recording, tmp_path):
     assert "elbow" in groups
 
 
+def test_a_comparison_begins_with_the_largest_errors(tmp_path):
+    paths = []
+    for name, goal in (("a", 0.3), ("b", 0.2)):
+        (tmp_path / name).mkdir()
+        wanted = JointReference(position=[goal, 0.2], velocity=[0, 0], acceleration=[0, 0])
+        paths.append(
+            write(
+                tmp_path / name / "run.mcap",
+                joint_state=("JointState/1", ["hip", "knee"], [state()] * 9),
+                reference=("JointReference/1", ["hip", "knee"], [wanted] * 9),
+            )
+        )
+    text = write_page(paths, tmp_path / "both.html").read_text()
+    assert "<th>largest error</th><th>a</th><th>b</th>" in text
+    assert "<td>hip</td><td>0.2 rad</td><td>0.1 rad (-50 %)</td>" in text
+    assert "<td>knee</td><td>0 rad</td><td>0 rad</td>" in text
+    assert "largest error</th>" not in write_page(paths[:1]).read_text()
+
+
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
@@ -153,6 +172,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
     assert '<path class="mark failure"' in text
+    assert "--fault &#x27;freeze controller at 110&#x27;" in text
     assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
     assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head

@@ -21,6 +21,7 @@ from stepbus_tools.report.charts import path_of
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
+from .comparison import comparison_html
 from .content import RunPage
 from .curves_html import Curves
 from .head import again, head
@@ -71,6 +72,7 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
             run.label = folder if len(set(folders)) == len(folders) else str(run.path)
     curves = Curves(runs)
     sections = [
+        Section("comparison", "Comparison", comparison_html(runs)),
         Section("curves", "Curves", curves.html()),
         Section("path", "Path of the base, from above", _path(runs)),
         Section("camera", "Camera", "".join(map(_camera_stills, runs))),
