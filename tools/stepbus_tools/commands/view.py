@@ -73,7 +73,7 @@ def view_command(
     paths = () if is_live else (recording, ghost)
     opened = [_opened(path) for path in paths if path is not None]
     folder = recording.parent if recording.is_file() else recording
-    label = opened[0].path.parent.name if opened else folder.name
+    label = ", ".join(one.path.parent.name for one in opened) or folder.name
     view = _Page(label, place) if place.foxglove is None else _Foxglove(label, place)
     with closing(view), interruptible() as interrupt:
         parent = os.getppid()

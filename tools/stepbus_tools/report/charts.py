@@ -62,6 +62,12 @@ class Chart:
         return max((size for size in sizes if np.isfinite(size)), default=0.0)
 
     @property
+    def varies(self) -> bool:
+        """Return whether any line is more than one value all the time."""
+        values = (line.points[1][np.isfinite(line.points[1])] for line in self.lines)
+        return any(len(row) > 0 and bool(np.ptp(row) > 0) for row in values)
+
+    @property
     def used(self) -> float | None:
         """Return which share of the range between its limits the measured lines use.
 

@@ -15,7 +15,7 @@ from stepbus_orchestrator.recording import TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
-from stepbus_schemas import Event, JointReference, JointState
+from stepbus_schemas import Event, JointReference, JointState, Scalars
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
 
@@ -110,6 +110,21 @@ def test_the_worst_joint_comes_first(tmp_path):
     )
     titles = [group["title"] for group in content(write_page([path]))["groups"]]
     assert titles == ["Error of all joints", "knee", "hip"]
+
+
+def test_joints_with_next_to_no_error_and_ports_that_stand_still_are_folded(tmp_path):
+    names, zero = [f"j{number}" for number in range(7)], [0.0] * 7
+    wanted = JointReference(position=[0.5, *[0.001] * 6], velocity=zero, acceleration=zero)
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", names, [JointState(position=zero)] * 9),
+        reference=("JointReference/1", names, [wanted] * 9),
+        still=("Scalars/1", ["volt"], [Scalars(values=[12.0])] * 9),
+        moving=("Scalars/1", ["volt"], [Scalars(values=[float(n)]) for n in range(9)]),
+    )
+    page = write_page([path]).read_text()
+    folded = re.findall(r'<details class="group" data-name="(.*?)"', page)
+    assert folded == [*names[1:], "plant.still (Scalars/1)"]
 
 
 def test_a_page_names_no_folder_of_this_machine(tmp_path):

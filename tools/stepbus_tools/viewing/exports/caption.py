@@ -5,9 +5,11 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need
 from stepbus_tools.look import PAPER
 from stepbus_tools.report.summary import result_of, scenario_name
+from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Pixels
 
 _SMALLEST = (160, 90)
@@ -16,9 +18,12 @@ _VEIL = 225
 """How much the strip hides of the picture, of 255."""
 _NS = 1e-9
 
+_LAST_NS = 50_000_000
+"""How near to the end of a run the last frame of a film is."""
+
 
 class Caption:
-    """A strip at the lower edge: the scenario and the outcome, and the simulation time.
+    """A strip at the lower edge: the scenario, at the end its outcome, and the simulation time.
 
     size: (width, height) of the frames. Raises ExtraMissing without Pillow.
     """
@@ -33,19 +38,22 @@ class Caption:
         self._font = fonts.load_default(max(11, round(0.56 * self._height)))
         self._digit = max(self._font.getlength(digit) for digit in "0123456789")
         self._strip: Any = self._images.new("RGB", (width, max(1, self._height)), PAPER["paper"])
+        self._last: Any = self._strip.copy()
+        self._end_ns = History(recording).end_ns
         if self._height:
-            self._write(recording, width)
+            result = result_of(recording)
+            self._write(self._strip, scenario_name(recording), None)
+            self._write(self._last, scenario_name(recording), result)
 
-    def _write(self, recording: Recording, width: int) -> None:
-        """Write the words that do not change."""
-        result = result_of(recording)
-        words = [(scenario_name(recording), PAPER["ink"])]
+    def _write(self, strip: Any, name: str, result: Result | None) -> None:
+        """Write the words that do not change. result: of a run that has ended."""
+        words, width = [(name, PAPER["ink"])], strip.width
         if result is not None:
             color = PAPER["good" if result.exit_code == 0 else "bad"]
             words.append((result.outcome, color))
             if result.exit_code:
                 words.append((result.cause or result.reason, PAPER["soft"]))
-        pen = self._drawing.Draw(self._strip)
+        pen = self._drawing.Draw(strip)
         pen.line([(0, 0), (width, 0)], fill=PAPER["line"])
         # Room for the clock is left at the right.
         gap, end = 0.6 * self._height, width - 9 * self._digit
@@ -67,7 +75,7 @@ class Caption:
         """Return a frame with the caption and its time [ns] on it."""
         if not self._height:
             return pixels
-        strip = self._strip.copy()
+        strip = (self._strip if t_ns < self._end_ns - _LAST_NS else self._last).copy()
         pen = self._drawing.Draw(strip)
         x = strip.width - 0.6 * self._height
         # From the right, each digit in as much room as the others: they do not jump.

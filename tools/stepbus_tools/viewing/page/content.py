@@ -32,6 +32,8 @@ _QUIET = ("ControllerStatus/1", "Transforms/1", "Poses/1", "BaseCommand/1")
 """Types that ship whose charts are folded."""
 _MOST_LINES = 12
 _MOST_JOINTS = 14
+_FEW_JOINTS, _SMALL = 6, 0.01
+"""Of more joints, those are folded whose error is so small beside the largest."""
 _STILLS = 4
 _FEW_EVENTS = 30
 
@@ -150,16 +152,20 @@ def _groups(run: RunPage) -> Iterator[Group]:
         title = f"Error of all joints{f' ({more} more below)' if more > 0 else ''}"
         yield Group(title=title, charts=overview)
     worst = sorted(joints, key=lambda one: -errors[one].largest if one in errors else 1.0)
+    largest = max((chart.largest for chart in errors.values()), default=0.0)
     for joint in worst:
         color = line_style(joints.index(joint)).color
-        yield Group(title=joint, charts=charts[joint], color=color)
+        is_small = joint in errors and errors[joint].largest < _SMALL * largest
+        is_open = len(joints) <= _FEW_JOINTS or not is_small
+        yield Group(title=joint, charts=charts[joint], is_open=is_open, color=color)
     for port in run.ports:
         fields = [f for f in port.fields.values() if len(f.labels) <= _MOST_LINES]
         shown = [chart for field in fields if (chart := field_chart(field, _MOST_LINES)).lines]
         if shown:
             kind, name = port.port.type, port.name
             title = f"{_TITLES[kind]}: {name}" if kind in _TITLES else f"{name} ({kind})"
-            yield Group(title=title, is_open=kind not in _QUIET, charts=shown)
+            is_open = kind not in _QUIET and any(chart.varies for chart in shown)
+            yield Group(title=title, is_open=is_open, charts=shown)
 
 
 def _named_errors(
