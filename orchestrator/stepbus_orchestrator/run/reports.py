@@ -60,7 +60,9 @@ def progress_of(
 ) -> Progress:
     """Return how far a run is; is_held: whether it is, wherever all released steps are done."""
     participants = state.participants.values()
-    is_paused = state.phase.is_stepping and state.is_held and is_held
+    # At the end of a run, all steps are done and nothing is to come.
+    has_more = state.steps != state.scenario.steps
+    is_paused = state.phase.is_stepping and state.is_held and is_held and has_more
     is_moving = state.phase.is_stepping and not is_paused
     return Progress(
         phase="paused" if is_paused else state.phase.shown,

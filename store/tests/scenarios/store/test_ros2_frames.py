@@ -45,7 +45,7 @@ def test_map_odom_base_and_cameras_are_one_tree(sale):
             assert np.allclose(poses[name].translation, at, atol=1e-6), (t_ns, name)
     assert bag.frames["/plant/odometry"] == ("odom", "chassis")
     assert bag.frames["/world/pose"] == ("map", "chassis")
-    assert bag.frames["/plant/rgb"] == ("camera_optical_frame", "")
+    assert bag.frames["/plant/rgb/image_raw"] == ("camera_optical_frame", "")
     assert bag.still["camera_optical_frame"][0] == "camera"
     known = bag.still | {name: row for placed in bag.tf.values() for name, row in placed.items()}
     assert known["odom"][0] == "map"
