@@ -9,9 +9,7 @@ import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array, Signal, read_signal
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, split_topic
-from stepbus_participant import SettingsError
-from stepbus_participant.parameters import parse_yaml
+from stepbus_orchestrator.recording.layout import split_topic
 from stepbus_schemas import Description, Goal
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
@@ -183,12 +181,7 @@ def _quantities(port: Port) -> tuple[str, ...]:
 
 
 def _participants(recording: Recording) -> dict[str, dict[str, Any]]:
-    text = recording.attachments.get(SCENARIO_ATTACHMENT, b"").decode(errors="replace")
-    try:
-        data = parse_yaml(SCENARIO_ATTACHMENT, text)
-    except SettingsError:
-        return {}
-    rows = data.get("participants") if isinstance(data, dict) else None
+    rows = recording.scenario.get("participants")
     return (
         rows if isinstance(rows, dict) and all(isinstance(r, dict) for r in rows.values()) else {}
     )

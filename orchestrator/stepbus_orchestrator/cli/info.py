@@ -13,10 +13,9 @@ from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import RecordingPath, command
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
-from stepbus_orchestrator.run.result import RESULT_FILE, Result
+from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
 from stepbus_participant import parse_duration
-from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import UNDECODABLE, Event, StepbusError
+from stepbus_schemas import Event, StepbusError
 
 _MOST_TOPICS, _MOST_TYPES = 3, 6
 _PYTHON = "Python "
@@ -87,7 +86,7 @@ def info_command(recording: RecordingPath) -> Answer:
 
 
 def _info(recording: Recording) -> Info:
-    scenario, result = _scenario(recording), _result(recording)
+    scenario, result = recording.scenario, result_beside(recording)
     step_ns = _duration_ns(scenario.get("step"))
     planned_ns = _duration_ns(scenario.get("duration"))
     beside = recording.path.parent
@@ -116,27 +115,6 @@ def _info(recording: Recording) -> Info:
         versions=layout.versions_of(recording.metadata),
         messages_sha256=recording.messages_sha256,
     )
-
-
-def _scenario(recording: Recording) -> Mapping[str, Any]:
-    text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
-    with contextlib.suppress(StepbusError):
-        content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
-        if isinstance(content, dict):
-            return content
-    return {}
-
-
-def _result(recording: Recording) -> Result | None:
-    """Return the result of this run, if that is what lies beside the recording."""
-    if recording.path.name != layout.RUN_FILE:
-        return None
-    with contextlib.suppress(OSError, *UNDECODABLE):
-        data = recording.path.with_name(RESULT_FILE).read_bytes()
-        result = msgspec.json.decode(data, type=Result)
-        if result.messages_sha256 == recording.messages_sha256:
-            return result
-    return None
 
 
 def _duration_ns(text: object) -> int | None:

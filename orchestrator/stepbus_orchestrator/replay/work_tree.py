@@ -5,7 +5,6 @@ machine. The scenario is where `result.json` beside the recording says, or else 
 the current folder or the recording's.
 """
 
-import contextlib
 import os
 import stat
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -25,7 +24,7 @@ from stepbus_orchestrator.scenario.override import override
 from stepbus_orchestrator.scenario.program import programs_in
 from stepbus_orchestrator.scenario.scenario_files import BUILT, is_file, is_folder, is_scenario
 from stepbus_participant import SettingsError, read_file
-from stepbus_participant.parameters import YamlFile, parse_yaml
+from stepbus_participant.parameters import YamlFile
 from stepbus_schemas import UNDECODABLE, WiringError
 
 _MOST_FOLDERS = 2000
@@ -86,7 +85,7 @@ def find_work_tree(
     the installation, and in no work tree. Raises WiringError when `given` has no such scenario, or
     several folders have one.
     """
-    recorded, folder = _recorded(recording), recording.path.parent.absolute()
+    recorded, folder = recording.scenario, recording.path.parent.absolute()
     # A program may be taken from you, and from the owner of the recording.
     owners = {os.geteuid(), _owner(recording.path)}
     origin = _origin(folder, owners)
@@ -209,15 +208,6 @@ def _owner(path: Path) -> int:
         return path.stat().st_uid
     except OSError:
         return -1
-
-
-def _recorded(recording: Recording) -> dict[str, Any]:
-    text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
-    with contextlib.suppress(SettingsError):
-        data = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
-        if isinstance(data, dict):
-            return data
-    return {}
 
 
 def _origin(folder: Path, owners: Collection[int]) -> _Origin:

@@ -14,10 +14,11 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
-from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Disk, installed_version, write_file
+from stepbus_participant import Disk, installed_version, read_file, write_file
+from stepbus_schemas import UNDECODABLE
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.run import Run
@@ -132,6 +133,19 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
             with contextlib.suppress(OSError):
                 disk.unlink(part)
             raise
+
+
+def result_beside(recording: Recording) -> Result | None:
+    """Return the result of a run beside its recording; None where there is none of this one."""
+    if recording.path.name != layout.RUN_FILE:
+        return None
+    try:
+        data = read_file(recording.path.with_name(RESULT_FILE))
+        result = msgspec.json.decode(data, type=Result)
+    except (OSError, *UNDECODABLE):
+        return None
+    hashes = {result.messages_sha256, recording.messages_sha256} - {""}
+    return result if len(hashes) < 2 else None
 
 
 def result_of(

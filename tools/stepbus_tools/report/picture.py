@@ -12,6 +12,7 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
+from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
 from stepbus_tools.columns import readable
@@ -29,7 +30,6 @@ from stepbus_tools.report.summary import (
     NO_DYNAMICS,
     lacks_dynamics,
     read_joints,
-    result_of,
     scenario_name,
 )
 from stepbus_tools.report.units import prefixed
@@ -210,7 +210,7 @@ def draw_report(
         target = recording.path.with_name(REPORT_FILE)
         try:
             title = scenario_name(recording)
-            result = result_of(recording)
+            result = result_beside(recording)
             failed = f": failed, {result.cause}" if result and result.exit_code else ""
             more = f", {NO_DYNAMICS}{failed}" if lacks_dynamics(recording) else failed
             shown = [mark for mark in marks if mark.level in _MARKS]

@@ -1,20 +1,15 @@
 """What the summary of a run says of its recording, in lines."""
 
-import contextlib
 import csv
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-import msgspec
-
 from stepbus_orchestrator.analysis.findings import findings
 from stepbus_orchestrator.analysis.signals import Tracking, TrackingError, tracking_pieces
-from stepbus_orchestrator.recording import Recording, layout
-from stepbus_orchestrator.run.result import RESULT_FILE, Result
-from stepbus_participant import open_regular, read_file
-from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import UNDECODABLE, StepbusError
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.result import result_beside
+from stepbus_participant import open_regular
 from stepbus_tools.report.curves import JointCurves
 from stepbus_tools.report.units import engineering
 
@@ -34,7 +29,7 @@ def read_joints(recording: Recording) -> tuple[JointCurves, list[str]]:
     for piece in tracking_pieces(recording):
         curves.take(piece)
         tracked.take(piece)
-    result = result_of(recording)
+    result = result_beside(recording)
     late = result.real_time.complaint() if result and result.real_time else ""
     lines = [
         *(tracked.lines() if curves.measured else ()),
@@ -53,22 +48,7 @@ def lacks_dynamics(recording: Recording) -> bool:
 
 def scenario_name(recording: Recording) -> str:
     """Return what the recorded scenario is called, or the file where it has none."""
-    text = recording.attachments.get(layout.SCENARIO_ATTACHMENT, b"").decode(errors="replace")
-    with contextlib.suppress(StepbusError):
-        content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
-        if isinstance(content, dict) and content.get("name"):
-            return str(content["name"])
-    return recording.path.stem
-
-
-def result_of(recording: Recording) -> Result | None:
-    """Return the result of a run beside its recording; None where there is none of this one."""
-    if recording.path.name != layout.RUN_FILE:
-        return None
-    try:
-        return msgspec.json.decode(read_file(recording.path.with_name(RESULT_FILE)), type=Result)
-    except (OSError, *UNDECODABLE):
-        return None
+    return str(recording.scenario.get("name") or recording.path.stem)
 
 
 def _profile_lines(folder: Path) -> list[str]:

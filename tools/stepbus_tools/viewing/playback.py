@@ -13,8 +13,8 @@ import numpy as np
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import StepbusError
-from stepbus_tools.report.summary import result_of
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.bodies import Messages
@@ -83,7 +83,7 @@ class Findings:
 
     def _read(self, path: Path) -> None:
         with Recording(path) as recording:
-            events, _ = read_timeline(recording, result_of(recording))
+            events, _ = read_timeline(recording, result_beside(recording))
             if calls := recording.ports.get(layout.CALLS_TOPIC):
                 rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
                 self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]

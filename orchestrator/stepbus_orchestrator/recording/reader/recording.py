@@ -29,8 +29,8 @@ class Recording:
     """A recording: `recording["plant.joint_state"].position` is an array of shape (T, n).
 
     ports: by topic such as `plant/joint_state`, in recorded order. attachments: the scenario and
-    its files, by name. metadata: what the run ran on, by name. types: message types, with those of
-    its own that its schemas say.
+    its files, by name. scenario: what the scenario says; empty where it cannot be read. metadata:
+    what the run ran on, by name. types: message types, with those of its own that its schemas say.
 
     path: of a recording, or the folder of its run. Only the index is read at once; messages are
     read when they are asked for. Of a file that is cut off or corrupt, all before the damage is
@@ -43,6 +43,7 @@ class Recording:
         self._source = Source(self.path)
         index = self._source.index
         self.attachments: Mapping[str, bytes] = index.attachments
+        self.scenario: Mapping[str, Any] = index.scenario
         self.metadata: Mapping[str, Mapping[str, str]] = index.metadata
         self.types = recorded_types(index.schema_texts)
         self._holes: Sequence[str] | None = None

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.result import Result, result_beside
 from stepbus_participant import need
 from stepbus_tools.look import PAPER
-from stepbus_tools.report.summary import result_of, scenario_name
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Pixels
 
@@ -41,7 +41,7 @@ class Caption:
         self._last: Any = self._strip.copy()
         self._end_ns = History(recording).end_ns
         if self._height:
-            result = result_of(recording)
+            result = result_beside(recording)
             self._write(self._strip, scenario_name(recording), None)
             self._write(self._last, scenario_name(recording), result)
 

@@ -17,10 +17,11 @@ import numpy as np
 from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Port, Recording
+from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
 from stepbus_tools.columns import Column, Field, Table
-from stepbus_tools.report.summary import result_of, scenario_name
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import pixels_of
@@ -263,7 +264,7 @@ class _Rrd:
 
     def end(self) -> None:
         """Write how the run ended, and the layout."""
-        result = result_of(self._recording)
+        result = result_beside(self._recording)
         if result is not None and result.exit_code:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from stepbus_orchestrator.recording import Batch, Port, Recording
+from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.look import line_style
@@ -18,7 +19,7 @@ from stepbus_tools.report.curves import (
     read_ports,
 )
 from stepbus_tools.report.picture import is_pictured
-from stepbus_tools.report.summary import read_joints, result_of, scenario_name
+from stepbus_tools.report.summary import read_joints, scenario_name
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import read_timeline
 from stepbus_tools.viewing.page.scene_end import scene_at_end
@@ -85,7 +86,7 @@ class RunPage:
             check_readable(recording)
             self.recording, self.path = recording, recording.path
             self.last_step = recording.last_step
-            self.result = result_of(recording)
+            self.result = result_beside(recording)
             self.name = self.result.scenario if self.result else scenario_name(recording)
             if recording.cut_short:
                 end = f"it is shown up to step {self.last_step}"
