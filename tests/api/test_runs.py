@@ -10,7 +10,7 @@ import pytest
 import stepbus
 import stepbus_scenarios
 from stepbus import messages
-from stepbus_tools.report.summary import result_of
+from stepbus_orchestrator.run.result import result_beside
 
 TWO_LINK = Path(stepbus_scenarios.__file__).parent / "two_link"
 SHORT = {"duration": "100ms"}
@@ -163,7 +163,7 @@ def test_a_run_in_real_time_reports_how_late_its_steps_were_and_plots_it(result,
     assert timed.sha256 == result.sha256
     assert timed.real_time.factor == 20
     with stepbus.Recording(timed) as recording:
-        assert result_of(recording).real_time == timed.real_time
+        assert result_beside(recording).real_time == timed.real_time
 
 
 @pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf")])
@@ -174,7 +174,7 @@ def test_real_time_takes_a_factor(factor, tmp_path):
 
 def test_a_run_that_was_not_in_real_time_has_no_lateness_(result):
     with stepbus.Recording(result) as recording:
-        assert result_of(recording).real_time is None
+        assert result_beside(recording).real_time is None
 
 
 def test_a_failed_result_raises_when_checked_and_prints_in_a_line(tmp_path):

@@ -25,7 +25,10 @@ def after_run(recording: Path, *, has_plots: bool) -> list[str]:
     lines: list[str] = []
     try:
         run = RunPage(recording)
-        lines = [*run.lines, *draw_report(run.recording, run.joints, run.ports, run.marks)]
+        lines = [
+            *run.lines,
+            *draw_report(run.recording, run.joints, run.ports, run.marks, run.result),
+        ]
         return [*lines, f"report    {render_page([run], run.path.with_name(PAGE_FILE))}"]
     except (StepbusError, OSError) as exc:
         return [*lines, f"no report {exc}"]

@@ -93,6 +93,7 @@ def _info(recording: Recording) -> Info:
     is_run = recording.path.name == layout.RUN_FILE and (beside / layout.TIMING_FILE).exists()
     faults = recording.metadata.get(layout.FAULTS_METADATA, {})
     incomplete = recording.metadata.get(layout.INCOMPLETE_METADATA, {})
+    ended = None if recording.cut_short else result
     missing = {name: int(step) for name, step in incomplete.items() if step.isdecimal()}
     files = beside.rglob("*") if is_run else ()
     return Info(
@@ -100,7 +101,7 @@ def _info(recording: Recording) -> Info:
         scenario=str(scenario.get("name") or ""),
         outcome=result.outcome if result else "",
         reason=result.reason if result else "",
-        steps=result.steps if result else min((recorded_end(recording), *missing.values())),
+        steps=ended.steps if ended else min((recorded_end(recording), *missing.values())),
         planned_steps=planned_ns // step_ns if step_ns and planned_ns else None,
         step_ns=step_ns,
         wall_s=result.wall_s if result else None,

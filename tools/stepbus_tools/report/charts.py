@@ -41,6 +41,16 @@ class ChartLine:
     number: int = 0
     run: int = 0
 
+    @property
+    def is_solid(self) -> bool:
+        """Return whether it is what was; else it is what should have been."""
+        return self.role in {"measured", "error"}
+
+    @property
+    def is_wide(self) -> bool:
+        """Return whether it is drawn wide and light: what was commanded."""
+        return self.role in {"reference", "command"}
+
 
 @dataclass(frozen=True)
 class Chart:
@@ -54,6 +64,11 @@ class Chart:
     lines: Sequence[ChartLine]
     limits: Sequence[float] = ()
     is_path: bool = False
+
+    @property
+    def drawn(self) -> Sequence[ChartLine]:
+        """Return its lines in the order to draw them: what should be lies below what was."""
+        return sorted(self.lines, key=lambda line: (line.is_solid, not line.is_wide))
 
     @property
     def largest(self) -> float:

@@ -12,7 +12,7 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_orchestrator.run.result import result_beside
+from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
 from stepbus_tools.columns import readable
@@ -42,7 +42,6 @@ _MOST_NAMES = 14
 _MOST_ROWS = 8
 _MARKS = {"failure": "bad", "error": "bad", "fault": "warn", "warning": "warn"}
 """Level of a mark → its colour."""
-_PLANNED = ("reference", "command")
 _NOWHERE: Line = (np.empty(0), np.empty(0))
 
 
@@ -63,7 +62,7 @@ def draw(
     span = _span(charts, marks)
     names = _shared_names(charts)
     for axis, chart in zip(axes, charts, strict=False):
-        solid = {line.label for line in chart.lines if _is_solid(line)}
+        solid = {line.label for line in chart.lines if line.is_solid}
         _draw(axis, chart, is_named=not names.keys() >= solid)
         if chart.is_path:
             axis.set_aspect("equal", adjustable="datalim")
@@ -77,7 +76,7 @@ def draw(
     for axis in axes[len(charts) :]:
         axis.set_axis_off()
     # What was wanted has the colour of what was measured, so its legend is grey.
-    wanted = {line.label: line for chart in charts for line in chart.lines if not _is_solid(line)}
+    wanted = {line.label: line for chart in charts for line in chart.lines if not line.is_solid}
     samples = {label: _look(ChartLine(label, _NOWHERE, number=n)) for label, n in names.items()}
     samples |= {name: _look(line) | {"color": PAPER["soft"]} for name, line in wanted.items()}
     if samples:
@@ -106,14 +105,10 @@ def _span(charts: Sequence[Chart], marks: Sequence[Mark]) -> tuple[float, float]
     return low - room, high + room
 
 
-def _is_solid(line: ChartLine) -> bool:
-    return line.role in ("measured", "error")
-
-
 def _shared_names(charts: Sequence[Chart]) -> dict[str, int]:
     """Return name → style of the lines that several charts have, such as joints."""
     counted = Counter(
-        (line.label, line.number) for chart in charts for line in filter(_is_solid, chart.lines)
+        (line.label, line.number) for chart in charts for line in chart.lines if line.is_solid
     )
     shared = {label: number for (label, number), count in counted.items() if count > 1}
     return shared if 1 < len(shared) <= _MOST_NAMES else {}
@@ -123,7 +118,7 @@ def _look(line: ChartLine) -> dict[str, Any]:
     """Return how matplotlib draws a line."""
     style = line_style(line.number)
     color = LINES[style.color]
-    if line.role in _PLANNED:
+    if line.is_wide:
         return {"color": color, "linewidth": 5, "alpha": 0.35}
     if line.role == "target":
         return {"color": color, "linewidth": 1.2, "linestyle": ":"}
@@ -150,9 +145,7 @@ def _draw(axis: Any, chart: Chart, *, is_named: bool) -> None:
     axis.set_ylabel(f"[{unit}]" if unit else "")
     axis.grid(visible=True, alpha=0.3)
     axis.margins(x=0.01)
-    # What should be lies below what was.
-    lines = sorted(chart.lines, key=lambda one: one.role not in _PLANNED)
-    for line in lines:
+    for line in chart.drawn:
         curve = Curve()
         curve.add(line.points[0], line.points[1][:, None])
         t, values = curve.line(0)
@@ -160,7 +153,7 @@ def _draw(axis: Any, chart: Chart, *, is_named: bool) -> None:
     if chart.is_near_limit:
         for limit in chart.limits:
             axis.axhline(factor * limit, color=PAPER["bad"], linewidth=1, linestyle=(0, (5, 3)))
-    solid = {line.label: axis.lines[i] for i, line in enumerate(lines) if _is_solid(line)}
+    solid = {line.label: axis.lines[i] for i, line in enumerate(chart.drawn) if line.is_solid}
     if (
         is_named
         and not chart.is_path
@@ -200,17 +193,17 @@ def draw_report(
     joints: JointCurves,
     ports: Sequence[PortCurves],
     marks: Sequence[Mark] = (),
+    result: Result | None = None,
 ) -> Iterator[str]:
     """Write report.png beside a recording, and yield the line of the summary about it.
 
-    marks: what it shows of events: the serious ones.
+    marks: what it shows of events: the serious ones. result: of the run, where there is one.
     """
     charts = [*all_joints(joints), *port_charts(ports)]
     if charts:
         target = recording.path.with_name(REPORT_FILE)
         try:
             title = scenario_name(recording)
-            result = result_beside(recording)
             failed = f": failed, {result.cause}" if result and result.exit_code else ""
             more = f", {NO_DYNAMICS}{failed}" if lacks_dynamics(recording) else failed
             shown = [mark for mark in marks if mark.level in _MARKS]

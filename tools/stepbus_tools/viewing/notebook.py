@@ -14,7 +14,7 @@ from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.page import PAGE_FILE
 from stepbus_tools.whole_file import replaced
 
-from .page.scene_end import scene_at_end
+from .page.run_scene import scene_at_end
 from .page.svg import figure
 
 _MOST_NAMES = 8

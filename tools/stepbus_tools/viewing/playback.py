@@ -66,8 +66,8 @@ def open_recording(path: Path) -> Recording:
 class Findings:
     """What is found in recordings, in the background: what happened, and where they part.
 
-    marks: in order of time. stops: time [ns], and who has stopped the robot by a call; empty: it
-    has been released. error: why they cannot be compared.
+    marks: in order of time; one says why they cannot be compared. stops: time [ns], and who has
+    stopped the robot by a call; empty: it has been released.
     """
 
     def __init__(self, recording: Recording, other: Recording | None) -> None:

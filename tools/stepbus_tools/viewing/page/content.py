@@ -22,7 +22,7 @@ from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, scenario_name
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import read_timeline
-from stepbus_tools.viewing.page.scene_end import scene_at_end
+from stepbus_tools.viewing.page.run_scene import scene_at_end
 from stepbus_tools.viewing.page.step_times import read_step_times
 
 _JOINTS = ("JointCommand/1", "JointReference/1", "JointState/1")

@@ -33,7 +33,6 @@ _BAR = (
     '</div><p class="note">A curve opens when you click it. Wide and light: what was commanded; '
     "dotted: the target; dashed red: a limit.</p>"
 )
-_PLANNED = ("reference", "command", "target")
 
 
 class Curves:
@@ -126,7 +125,7 @@ def _merged(runs: Sequence[RunPage]) -> list[Group]:
 def _of_run(run: RunPage, number: int, chart: Chart, known: Chart) -> Iterator[ChartLine]:
     """Yield the lines that a run adds; what is the same for all, as a reference, is there once."""
     for line in chart.lines:
-        if line.role not in _PLANNED or not any(_is_same(line, one) for one in known.lines):
+        if line.is_solid or not any(_is_same(line, one) for one in known.lines):
             label = f"{run.label} {line.label}".strip()
             yield replace(line, label=label, run=number)
 
@@ -150,11 +149,7 @@ class _Arrays:
             "scale": scale_of(chart),
             "limits": chart.limits,
             "near": chart.is_near_limit,
-            # What should be lies below what was.
-            "lines": [
-                self._line(line)
-                for line in sorted(chart.lines, key=lambda one: one.role not in _PLANNED)
-            ],
+            "lines": [self._line(line) for line in chart.drawn],
         }
 
     def _line(self, line: ChartLine) -> Mapping[str, Any]:
@@ -166,7 +161,8 @@ class _Arrays:
             "label": line.label,
             "t": self._place(b"d", t.astype("<f8")),
             "y": self._place(b"f", values.astype("<f4")),
-            "role": line.role,
+            "wide": line.is_wide,
+            "dotted": line.role == "target",
             "color": style.color,
             "broken": style.is_broken,
             "run": line.run,

@@ -27,7 +27,7 @@ from .curves_html import Curves
 from .head import again, head
 from .mission import is_summary
 from .plan import path_from_above
-from .replay import REPLAY_POLICY, packed_replay, replay_html
+from .run_scene import REPLAY_POLICY, packed_replay, replay_html
 from .step_times import lateness_html, times_html
 from .svg import figure
 

@@ -16,7 +16,6 @@ _LEFT, _RIGHT, _TOP, _BOTTOM = 42.0, 296.0, 8.0, 100.0
 _MOST_POINTS = 240
 _ROOM = 0.06
 _MOST_DIGITS, _LARGE = 5, 1e6
-_WIDE = ("reference", "command")
 _SAID = ("failure", "fault")
 _MOST_SAID = 3
 _Place = Callable[[float], float]
@@ -48,9 +47,7 @@ def small_chart(chart: Chart, marks: Sequence[Mark], end_s: float) -> str:
     ]
     said = [one for one in reversed(ordered) if one.level in _SAID][:_MOST_SAID]
     parts += [_word(one.level, x(one.t), row) for row, one in enumerate(said)]
-    # What should be lies below what was.
-    for line in sorted(chart.lines, key=lambda one: one.role not in _WIDE):
-        parts.append(_path(line, x, y))
+    parts += [_path(line, x, y) for line in chart.drawn]
     label = f"{chart.title} [{unit}] over time [s]" if unit else f"{chart.title} over time [s]"
     return (
         f'<svg class="small" role="img" aria-label="{escape(label)}" '

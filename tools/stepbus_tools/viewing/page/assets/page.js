@@ -99,15 +99,14 @@ function selected(plot) {
 const pointed = (type) => type === "mousemove" || type === "mouseleave";
 
 const dashes = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
-const planned = (line) => line.role === "reference" || line.role === "command";
 
 function look(line) {
   const dash = line.run ? dashes[line.run % 4] : line.broken ? dashes[1] : undefined;
   return {
     label: line.label,
-    stroke: () => color("--c" + line.color) + (planned(line) ? "59" : ""),
-    width: planned(line) ? 5 : 1.6,
-    dash: line.role === "target" ? dashes[2] : dash,
+    stroke: () => color("--c" + line.color) + (line.wide ? "59" : ""),
+    width: line.wide ? 5 : 1.6,
+    dash: line.dotted ? dashes[2] : dash,
     spanGaps: true,
     points: { show: (u) => u.data[0].length < 3 },
     value: (_, y) => short(y) || "–",
