@@ -1,7 +1,10 @@
 """`stepbus info`: what is in a recording, also in one that was cut off or stands alone."""
 
 import json
+import os
 import shutil
+import subprocess
+import sys
 
 import pytest
 from support.runs.joints import write_scenario
@@ -73,6 +76,25 @@ def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
     assert reason in rows["outcome"][0]
     assert "; outputs are missing of " in rows["outcome"][0]
     assert rows["events"][0].endswith("faults injected: kill controller at 5")
+
+
+def test_a_run_that_failed_is_as_long_as_its_result_says(tmp_path, capsys):
+    path = write_scenario(tmp_path / "source")
+    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
+    main([*words, "--fault", "kill controller at 5"])
+    result = json.loads((tmp_path / "out" / "result.json").read_text())
+    capsys.readouterr()
+    assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
+    (tmp_path / "out" / "result.json").unlink()
+    assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
+
+
+def test_a_pipe_in_the_place_of_the_result_holds_nothing(two_link_recording, tmp_path):
+    shutil.copy(two_link_recording, tmp_path)
+    os.mkfifo(tmp_path / "result.json")
+    command = [sys.executable, "-m", "stepbus_orchestrator.cli", "info", tmp_path]
+    done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
+    assert (done.returncode, "no result.json of it" in done.stdout) == (0, True)
 
 
 def test_json_has_the_same_and_more(two_link_recording, capsys):

@@ -1,28 +1,21 @@
 """Sweeps as a user makes them: by the command line, with Ray."""
 
-import contextlib
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
-from collections.abc import Callable, Sequence
 from pathlib import Path
 
-import psutil
 import pyarrow.parquet as parquet
 import pytest
+from support.runs.sweeps import AXES, SHORT, STEPBUS, rows, run_in, sweep
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 
 pytest.importorskip("ray")
 pytestmark = pytest.mark.timeout(600)
-STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
-AXES = ["--vary", "controller.params.kp=50:200:3", "--vary", "controller.params.kd=10,20"]
-SHORT = ["--set", "duration=100ms"]
 
 METRIC = """
 import helper
@@ -33,37 +26,6 @@ def worst(recording):
 def broken(recording):
     raise ValueError("no data")
 """
-
-
-def sweep(folder: Path, *words: str, check: bool = True) -> subprocess.CompletedProcess[str]:
-    command = [*STEPBUS, "sweep", *words, "--out", str(folder / "sweep")]
-    # Ray's sockets need a short name; what it leaves goes with the folder.
-    environment = {**os.environ, "HOME": str(folder)}
-    done = subprocess.run(
-        command,
-        check=False,
-        cwd=folder,
-        env=environment,
-        capture_output=True,
-        text=True,
-        timeout=280,
-    )
-    assert not check or done.returncode == 0, done.stderr
-    return done
-
-
-def run_in(folder: Path, command: Sequence[str | Path]) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "HOME": str(folder)}
-    return subprocess.run(
-        command, check=False, cwd=folder, env=environment, capture_output=True, text=True
-    )
-
-
-def rows(folder: Path) -> dict[str, list[object]]:
-    found: dict[str, list[object]] = parquet.read_table(
-        folder / "sweep/results.parquet"
-    ).to_pydict()
-    return found
 
 
 @pytest.mark.slow
@@ -197,49 +159,6 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
 
 
 @pytest.mark.slow
-def test_a_sweep_that_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path) -> None:
-    words = ["two_link", *SHORT, "--vary", "controller.params.kp~uniform(50, 100)"]
-    words += ["--samples", "40", "--seed", "3"]
-    (tmp_path / "whole").mkdir()
-    sweep(tmp_path / "whole", *words, "--jobs", "1")
-    command = [*STEPBUS, "sweep", *words, "--out", str(tmp_path / "sweep")]
-    with subprocess.Popen(command, stdout=subprocess.DEVNULL, cwd=tmp_path) as process:
-        family = psutil.Process(process.pid)
-        journal = tmp_path / "sweep/rows.jsonl"
-        wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 5)
-        children = family.children(recursive=True)
-        process.send_signal(signal.SIGKILL)
-    _, alive = psutil.wait_procs(children, timeout=100)
-    assert not alive
-    mark = (tmp_path / "sweep/.reach").read_text()
-    before = {json.loads(line)["run"] for line in journal.read_bytes().splitlines(keepends=True)
-              if line.endswith(b"\n")}  # fmt: skip
-    done = sweep(tmp_path, *words)
-    assert f"{len(before)} were there before" in done.stdout
-    names = ("whole/sweep/results.parquet", "sweep/results.parquet")
-    assert len({(tmp_path / name).read_bytes() for name in names}) == 1
-    # What the killed one has left is gone, too.
-    left = mark.splitlines()[1]
-    assert not Path(left).exists()
-
-
-@pytest.mark.slow
-def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
-    command = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:400"]
-    command += [*SHORT, "--out", str(tmp_path / "sweep")]
-    with subprocess.Popen(
-        command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    ) as process:
-        journal = tmp_path / "sweep/rows.jsonl"
-        wait_for(lambda: journal.exists() and journal.read_bytes().count(b"\n") >= 3)
-        process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=200)
-    assert process.returncode == 130
-    assert "of 400 runs; the same command goes on from there" in errors
-    assert 3 <= len(rows(tmp_path)["run"]) < 400
-
-
-@pytest.mark.slow
 def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path) -> None:
     words = ["two_link", "--set", "duration=500ms", "--vary", "controller.params.kp=10:400:log"]
     words += ["--vary", "controller.params.kd=1:60", "--optimize", "rmse", "--trials", "16"]
@@ -250,40 +169,6 @@ def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path
     assert tables[0] == tables[1]
     found = rows(tmp_path / "1")["rmse"]
     assert min(found[8:]) < min(found[:4])
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("keep", ["all", "none"])
-def test_a_full_disk_ends_a_sweep_and_leaves_no_row_that_is_not_the_points_own(
-    tmp_path: Path, small_disk: Callable[[str], Path], keep: str
-) -> None:
-    disk = small_disk("16m")
-    filler = disk / "filler"
-    left = 1_200_000 if keep == "all" else 40_000
-    filler.write_bytes(bytes(16 * 1024**2 - left))
-    words = ["two_link", "--set", "duration=5s", "--vary", "controller.params.kp=50:100:8"]
-    command = [*STEPBUS, "sweep", *words, "--keep", keep, "--out", disk / "sweep"]
-    done = run_in(tmp_path, command)
-    assert done.returncode == ExitCode.RECORDING, done.stderr
-    assert "No space left on device" in done.stderr
-    journal = (disk / "sweep/rows.jsonl").read_bytes().splitlines()
-    assert all(json.loads(line)["exit_code"] == 0 for line in journal)
-    filler.unlink()
-    done = run_in(tmp_path, command)
-    assert done.returncode == 0, done.stderr
-    table = parquet.read_table(disk / "sweep/results.parquet").to_pydict()
-    assert table["exit_code"] == [0] * 8
-
-
-@pytest.mark.slow
-def test_with_a_umask_of_0_nobody_else_may_write_to_what_a_sweep_leaves(tmp_path: Path) -> None:
-    words = ["two_link", *SHORT, "--vary", "controller.params.kp=50,100", "--keep", "all"]
-    command = [*STEPBUS, "sweep", *words, "--out", str(tmp_path / "sweep")]
-    environment = {**os.environ, "HOME": str(tmp_path)}
-    subprocess.run(command, check=True, cwd=tmp_path, env=environment, umask=0, capture_output=True)
-    found = [tmp_path / "sweep", *(tmp_path / "sweep").rglob("*")]
-    assert len(found) > 20
-    assert [str(path) for path in found if path.stat().st_mode & 0o002] == []
 
 
 TIP = """
@@ -371,106 +256,3 @@ def test_what_a_machine_may_have_failed_is_repeated_and_values_vary_together(
     assert found.returncode == 0, found.stderr
     cause = {"failed (flaky), exit code 5": 2}
     assert found.stdout.strip() == f"2 {cause} [0, 5, 5]", found.stdout
-
-
-@pytest.mark.slow
-def test_a_node_that_dies_costs_only_its_runs(tmp_path: Path) -> None:
-    words = ["two_link", *SHORT, "--vary", "controller.params.kp=50:100:60"]
-    (tmp_path / "whole").mkdir()
-    sweep(tmp_path / "whole", *words, "--jobs", "1")
-    script = Path(__file__).parent / "programs" / "losing_a_node.py"
-    done = subprocess.run(
-        [sys.executable, str(script), str(tmp_path / "sweep"), *words[1:]],
-        check=False, cwd=tmp_path, capture_output=True, text=True, timeout=280,
-        env={**os.environ, "HOME": str(tmp_path)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    names = ("whole/sweep/results.parquet", "sweep/results.parquet")
-    assert len({(tmp_path / name).read_bytes() for name in names}) == 1
-
-
-@pytest.mark.slow
-def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> None:
-    words = [*STEPBUS, "sweep", "two_link", "--vary", "controller.params.kp=50:100:200"]
-    mark, journal = tmp_path / "sweep/.reach", tmp_path / "sweep/rows.jsonl"
-    environment = {**os.environ, "HOME": str(tmp_path)}
-    answer = "refused: nobody but root can try"
-    # Planted by somebody who may write there: neither followed nor believed.
-    planted, kept = tmp_path / "planted", tmp_path / "stepbus-ray-kept"
-    planted.write_text(f"mine\n{kept}\n")
-    kept.mkdir()
-    mark.parent.mkdir()
-    mark.symlink_to(planted)
-    with subprocess.Popen(
-        [*words, "--jobs", "1", "--out", str(tmp_path / "sweep")],
-        cwd=tmp_path, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-    ) as process:  # fmt: skip
-        try:
-            wait_for(lambda: journal.exists() and journal.stat().st_size > 0)
-            family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(True)]
-            listening = {
-                found.laddr.ip.removeprefix("::ffff:")
-                for member in family
-                for found in member.net_connections("inet")
-                if found.status == psutil.CONN_LISTEN
-            }
-            secrets = {member.environ().get("RAY_AUTH_TOKEN", "") for member in family} - {""}
-            said = " ".join(word for member in family for word in member.cmdline())
-            content, mode = mark.read_text(), mark.stat().st_mode & 0o777
-            private = Path(content.splitlines()[1])
-            modes = mode, private.stat().st_mode & 0o777
-            if os.getuid() == 0:  # only root can become another user
-                for attempt in (["cat", mark], ["ls", private], ["ls", private / "r"]):
-                    assert subprocess.run(attempt, user=65534, check=False).returncode != 0
-                (address,) = {
-                    word.partition("=")[2] for word in said.split() if "--gcs-address=" in word
-                }
-                # Ray replaces 127.0.0.1 by the machine's own address, where nothing listens.
-                answer = as_another_user(
-                    tmp_path, f"[::ffff:127.0.0.1]:{address.rpartition(':')[2]}"
-                )
-        finally:
-            process.send_signal(signal.SIGINT)
-            process.wait(60)
-    assert listening == {"127.0.0.1"}
-    assert answer.startswith("refused"), answer
-    assert modes == (0o600, 0o700)
-    (secret,) = secrets
-    assert secret not in content
-    assert secret not in said
-    assert not private.exists()
-    assert (planted.read_text(), kept.is_dir()) == (f"mine\n{kept}\n", True)
-
-
-CLIENT = """
-import sys, ray
-try:
-    ray.init(address=sys.argv[1], log_to_driver=False)
-    print("ran as", ray.get(ray.remote(__import__("os").getuid).remote(), timeout=60))
-except Exception as exc:
-    print("refused", exc)
-"""
-
-
-def as_another_user(folder: Path, address: str) -> str:
-    """Return what a Ray client of another user gets, with a token that it has guessed."""
-    minor = f"python3.{sys.version_info.minor}"
-    packages = str(Path(psutil.__file__).parents[1])
-    guessed = {"HOME": str(folder), "PYTHONPATH": packages, "RAY_AUTH_MODE": "token",
-               "RAY_AUTH_TOKEN": "a" * 32}  # fmt: skip
-    for python in (sys.executable, f"/usr/bin/{minor}"):
-        with contextlib.suppress(PermissionError, FileNotFoundError):
-            done = subprocess.run(
-                [python, "-c", CLIENT, address], user=65534, group=65534, extra_groups=[],
-                env=guessed, capture_output=True, text=True, timeout=200, check=False, cwd="/",
-            )  # fmt: skip
-            return done.stdout.strip() or done.stderr
-    return "refused: it has no Python that it may start"
-
-
-def wait_for(holds: object) -> None:
-    assert callable(holds)
-    end = time.monotonic() + 250
-    while not holds():
-        assert time.monotonic() < end
-        time.sleep(0.02)

@@ -8,7 +8,10 @@ from support.messages.recordings import write
 
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import Description, Image, Poses, WiringError
+from stepbus_tools.viewing.exports.caption import Caption
+from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
@@ -114,6 +117,20 @@ def test_a_caption_says_whose_run_it_is_and_a_clock_runs(moving, tmp_path):
     # The last digits have changed, the unit has not.
     assert (first[:, :80] != last[:, :80]).sum() > 20
     assert (first[:, -24:] != last[:, -24:]).sum() < 10
+
+
+def test_a_caption_says_how_a_run_ended_when_it_ends(moving):
+    Result(
+        scenario="moving", outcome="finished", exit_code=0, reason="finished", participant=None,
+        at_step=0, steps=1, step_ns=1, seed=0, window=1, transport="unix", start_s=0.0, wall_s=1.0,
+        real_time_factor=1.0, sha256="", folder=str(moving.parent),
+    ).save()  # fmt: skip
+    with Recording(moving) as recording:
+        caption, end_ns = Caption(recording, (640, 360)), History(recording).end_ns
+        plain = np.full((360, 640, 3), 255, np.uint8)
+        before, after = (caption.on(plain, t_ns).astype(int) for t_ns in (0, end_ns))
+    green = [((row[:, :, 1] - row[:, :, 0]) > 40).sum() for row in (before, after)]
+    assert green[0] == 0 < green[1]
 
 
 def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):

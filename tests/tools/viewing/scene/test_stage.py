@@ -68,6 +68,23 @@ def page():
     page.close()
 
 
+def test_what_was_seen_stays_where_the_camera_was_then(page):
+    class Moving(Scene):
+        def world_poses(self, messages):
+            return {"eye": Pose((float(messages["at"].step), 0.0, 0.0))}
+
+    scene = Moving(frames=[Frame(name="eye")], motions=[])
+    overlays = Overlays(
+        page.server, Stage(page.server, scene), {"d/d": Port("d/d", "Detections/1")}
+    )
+    seen = Detections(
+        frame="eye", types=["x"], position=[(1, 0, 0)], orientation=[(0, 0, 0, 1)], confidence=[1]
+    )
+    now = {"d/d": Latest(step=3, message=seen), "at": Latest(step=9, message=seen)}
+    overlays.show(now, lambda step: {"at": Latest(step=step, message=seen)})
+    assert page.server.scene.get_handle_by_name("/shown/d.d/0").position[0] == 4.0
+
+
 def test_what_is_seen_and_touched_comes_and_goes(page):
     stage = Stage(page.server, Scene(frames=[Frame(name="a")], motions=[]))
     ports = {port.topic: port for port in (Port("c/c", "Contacts/1"), Port("d/d", "Detections/1"))}
