@@ -16,7 +16,7 @@ def test_a_run_whose_steps_are_all_done_is_not_paused(steps, total, phase):
         phase=SimpleNamespace(is_stepping=True, shown="stepping"),
         is_held=True,
         steps=steps,
-        scenario=SimpleNamespace(steps=total, step_ns=1),
+        scenario=SimpleNamespace(steps=total, step_ns=1, participants={}),
         participants={},
         compute={},
         barrier=SimpleNamespace(holders=list),
