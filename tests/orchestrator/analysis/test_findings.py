@@ -53,8 +53,7 @@ def test_a_command_that_is_no_number_does_not_hide_the_largest():
 
 def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
     recording = Recording(TESTS / "scenarios/golden" / "two_link.mcap")
-    rows = "participants: {plant: {inputs: [1]}, controller: {inputs: 3}}"
-    recording.attachments = {"scenario.yaml": rows.encode()}
+    recording.scenario = {"participants": {"plant": {"inputs": [1]}, "controller": {"inputs": 3}}}
     assert "plant reads no command: nothing moves its joints" in findings(recording)
 
 
