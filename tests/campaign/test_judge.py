@@ -234,6 +234,7 @@ def test_the_arguments_of_every_scenario_are_valid(name):
     assert {spec.name for spec in scenario.participants} == set(row.participants)
 
 
+@pytest.mark.slow
 def test_an_undisturbed_run_that_fails_is_a_broken_case_with_its_output(monkeypatch):
     monkeypatch.setitem(SCENARIOS, "two_link", Scenario(duration="7us"))
     case = Case(number=0, fault="stdout is a closed pipe", scenario="two_link", moment="start")

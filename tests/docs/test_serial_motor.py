@@ -35,6 +35,7 @@ def run_example(example, out, *overrides, **options):
     return run(checked, Options(out=out, host=InProcess(), **options))
 
 
+@pytest.mark.slow
 def test_the_recording_is_the_same_in_real_time_and_needs_no_hardware_afterwards(
     example, drive, tmp_path
 ):

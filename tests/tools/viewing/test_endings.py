@@ -59,6 +59,7 @@ def on_a_full_disk(*commands):
     return json.loads(done.stdout.splitlines()[-1])
 
 
+@pytest.mark.slow
 def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(recording, tmp_path):
     targets = {form: str(tmp_path / name) for form, name in TARGETS.items()}
     commands = [["export", str(recording), f"--{form}", path] for form, path in targets.items()]
@@ -70,6 +71,7 @@ def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(recording, tmp_p
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_picture_that_does_not_fit_on_the_disk_is_one_sentence(recording, tmp_path):
     targets = [str(tmp_path / f"plot.{end}") for end in ("png", "svg", "pdf")]
     commands = [

@@ -62,7 +62,10 @@ def test_the_mp4_of_a_camera_has_even_sizes_its_times_and_motion(camera, tmp_pat
     assert reds[-1] - reds[0] > 30
 
 
-@pytest.mark.parametrize(("step_ms", "size"), [(900, (65, 33)), (1100, (640, 480))])
+@pytest.mark.parametrize(
+    ("step_ms", "size"),
+    [(900, (65, 33)), pytest.param(1100, (640, 480), marks=pytest.mark.slow)],
+)
 def test_of_a_camera_that_takes_few_images_the_scene_is_shown(tmp_path, step_ms, size):
     about = Description(names=["crate"], details=SHAPES)
     ports = {
@@ -133,6 +136,7 @@ def test_a_caption_says_how_a_run_ended_when_it_ends(moving):
     assert green[0] == 0 < green[1]
 
 
+@pytest.mark.slow
 def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
     about = Description(names=["crate"], details=SHAPES | {"color": ["0.8 0.1 0.1"]})
     rows = [Poses(position=[(x, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)]) for x in (0, 3, -3)]
