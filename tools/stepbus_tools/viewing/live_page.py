@@ -14,6 +14,7 @@ import numpy as np
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.recording.layout import recorded_decoder
 from stepbus_schemas import CallRecord, Event, StepbusError
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import call_text, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
@@ -190,6 +191,7 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
 
     def begin(tail: Tail, client: RunClient) -> Turn:
         waiting.remove()
+        server.gui.set_panel_label(scenario_name(tail))
         return LivePage(server, tail, client).turn
 
     has_ended = follow_run(folder, is_over, begin)

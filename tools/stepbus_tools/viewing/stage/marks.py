@@ -34,7 +34,7 @@ def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], .
     """
     by_time: dict[float, str] = {}
     for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
-        if len(by_time) < _MOST_ON_SLIDER:
+        if len(by_time) < _MOST_ON_SLIDER and mark.t_s <= end_s + 1e-9:
             by_time.setdefault(round(mark.t_s, 6), _SIGNS[mark.level])
     ends = {0.0: "0", end_s: f"{end_s:.3g}"}
     return tuple(sorted((ends | by_time).items()))

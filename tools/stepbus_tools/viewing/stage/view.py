@@ -43,6 +43,8 @@ class View:
         self._overlays = Overlays(host, self.stage, ports)
         self._held = sorted(port.topic for port in ports.values() if port.type in _HELD)
         self.status = host.gui.add_markdown("")
+        if runs:
+            host.gui.add_html(_legend(*runs))
         self.tabs = host.gui.add_tab_group()
         with self.tabs.add_tab("Scene"):
             self._add_scene()
@@ -110,6 +112,14 @@ def stop_banner(stopped: str) -> str:
     if not stopped:
         return ""
     return f'<div class="stopped" role="alert"><b>Emergency stop</b>{html.escape(stopped)}</div>'
+
+
+def _legend(run: str, ghost: str) -> str:
+    """Return which of two recordings is which, in the scene and in the curves, as HTML."""
+    return (
+        f'<div class="runs"><div><i></i><b>{html.escape(run)}</b> solid, solid lines</div>'
+        f'<div><i class="ghost"></i><b>{html.escape(ghost)}</b> ghost, dashed lines</div></div>'
+    )
 
 
 def plain_topics(ports: Ports) -> list[str]:
