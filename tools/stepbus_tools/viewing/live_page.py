@@ -84,7 +84,7 @@ class LivePage:
             if self._is_unswept:
                 self._is_unswept = False
                 self._swept.take(latest_of(self._tail, self._view.stage.scene.topics))
-            self._framing.turn(self._swept.box)
+            self._framing.turn(self._swept.box, self._swept.fixed)
         if now - self._worded_at >= _WORDS_S:
             self._worded_at = now
             self._view.offer_signals(latest_of(self._tail, self._plain_topics))

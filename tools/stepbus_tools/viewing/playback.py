@@ -131,7 +131,7 @@ class Playback:
         self._players: dict[int, Player] = {}
         add_light(server.scene)
         self._framing = Framing(server)
-        self._box = swept(self._scenes[0], self._histories[0])
+        self._swept = swept(self._scenes[0], self._histories[0])
 
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
@@ -143,7 +143,7 @@ class Playback:
                     client, self._histories, self._scenes, self._findings, self._runs
                 )
             self._players[key].turn(elapsed_s)
-        self._framing.turn(self._box)
+        self._framing.turn(self._swept.box, self._swept.fixed)
 
 
 class Player:

@@ -51,10 +51,10 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
         stage = Stage(page.server, scene, shade=lambda color: color)
         first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
-        box, camera = swept(scene, history), page.server.initial_camera
-        view = framed(box, aspect=_ASPECT, fov=camera.fov)
+        shown, camera = swept(scene, history), page.server.initial_camera
+        view = framed(shown.box, fixed=shown.fixed, aspect=_ASPECT, fov=camera.fov)
         camera.position, camera.look_at = view.eye, view.target
-        add_floor(page.server.scene, *box)
+        add_floor(page.server.scene, *shown.box)
         serializer = page.server.get_scene_serializer()
         for before, t_ns in pairwise(times):
             serializer.insert_sleep((t_ns - before) * 1e-9)

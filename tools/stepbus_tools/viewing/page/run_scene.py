@@ -39,7 +39,8 @@ def scene_at_end(recording: Recording) -> SceneAtEnd | None:
         return None
     messages = history.at(scene.topics, history.end_ns)
     painter = Painter(scene, _SIZE, smooth=True)
-    still = painter.draw(messages, framed(swept(scene, history)))
+    shown = swept(scene, history)
+    still = painter.draw(messages, framed(shown.box, fixed=shown.fixed))
     return SceneAtEnd(still=still, things=outlines(scene, messages))
 
 
