@@ -27,7 +27,7 @@ def divergence_text(divergence: Divergence, recording: Recording, runs: Sequence
             what = f"{name}: {one} {shown}, {other} {beside} (difference {gap})"
         case _:
             what = divergence.detail(one, other)
-    return f"first divergence, step {divergence.step}: {what}"
+    return f"first at step {divergence.step}: {what}"
 
 
 def _signal(divergence: Divergence, recording: Recording) -> tuple[str, str]:
@@ -40,6 +40,7 @@ def _signal(divergence: Divergence, recording: Recording) -> tuple[str, str]:
             fields = {}
         if field := fields.get(element[1]):
             column = field.columns[int(element[2] or 0) if field.is_flat else 0]
-            unit = column.unit
+            # One of several units, by the mode of a command, is none.
+            unit = "" if "," in column.unit else column.unit
             name = column.name if field.is_flat else name
     return f"{divergence.topic} {name}", unit

@@ -210,7 +210,7 @@ class Player:
     # --- the controls ---------------------------------------------------------------------
 
     def _add_slider(self, marks: Sequence[Mark]) -> Any:
-        end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns * 1e-9
+        end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns / 1e9
         slider = self._host.gui.add_slider(
             "time [s]",
             min=0.0,

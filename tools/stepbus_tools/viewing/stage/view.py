@@ -1,10 +1,11 @@
 """What a page of a recording and one of a live run have in common."""
 
 import html
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from stepbus_schemas import BaseState, EmergencyStop, GripperState
+from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Scene
@@ -16,7 +17,7 @@ from .stage import Stage
 
 _MOST_EVENTS = 40
 _BULKY = ("Image/1", "PointCloud/1", "Chain/1", "CallRecord/1")
-_HELD = ("GripperState/1", "BaseState/1", "EmergencyStop/1")
+_HELD = ("GripperState/1", "BaseState/1", "EmergencyStop/1", "Detections/1")
 
 
 class View:
@@ -69,6 +70,9 @@ class View:
         if self._overlays.topics:
             marks = gui.add_checkbox("contacts, paths, detections", initial_value=True)
             marks.on_update(lambda _: self._overlays.switch(visible=marks.value))
+        if self._overlays.has_names:
+            names = gui.add_checkbox("names of detections", initial_value=False)
+            names.on_update(lambda _: self._overlays.name(visible=names.value))
         self._held_text = gui.add_markdown("")
         if self.stage.scene.notes:
             rows = "".join(f"<li>{html.escape(note)}</li>" for note in self.stage.scene.notes)
@@ -117,8 +121,8 @@ def stop_banner(stopped: str) -> str:
 def _legend(run: str, ghost: str) -> str:
     """Return which of two recordings is which, in the scene and in the curves, as HTML."""
     return (
-        f'<div class="runs"><div><i></i><b>{html.escape(run)}</b> solid, solid lines</div>'
-        f'<div><i class="ghost"></i><b>{html.escape(ghost)}</b> ghost, dashed lines</div></div>'
+        f'<div class="runs"><div><i></i><b>{html.escape(run)}</b> · solid body, solid lines</div>'
+        f'<div><i class="ghost"></i><b>{html.escape(ghost)}</b> · ghost, dashed lines</div></div>'
     )
 
 
@@ -137,4 +141,8 @@ def _held(topic: str, message: object) -> str:
         return f"**{topic}** {held}, {message.width * 1000:.0f} mm open"
     if isinstance(message, BaseState):
         return f"**{topic}** x {message.x:.3f} m, y {message.y:.3f} m, yaw {message.yaw:.3f} rad"
+    if isinstance(message, Detections):
+        counts = Counter(message.types)
+        seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
+        return f"**{topic}** {seen or 'nothing seen'}"
     return ""
