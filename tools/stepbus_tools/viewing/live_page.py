@@ -92,6 +92,11 @@ class LivePage:
             self._tell_events()
             self._controls.update(self._view.stopped or self._stopped_by_call)
 
+    def end(self) -> None:
+        """Say that the run has ended, and take off what would no longer act."""
+        self._view.status.content = "**ended**"
+        self._controls.end()
+
     def _words(self, now: float) -> str:
         """Return how far the run is, and whether it goes on."""
         words = headline(self._client.status, self._tail.last_step, self._rate())
@@ -192,9 +197,13 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
     def begin(tail: Tail, client: RunClient) -> Turn:
         waiting.remove()
         server.gui.set_panel_label(scenario_name(tail))
-        return LivePage(server, tail, client).turn
+        pages.append(LivePage(server, tail, client))
+        return pages[0].turn
 
+    pages: list[LivePage] = []
     has_ended = follow_run(folder, is_over, begin)
+    if has_ended:
+        pages[0].end()
     # The page may stay open for longer than what it shows.
     told = f"**This page is no longer live.** `stepbus view {folder}` shows the recording."
     server.gui.add_markdown(told, order=-1.0)
