@@ -87,7 +87,9 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
             assert positions[0][-2:] == pytest.approx([-0.005, 0.0])
             curves.pick("position [rad]", "effort [N·m]")
             watched.wait(lambda: curves.has("joint1", "joint2"), "the efforts")
-            watched.wait(lambda: curves.drawn().data[1:] != positions[1:], "the efforts")
+            watched.wait(
+                lambda: (now := curves.drawn()) and now.data[1:] != positions[1:], "the efforts"
+            )
             shown.get_by_role("tab", name="Steer").click()
             slider = shown.get_by_role("slider").first
             watched.wait(lambda: slider.count() > 0, "a slider")

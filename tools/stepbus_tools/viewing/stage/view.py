@@ -140,7 +140,7 @@ def _held(topic: str, message: object) -> str:
         held = f"holds something, {message.force:.1f} N" if message.holding else "holds nothing"
         return f"**{topic}** {held}, {message.width * 1000:.0f} mm open"
     if isinstance(message, BaseState):
-        return f"**{topic}** x {message.x:.3f} m, y {message.y:.3f} m, yaw {message.yaw:.3f} rad"
+        return f"**{topic}** x {message.x:z.3f} m, y {message.y:z.3f} m, yaw {message.yaw:z.3f} rad"
     if isinstance(message, Detections):
         counts = Counter(message.types)
         seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
