@@ -80,7 +80,8 @@ class Curves:
         drawn = self.drawn()
         if drawn is None or len(drawn.data[0]) < 2:
             return False
-        return [name for name in drawn.names[1:] if not name.startswith("\u2060")] == list(names)
+        shown = [name for name in drawn.names[1:] if not name.startswith("\u2060")]
+        return [name.lstrip("\u2061\u2062") for name in shown] == list(names)
 
     def lines(self, name):
         """Return where lines up and down of a kind stand in the chart that is drawn first [s]."""

@@ -52,8 +52,10 @@ class Reached:
 
     @property
     def left(self) -> str:
-        """Return the time left in words, where it is known."""
-        return "" if self.left_s is None or self.is_paused else f"{span(self.left_s)} left"
+        """Return the time left in words, where it is known and at least a second."""
+        if self.left_s is None or self.left_s < 1.0 or self.is_paused:
+            return ""
+        return f"{span(self.left_s)} left"
 
     def line(self) -> str:
         """Return all of it in one line."""

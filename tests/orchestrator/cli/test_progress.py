@@ -54,6 +54,11 @@ def test_a_pause_is_said_once_and_so_is_its_end():
     assert len(lines) == 2
 
 
+@pytest.mark.parametrize(("left_s", "text"), [(None, ""), (0.9, ""), (1.0, "1 s left")])
+def test_less_than_a_second_is_not_said_to_be_left(left_s, text):
+    assert Reached(title="arm", what="step 3", left_s=left_s).left == text
+
+
 def test_a_rate_leaves_pauses_out_and_forgets_what_is_ten_seconds_old():
     rate = Rate()
     assert rate.take(0.0, 0, is_moving=True) is None

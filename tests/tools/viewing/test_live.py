@@ -17,7 +17,9 @@ from support.paused import Paused
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
+from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.live_file import LIVE_FILE
+from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.live_page import follow
 from stepbus_tools.viewing.stage.server import open_page
@@ -85,7 +87,9 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
             assert positions[0][-2:] == pytest.approx([-0.005, 0.0])
             curves.pick("position [rad]", "effort [N·m]")
             watched.wait(lambda: curves.has("joint1", "joint2"), "the efforts")
-            watched.wait(lambda: curves.drawn().data[1:] != positions[1:], "the efforts")
+            watched.wait(
+                lambda: (now := curves.drawn()) and now.data[1:] != positions[1:], "the efforts"
+            )
             shown.get_by_role("tab", name="Steer").click()
             slider = shown.get_by_role("slider").first
             watched.wait(lambda: slider.count() > 0, "a slider")
@@ -104,6 +108,23 @@ def test_the_buttons_act_on_the_run_and_a_rerun_does_it_again(tmp_path, page):
         viewer.join()
     assert [call.method for call in recorded_calls(Recording(result.recording))] == ["set_target"]
     assert Preparation(result.recording, tmp_path / "again").run().result.sha256 == result.sha256
+
+
+def test_a_live_page_is_titled_by_the_scenario_and_says_when_it_ends(tmp_path, page, monkeypatch):
+    gui, said, titles = page.server.gui, [], []
+    add = gui.add_markdown
+    monkeypatch.setattr(
+        gui, "add_markdown", lambda *a, **k: (said.append(add(*a, **k)), said[-1])[1]
+    )
+    monkeypatch.setattr(gui, "set_panel_label", titles.append)
+    out = tmp_path / "run"
+    run(load("two_link", ["duration=50ms"]), Options(out=out, host=InProcess()))
+    assert follow(page.server, out, lambda: False)
+    assert said[-1].content == (
+        f"**This page is no longer live.** `stepbus view {out}` shows the recording."
+    )
+    assert (said[-1].visible, titles) == (True, ["two_link"])
+    assert "**ended**" in [one.content for one in said]
 
 
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):

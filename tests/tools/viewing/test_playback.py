@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.browser import Curves, needs_chromium, opened
 
+import stepbus
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
@@ -14,7 +15,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import CallRecord
 from stepbus_tools.viewing.history import History, stop_of
-from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording
+from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording, run_names
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.view import stop_banner
@@ -53,8 +54,9 @@ def player(page, *paths):
     """Return a player for all visitors of a page."""
     recordings = [open_recording(path) for path in paths]
     scenes = [build_scene(one) for one in recordings]
-    findings = Findings(*recordings, *[None][: 2 - len(recordings)])
-    return Player(page.server, [History(one) for one in recordings], scenes, findings)
+    runs = run_names(paths)
+    findings = Findings(*recordings, *[None][: 2 - len(recordings)], runs)
+    return Player(page.server, [History(one) for one in recordings], scenes, findings, runs)
 
 
 def test_a_page_plays_to_its_end_and_stays_there(recording, page):
@@ -70,7 +72,23 @@ def test_the_divergence_from_a_second_recording_is_marked(recording, other, page
     playback = player(page, recording, other)
     while not any("divergence" in event for event in playback.events):
         playback.turn(0.01)
-    assert re.match(r"0\.\d+ s divergence: first divergence: step \d+: ", playback.events[0])
+    text = r"0\.005 s divergence: first at step 1: controller/command values\.joint1: "
+    assert re.match(text + r"run -?\d+\.?\d{,3}, other -?\d+\.?\d{,3} \(", playback.events[0])
+
+
+def test_runs_are_named_by_as_much_of_their_folders_as_tells_them_apart(tmp_path):
+    one, same = tmp_path / "a/run/run.mcap", tmp_path / "b/run/run.mcap"
+    assert run_names([one, tmp_path / "pd/run.mcap"]) == ["run", "pd"]
+    assert run_names([one, same]) == ["a/run", "b/run"]
+    assert run_names([one, one]) == [str(one), str(one)]
+
+
+def test_a_run_that_failed_ends_with_its_last_whole_step(tmp_path):
+    out = tmp_path / "run"
+    result = stepbus.run("two_link", set={"duration": "1s"}, faults=["kill plant at 30"], out=out)
+    history = History(Recording(result.recording))
+    assert history.last_step == result.steps == 30
+    assert history.end_ns == 30 * history.step_ns == 150_000_000
 
 
 @pytest.mark.parametrize(

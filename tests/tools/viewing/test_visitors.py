@@ -95,10 +95,11 @@ def test_what_moves_is_framed_and_what_stands_is_not():
 
     swept = Swept(Moving(frames=frames))
     swept.take({})
-    assert swept.box[1][0] == pytest.approx(9.1)
+    assert (swept.box[1][0], len(swept.fixed)) == (pytest.approx(9.1), 0)
     places["arm"] = 1.0
     swept.take({})
     assert (swept.box[0][0], swept.box[1][0]) == pytest.approx((-0.1, 1.1))
+    assert swept.fixed[:, :, 0].tolist() == [pytest.approx([8.9, 9.1])]
 
 
 def test_the_page_has_our_title_and_mark():

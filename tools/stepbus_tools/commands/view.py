@@ -73,7 +73,7 @@ def view_command(
     paths = () if is_live else (recording, ghost)
     opened = [_opened(path) for path in paths if path is not None]
     folder = recording.parent if recording.is_file() else recording
-    label = ", ".join(one.path.parent.name for one in opened) or folder.name
+    label = _label(opened) or folder.name
     view = _Page(label, place) if place.foxglove is None else _Foxglove(label, place)
     with closing(view), interruptible() as interrupt:
         parent = os.getppid()
@@ -83,6 +83,13 @@ def view_command(
                 return 0
         view.play(opened or [_opened(folder)], interrupt.is_set, from_end=is_live)
     return 0
+
+
+def _label(recordings: Sequence[Recording]) -> str:
+    """Return what recordings are of: the names of their scenarios."""
+    from stepbus_tools.report.summary import scenario_name  # noqa: PLC0415
+
+    return " · ".join(dict.fromkeys(map(scenario_name, recordings)))
 
 
 def _opened(path: Path) -> Recording:

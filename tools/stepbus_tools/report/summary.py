@@ -7,7 +7,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.analysis.findings import findings
 from stepbus_orchestrator.analysis.signals import Tracking, TrackingError, tracking_pieces
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import Recording, Tail
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import open_regular
 from stepbus_tools.report.curves import JointCurves
@@ -46,7 +46,7 @@ def lacks_dynamics(recording: Recording) -> bool:
     return any("dynamics" in port.description.details for port in recording.ports.values())
 
 
-def scenario_name(recording: Recording) -> str:
+def scenario_name(recording: Recording | Tail) -> str:
     """Return what the recorded scenario is called, or the file where it has none."""
     return str(recording.scenario.get("name") or recording.path.stem)
 

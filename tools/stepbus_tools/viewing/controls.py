@@ -98,6 +98,12 @@ class Controls:
             self._hint.content = f"{_REDONE}  \n{self._client.last}"
         self._table.content = "\n".join([_HEAD, *(_row(name, status) for name in status["phases"])])
 
+    def end(self) -> None:
+        """Take off what acts on the run, which has ended."""
+        self._stop.end()
+        for control in (self._pause, self._step, self._speed, self._end):
+            control.visible = False
+
     def _show_speed(self, status: Mapping[str, Any]) -> None:
         """Show how fast the run goes, also where it was started in real time or another set it."""
         limit, now = status.get("real_time"), status.get("speed")

@@ -19,18 +19,22 @@ _SERIOUS = ("error", "fault", "warning", "failure")
 
 
 class History:
-    """A recording at any time. end_ns: of its last message [ns]; last_step: its newest one."""
+    """A recording at any time, up to its last whole step.
+
+    end_ns: of that step [ns]. last_step: its number; −1 without messages. step_ns: length of a
+    step [ns], as the recording has it.
+    """
 
     def __init__(self, recording: Recording) -> None:
         self.recording = recording
         ends = [row for port in recording.ports.values() if (row := port.last) is not None]
-        self.end_ns = max((row.t_ns for row in ends), default=0)
-        self.last_step = max((row.step for row in ends), default=-1)
-
-    @property
-    def step_ns(self) -> int:
-        """Return the length of a step [ns], as the recording has it."""
-        return self.end_ns // self.last_step if self.last_step > 0 else 1
+        newest = max((row.step for row in ends), default=-1)
+        t_ns = max((row.t_ns for row in ends), default=0)
+        self.step_ns = t_ns // newest if newest > 0 else 1
+        # What failed lacks its outputs from a step on; others were some steps ahead of it.
+        missing = recording.metadata.get(layout.INCOMPLETE_METADATA, {}).values()
+        self.last_step = min([newest, *(int(step) for step in missing if step.isdecimal())])
+        self.end_ns = t_ns if self.last_step == newest else self.last_step * self.step_ns
 
     def times(self, count: int) -> list[int]:
         """Return evenly spaced times from its start to its end [ns], one more than `count`."""

@@ -14,6 +14,7 @@ import numpy as np
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.recording.layout import recorded_decoder
 from stepbus_schemas import CallRecord, Event, StepbusError
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import call_text, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
@@ -83,13 +84,18 @@ class LivePage:
             if self._is_unswept:
                 self._is_unswept = False
                 self._swept.take(latest_of(self._tail, self._view.stage.scene.topics))
-            self._framing.turn(self._swept.box)
+            self._framing.turn(self._swept.box, self._swept.fixed)
         if now - self._worded_at >= _WORDS_S:
             self._worded_at = now
             self._view.offer_signals(latest_of(self._tail, self._plain_topics))
             self._view.status.content = self._words(now)
             self._tell_events()
             self._controls.update(self._view.stopped or self._stopped_by_call)
+
+    def end(self) -> None:
+        """Say that the run has ended, and take off what would no longer act."""
+        self._view.status.content = "**ended**"
+        self._controls.end()
 
     def _words(self, now: float) -> str:
         """Return how far the run is, and whether it goes on."""
@@ -190,9 +196,14 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
 
     def begin(tail: Tail, client: RunClient) -> Turn:
         waiting.remove()
-        return LivePage(server, tail, client).turn
+        server.gui.set_panel_label(scenario_name(tail))
+        pages.append(LivePage(server, tail, client))
+        return pages[0].turn
 
+    pages: list[LivePage] = []
     has_ended = follow_run(folder, is_over, begin)
+    if has_ended:
+        pages[0].end()
     # The page may stay open for longer than what it shows.
     told = f"**This page is no longer live.** `stepbus view {folder}` shows the recording."
     server.gui.add_markdown(told, order=-1.0)

@@ -9,6 +9,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_tools.columns import dotted
+from stepbus_tools.look import PAPER
 from stepbus_tools.report.charts import find_signals, signal_names
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.page import PAGE_FILE
@@ -66,7 +67,7 @@ def recording_html(recording: Recording) -> str:
     why = recording.cut_short
     damage = f"<p>The recording <b>{escape(why)}</b>.</p>" if why else ""
     scene = scene_at_end(recording)
-    still = "" if scene is None else figure(scene.still, "the scene at its end")
+    still = "" if scene is None else figure(scene.still, "the scene at its end", PAPER["raised"])
     return (
         f"<div><p><b>{escape(str(recording.path))}</b>, up to step {recording.last_step}</p>"
         f"{damage}{still}<table><tr><th>port</th><th>type</th><th>names</th>"

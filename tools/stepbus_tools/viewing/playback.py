@@ -15,6 +15,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import StepbusError
+from stepbus_tools.viewing.divergence import divergence_text
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.bodies import Messages
@@ -67,10 +68,12 @@ class Findings:
     """What is found in recordings, in the background: what happened, and where they part.
 
     marks: in order of time; one says why they cannot be compared. stops: time [ns], and who has
-    stopped the robot by a call; empty: it has been released.
+    stopped the robot by a call; empty: it has been released. runs: names of both recordings.
     """
 
-    def __init__(self, recording: Recording, other: Recording | None) -> None:
+    def __init__(
+        self, recording: Recording, other: Recording | None, runs: Sequence[str] = ()
+    ) -> None:
         self.marks: tuple[Mark, ...] = ()
         self.stops: list[tuple[int, str]] = []
         self._lock = threading.Lock()
@@ -78,7 +81,7 @@ class Findings:
             target=self._read, args=(recording.path,), name="events", daemon=True
         ).start()
         if other is not None:
-            find = (recording.path, other.path, History(recording).step_ns)
+            find = (recording.path, other.path, runs)
             threading.Thread(target=self._compare, args=find, name="diff", daemon=True).start()
 
     def _read(self, path: Path) -> None:
@@ -92,7 +95,7 @@ class Findings:
             for one in events
         )
 
-    def _compare(self, path: Path, other: Path, step_ns: int) -> None:
+    def _compare(self, path: Path, other: Path, runs: Sequence[str]) -> None:
         t_s, level = 0.0, "info"
         try:
             divergence = diff(path, other).divergence
@@ -101,8 +104,10 @@ class Findings:
         else:
             text = "both recordings are equal"
             if divergence is not None:
-                t_s, level = divergence.step * step_ns * 1e-9, "divergence"
-                text = f"first divergence: {divergence.text()}"
+                with Recording(path) as recording:
+                    t_s = divergence.step * History(recording).step_ns * 1e-9
+                    text = divergence_text(divergence, recording, runs)
+                level = "divergence"
         self._add([Mark(t_s=t_s, level=level, text=text)])
 
     def _add(self, marks: Iterable[Mark]) -> None:
@@ -121,11 +126,12 @@ class Playback:
         recordings = [recording] if other is None else [recording, other]
         self._histories = [History(one) for one in recordings]
         self._scenes = [build_scene(one) for one in recordings]
-        self._findings = Findings(recording, other)
+        self._runs = run_names([one.path for one in recordings])
+        self._findings = Findings(recording, other, self._runs)
         self._players: dict[int, Player] = {}
         add_light(server.scene)
         self._framing = Framing(server)
-        self._box = swept(self._scenes[0], self._histories[0])
+        self._swept = swept(self._scenes[0], self._histories[0])
 
     def turn(self, elapsed_s: float) -> None:
         """Go on by the time since the last turn [s], and show what is new."""
@@ -133,9 +139,11 @@ class Playback:
         self._players = {key: one for key, one in self._players.items() if key in clients}
         for key, client in clients.items():
             if key not in self._players:
-                self._players[key] = Player(client, self._histories, self._scenes, self._findings)
+                self._players[key] = Player(
+                    client, self._histories, self._scenes, self._findings, self._runs
+                )
             self._players[key].turn(elapsed_s)
-        self._framing.turn(self._box)
+        self._framing.turn(self._swept.box, self._swept.fixed)
 
 
 class Player:
@@ -146,7 +154,12 @@ class Player:
     """
 
     def __init__(
-        self, host: Any, histories: Sequence[History], scenes: Sequence[Scene], findings: Findings
+        self,
+        host: Any,
+        histories: Sequence[History],
+        scenes: Sequence[Scene],
+        findings: Findings,
+        runs: Sequence[str],
     ) -> None:
         self._host = host
         self._histories = histories
@@ -163,8 +176,9 @@ class Player:
         self._slider = self._add_slider(())
         self._add_controls(host.gui)
         recording = self._history.recording
-        runs = _run_names([one.recording.path for one in histories]) if histories[1:] else ()
-        self._view = View(host, scenes[0], recording.ports, self._sample, runs)
+        self._runs = runs
+        compared = runs if histories[1:] else ()
+        self._view = View(host, scenes[0], recording.ports, self._sample, compared)
         self._others = [
             (history, Stage(host, scene, "/other", OTHER_COLOR))
             for history, scene in zip(histories[1:], scenes[1:], strict=True)
@@ -196,7 +210,7 @@ class Player:
     # --- the controls ---------------------------------------------------------------------
 
     def _add_slider(self, marks: Sequence[Mark]) -> Any:
-        end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns * 1e-9
+        end_s, step_s = max(self._history.end_ns * 1e-9, 1e-6), self._history.step_ns / 1e9
         slider = self._host.gui.add_slider(
             "time [s]",
             min=0.0,
@@ -297,15 +311,22 @@ class Player:
         step = round(t_ns / history.step_ns)
         why = history.recording.cut_short
         note = f"  \nthe recording **{why}**; what precedes that is shown" if why else ""
+        for run, (other, _) in zip(self._runs[1:], self._others, strict=True):
+            if t_ns > other.end_ns:
+                note += f"  \n{run} has ended at {other.end_ns * 1e-9:.3f} s"
         self._view.status.content = (
             f"**t = {t_ns * 1e-9:.3f} s**, step {step} of {history.last_step}{note}"
         )
 
 
-def _run_names(paths: Sequence[Path]) -> list[str]:
-    """Return the folders of recordings, or their paths where they share a name."""
-    names = [path.parent.name for path in paths]
-    return names if len(set(names)) == len(names) else [str(path) for path in paths]
+def run_names(paths: Sequence[Path]) -> list[str]:
+    """Return the folders of recordings, with as much of their paths as tells them apart."""
+    folders = [path.resolve().parent.parts for path in paths]
+    for count in range(1, max(map(len, folders)) + 1):
+        names = [str(Path(*folder[-count:])) for folder in folders]
+        if len(set(names)) == len(names):
+            return names
+    return [str(path) for path in paths]
 
 
 def play(playback: Playback, is_over: Callable[[], bool]) -> None:

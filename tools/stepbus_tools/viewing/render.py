@@ -99,6 +99,17 @@ class Painter:
         drawn = self._pixels.reshape(self._height, self._width, 3)
         return _halved(drawn) if self._smooth else drawn
 
+    def cut_out(self, messages: Messages, view: Viewpoint) -> Pixels:
+        """Return a picture without a background, shape (height, width, 4)."""
+        pixels = self.draw(messages, view)
+        drawn = np.where(self._depth > 0, 255, 0).astype(np.uint8)
+        drawn = drawn.reshape(self._height, self._width, 1)
+        cover = _halved(drawn) if self._smooth else drawn
+        share = np.maximum(cover, 1) / 255
+        # An edge is blended with the background, which is another one behind the picture.
+        own = np.clip((pixels - _BACKGROUND * (1 - share)) / share, 0, 255)
+        return np.concatenate((np.where(cover, own, 0).astype(np.uint8), cover), axis=2)
+
     def _paint_still(self) -> None:
         """Draw all that has not moved yet."""
         count = self._height * self._width

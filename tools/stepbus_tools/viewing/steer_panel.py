@@ -47,6 +47,10 @@ class StopButtons:
         self._stop.visible = bool(self._offering) and not is_stopped
         self._release.visible = bool(self._offering) and is_stopped
 
+    def end(self) -> None:
+        """Show neither: the run has ended."""
+        self._stop.visible = self._release.visible = False
+
     def _ask(self, *, stops: bool) -> None:
         for who in self._offering:
             self._client.ask(who, _STOP, stops, _PERSON)

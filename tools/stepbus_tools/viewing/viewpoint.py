@@ -29,6 +29,14 @@ _SIDES = {
     "above": (0.0, -0.01, 1.0),
 }
 """Name → direction from the middle of the scene to the eye."""
+_CORNERS = [(0.62 * x, 0.62 * y, 0.42) for y in (-1, 1) for x in (1, -1)]
+"""The first is that of `corner` where nothing is in the way."""
+_NOTHING = np.zeros((0, 2, 3))
+_SAMPLES = (np.array(list(product(range(6), repeat=3))) + 0.5) / 6
+_SHARES = 50
+"""Corners that hide the same of so many shares are as good as each other."""
+_EYE = 1.4
+"""How far away the eye is taken to be, of the size of what is seen."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -53,17 +61,20 @@ def framed(
     box: Box,
     side: str = "corner",
     *,
+    fixed: Floats = _NOTHING,
     aspect: float = 1.5,
     fov: float = FIELD_OF_VIEW,
     free: Part = WHOLE,
 ) -> Viewpoint:
     """Return the nearest viewpoint that has a box in a part of its picture.
 
-    side: where from, such as `front`. aspect: width over height. fov: of the height [rad].
+    side: where from, such as `front`. fixed: of `Swept`, what may be in the way of a corner.
+    aspect: width over height. fov: of the height [rad].
     """
     low, high = box
     middle = (low + high) / 2
-    right, down, ahead = Viewpoint(eye=np.array(_SIDES[side]), target=np.zeros(3)).axes()
+    towards = clear_corner(box, fixed) if side == "corner" else np.array(_SIDES[side])
+    right, down, ahead = Viewpoint(eye=towards, target=np.zeros(3)).axes()
     rows = (np.array(list(product((-1, 1), repeat=3))) * (high - low) / 2) @ np.stack(
         (right, -down, ahead)
     ).T
@@ -84,18 +95,37 @@ def framed(
     return Viewpoint(eye=eye, target=eye + far * ahead)
 
 
+def clear_corner(box: Box, fixed: Floats) -> Floats:
+    """Return the direction to the corner from which fixed boxes hide least of a box, shape (3,)."""
+    low, high = box
+    points = low + _SAMPLES * (high - low)
+
+    def hidden(corner: tuple[float, float, float]) -> int:
+        eye = (low + high) / 2 + _EYE * size_of(box) * np.array(corner) / np.linalg.norm(corner)
+        rays = points - eye
+        rays[rays == 0] = 1e-12
+        ends = (fixed[:, :, None] - eye) / rays
+        enter, leave = ends.min(axis=1).max(axis=2), ends.max(axis=1).min(axis=2)
+        is_hit = (enter < leave) & (enter < 1) & (leave > 0)
+        return round(_SHARES * float(is_hit.any(axis=0).mean()))
+
+    return np.array(min(_CORNERS, key=hidden))
+
+
 def size_of(box: Box) -> float:
     """Return the diagonal of a box, at least a millimetre [m]."""
     return max(1e-3, float(np.linalg.norm(box[1] - box[0])))
 
 
-def parse_viewpoint(text: str, box: Box, aspect: float = 1.5) -> Viewpoint:
+def parse_viewpoint(
+    text: str, box: Box, aspect: float = 1.5, fixed: Floats = _NOTHING
+) -> Viewpoint:
     """Return the viewpoint of `corner`, …, `X,Y,Z` or `X,Y,Z:X,Y,Z`: the eye, and what it sees.
 
-    box, aspect: as of `framed`. Raises WiringError for any other text.
+    box, aspect, fixed: as of `framed`. Raises WiringError for any other text.
     """
     if text in _SIDES:
-        return framed(box, text, aspect=aspect)
+        return framed(box, text, aspect=aspect, fixed=fixed)
     eye, _, target = text.partition(":")
     looked_at = _point(target) if target else (box[0] + box[1]) / 2
     seen_from = _point(eye)

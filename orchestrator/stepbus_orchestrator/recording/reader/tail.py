@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
 from mcap import records as mcap
 from mcap.opcode import Opcode
@@ -59,6 +60,11 @@ class Tail:
         self._taken = 0
         """How many messages of the chunk at the position have been taken already."""
         self._skips = True
+
+    @property
+    def scenario(self) -> Mapping[str, Any]:
+        """Return what the scenario says; empty where it cannot be read."""
+        return self._index.scenario
 
     def keep(self, topics: Iterable[str]) -> None:
         """Keep every message of some topics from now on, until `take_kept`."""

@@ -17,7 +17,7 @@ from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.scene.swept import Swept
-from stepbus_tools.viewing.viewpoint import framed, parse_viewpoint
+from stepbus_tools.viewing.viewpoint import clear_corner, framed, parse_viewpoint
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 
@@ -211,6 +211,23 @@ def test_the_whole_scene_is_seen():
     assert 75 < columns[-1] < 119
     with pytest.raises(WiringError, match="no viewpoint"):
         parse_viewpoint("1,2", box_of(scene))
+
+
+def test_a_wall_before_the_corner_is_seen_from_another_side():
+    seen = np.zeros(3), np.ones(3)
+    wall = np.array([[(1.2, -2.0, 0.0), (1.3, 2.0, 3.0)]])
+    assert clear_corner(seen, wall[:0]).tolist() == [0.62, -0.62, 0.42]
+    assert clear_corner(seen, wall).tolist() == [-0.62, -0.62, 0.42]
+    assert (framed(seen, fixed=wall).eye[0] < 0, framed(seen).eye[0] > 1) == (True, True)
+
+
+def test_a_picture_without_a_background_keeps_the_colour_of_its_edges():
+    scene = Scene(frames=[box((0.5, 0.5, 0.5), (0.0, 0.0, 0.0), (255, 0, 0))], motions=())
+    picture = Painter(scene, (60, 40), smooth=True).cut_out({}, framed(box_of(scene)))
+    cover = picture[:, :, 3]
+    assert (picture.shape, cover[0, 0], cover[20, 30]) == ((40, 60, 4), 0, 255)
+    assert ((cover > 0) & (cover < 255)).any()
+    assert picture[:, :, 1].max() == picture[:, :, 2].max() == 0
 
 
 @pytest.mark.parametrize("shape", ["box", "capsule", "cylinder", "sphere"])

@@ -20,7 +20,8 @@ from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conve
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import Box, swept
+from stepbus_tools.viewing.scene.swept import Swept, swept
+from stepbus_tools.viewing.viewpoint import clear_corner
 from stepbus_tools.whole_file import replaced
 
 from .instants import NS, Rate, instants, readable_ports
@@ -53,8 +54,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
                     conversion.take(instant.port, instant.message, t_ns)
     with replaced(layout) as path:
-        box = swept(scene, history)
-        text = json.dumps(_layout(box, wanted), indent=2)
+        text = json.dumps(_layout(swept(scene, history), wanted), indent=2)
         path.write_text(text + "\n", encoding="utf-8")
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target, layout], problems=problems, lost=list(lost))
@@ -94,10 +94,10 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
         raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
 
 
-def _layout(box: Box, ports: Sequence[Port]) -> Mapping[str, Any]:
+def _layout(shown: Swept, ports: Sequence[Port]) -> Mapping[str, Any]:
     """Return a layout: the scene beside joints over time with their units, images, the log.
 
-    box: what the scene takes up.
+    shown: what moves in the scene.
     """
     images = [port for port in ports if port.type == "Image/1"]
     panels: dict[str, Mapping[str, Any]] = {
@@ -115,7 +115,7 @@ def _layout(box: Box, ports: Sequence[Port]) -> Mapping[str, Any]:
             "direction": "column", "first": name, "second": column, "splitPercentage": share,
         }  # fmt: skip
     return {
-        "configById": {"3D!scene": _scene_panel(box), **panels},
+        "configById": {"3D!scene": _scene_panel(shown), **panels},
         "globalVariables": {},
         "userNodes": {},
         "playbackConfig": {"speed": 1},
@@ -174,9 +174,11 @@ def _plot(ports: Sequence[Port], quantity: str) -> Mapping[str, Any]:
     }
 
 
-def _scene_panel(box: Box) -> Mapping[str, Any]:
+def _scene_panel(shown: Swept) -> Mapping[str, Any]:
     """Return a 3D panel that shows the whole scene, on a floor, without the names of its frames."""
-    low, high = box
+    low, high = shown.box
+    # Foxglove turns its camera about z, away from −y.
+    x, y, _ = clear_corner(shown.box, shown.fixed)
     size = float(np.linalg.norm(high - low))
     middle = ((low + high) / 2).tolist()
     side = max(3, math.ceil(1.5 * size))
@@ -187,7 +189,7 @@ def _scene_panel(box: Box) -> Mapping[str, Any]:
             "distance": 1.45 * size,
             "perspective": True,
             "phi": 65,
-            "thetaOffset": 45,
+            "thetaOffset": math.degrees(math.atan2(-x, -y)),
             "target": middle,
             "targetOffset": middle,
             "targetOrientation": [0, 0, 0, 1],

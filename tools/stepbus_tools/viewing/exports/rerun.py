@@ -269,7 +269,8 @@ class _Rrd:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
         views, history = self._views, History(self._recording)
-        eye = framed(swept(self._scene, history), aspect=1.0)
+        shown = swept(self._scene, history)
+        eye = framed(shown.box, fixed=shown.fixed, aspect=1.0)
         column = list(self._panels())
         self._stream.send_blueprint(
             views.Blueprint(

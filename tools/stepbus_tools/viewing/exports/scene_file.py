@@ -6,6 +6,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
+from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.build import build_scene
@@ -43,24 +44,23 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
     # Thirty a second, fewer of a long recording.
     count = min(_MOST_FRAMES, round(history.end_ns * 1e-9 * _FRAMES_PER_S), last)
     times = history.times(max(1, count))
-    page = open_page(recording.path.parent.name)
+    name = scenario_name(recording)
+    page = open_page(name)
     try:
         # The light is viser's: its player switches that on again whenever it starts anew.
         stage = Stage(page.server, scene, shade=lambda color: color)
         first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
-        box, camera = swept(scene, history), page.server.initial_camera
-        view = framed(box, aspect=_ASPECT, fov=camera.fov)
+        shown, camera = swept(scene, history), page.server.initial_camera
+        view = framed(shown.box, fixed=shown.fixed, aspect=_ASPECT, fov=camera.fov)
         camera.position, camera.look_at = view.eye, view.target
-        add_floor(page.server.scene, *box)
+        add_floor(page.server.scene, *shown.box)
         serializer = page.server.get_scene_serializer()
         for before, t_ns in pairwise(times):
             serializer.insert_sleep((t_ns - before) * 1e-9)
             stage.move(scene.poses(history.at(scene.topics, t_ns)))
             reached(round(t_ns * last / max(times[-1], 1)))
-        html = branded(serializer.as_html(), recording.path.parent.name).replace(
-            "{darkMode:false}", _DARK, 1
-        )
+        html = branded(serializer.as_html(), name).replace("{darkMode:false}", _DARK, 1)
     finally:
         page.close()
     return html, scene.notes

@@ -221,9 +221,9 @@ def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
         why = scene.notes[-1] if scene.notes else "it has no messages"
         raise RecordingFailed(f"{recording.path} has no scene to show: {why}")
     width, height = plan.size or _SIZE
-    box = swept(scene, history, plan.start_ns, plan.end_ns)
-    view = parse_viewpoint(viewpoint, box, width / height)
-    painter = Painter(scene, (width, height), smooth=True, floor=box)
+    shown = swept(scene, history, plan.start_ns, plan.end_ns)
+    view = parse_viewpoint(viewpoint, shown.box, width / height, shown.fixed)
+    painter = Painter(scene, (width, height), smooth=True, floor=shown.box)
     for t_ns in plan.times():
         yield Shot(t_ns, painter.draw(history.at(scene.topics, t_ns), view))
 

@@ -23,7 +23,11 @@ _SIZE = (720, 480)
 
 @dataclass(frozen=True, kw_only=True)
 class SceneAtEnd:
-    """still: shape (480, 720, 3). things: outlines of what stands in the world [m], from above."""
+    """What a recording shows at its end.
+
+    still: shape (480, 720, 4), without a background. things: outlines of what stands in the world
+    [m], from above.
+    """
 
     still: Pixels
     things: Sequence[Array]
@@ -39,7 +43,8 @@ def scene_at_end(recording: Recording) -> SceneAtEnd | None:
         return None
     messages = history.at(scene.topics, history.end_ns)
     painter = Painter(scene, _SIZE, smooth=True)
-    still = painter.draw(messages, framed(swept(scene, history)))
+    shown = swept(scene, history)
+    still = painter.cut_out(messages, framed(shown.box, fixed=shown.fixed))
     return SceneAtEnd(still=still, things=outlines(scene, messages))
 
 

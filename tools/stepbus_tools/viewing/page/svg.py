@@ -25,14 +25,14 @@ def legend(names: Sequence[str]) -> str:
 
 
 def png(pixels: NDArray[np.uint8]) -> bytes:
-    """Return a picture as PNG; pixels: shape (rows, columns, 3)."""
-    rows, columns, _ = pixels.shape
-    lines = np.zeros((rows, 1 + 3 * columns), np.uint8)
+    """Return a picture as PNG; pixels: shape (rows, columns, 3), or 4 with what covers."""
+    rows, columns, channels = pixels.shape
+    lines = np.zeros((rows, 1 + channels * columns), np.uint8)
     lines[:, 1:] = pixels.reshape(rows, -1)
     # The difference to the row above compresses to half.
     lines[1:, 1:] -= pixels.reshape(rows, -1)[:-1]
     lines[1:, 0] = 2
-    head = struct.pack(">IIBBBBB", columns, rows, 8, 2, 0, 0, 0)
+    head = struct.pack(">IIBBBBB", columns, rows, 8, 2 if channels == 3 else 6, 0, 0, 0)
     chunks = ((b"IHDR", head), (b"IDAT", zlib.compress(lines.tobytes(), 6)), (b"IEND", b""))
     return b"\x89PNG\r\n\x1a\n" + b"".join(
         struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
@@ -40,11 +40,12 @@ def png(pixels: NDArray[np.uint8]) -> bytes:
     )
 
 
-def figure(pixels: NDArray[np.uint8], caption: str) -> str:
-    """Return a picture with its caption."""
+def figure(pixels: NDArray[np.uint8], caption: str, background: str = "") -> str:
+    """Return a picture with its caption. background: a colour, where the picture has none."""
     data = base64.b64encode(png(pixels)).decode()
     text = escape(caption)
+    style = f' style="background:{background}"' if background else ""
     return (
-        f'<figure><img alt="{text}" src="data:image/png;base64,{data}">'
+        f'<figure><img{style} alt="{text}" src="data:image/png;base64,{data}">'
         f"<figcaption>{text}</figcaption></figure>"
     )

@@ -33,11 +33,21 @@ class Swept:
         self._first: dict[str, Box] = {}
         self._moving: set[str] = set()
         self._swept: Box | None = None
+        self._parts: list[tuple[str, Box]] = []
 
     @property
     def box(self) -> Box:
         """Return what is to be seen."""
         return self._swept if self._swept is not None else (np.full(3, -1.0), np.full(3, 1.0))
+
+    @property
+    def fixed(self) -> NDArray[np.float64]:
+        """Return the boxes of what has not moved so far, while other things have.
+
+        Shape (n, 2, 3) [m]: lower and upper corners.
+        """
+        rows = [box for body, box in self._parts if self._moving and body not in self._moving]
+        return np.array(rows).reshape(-1, 2, 3)
 
     def take(self, messages: Messages) -> None:
         """Take where the scene is at another time."""
@@ -61,21 +71,23 @@ class Swept:
         """Return body → its box."""
         poses = self._scene.world_poses(messages)
         boxes: dict[str, list[Box]] = {}
+        self._parts = []
         for frame, body, pose, half in self._solids:
             placed = poses[frame] @ pose
             turn = np.array([rotated(placed.wxyz, axis) for axis in _UNITS])
             reach = half @ np.abs(turn)
             middle = np.array(placed.position)
-            boxes.setdefault(body, []).append((middle - reach, middle + reach))
+            self._parts.append((body, (middle - reach, middle + reach)))
+            boxes.setdefault(body, []).append(self._parts[-1][1])
         return {body: _union(rows) for body, rows in boxes.items()}
 
 
-def swept(scene: Scene, history: History, start_ns: int = 0, end_ns: int | None = None) -> Box:
-    """Return the box of all that moves from one time to another [ns], by default the whole run."""
+def swept(scene: Scene, history: History, start_ns: int = 0, end_ns: int | None = None) -> Swept:
+    """Return what moves from one time to another [ns], by default the whole run."""
     found, last = Swept(scene), history.end_ns if end_ns is None else end_ns
     for t_ns in np.linspace(start_ns, last, _LOOKS + 1, dtype=np.int64).tolist():
         found.take(history.at(scene.topics, t_ns))
-    return found.box
+    return found
 
 
 def _solids(scene: Scene) -> Iterator[tuple[str, str, Pose, NDArray[np.float64]]]:

@@ -34,8 +34,10 @@ _RULES = (
 )
 """Lines up and down: their colour, and the levels of what they mark."""
 _RULE_COLORS = {"soft": f"{PAPER['soft']}70", "bad": PAPER["bad"], "line": LINES[1]}
-_UNNAMED = "\u2060"
-"""Begins the label of a line that is left out of the legend (front.js)."""
+_UNNAMED, _BROKEN, _THIN = "\u2060", "\u2061", "\u2062"
+"""Begin the label of a line that is left out of the legend, or drawn so in it (front.js)."""
+_PALE = "73"
+"""Of a second recording: its lines are a halo of those that they coincide with."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -228,14 +230,12 @@ class _Chart:
             )
 
     def _series(self) -> list[dict[str, Any]]:
-        names, runs = self.signal.names, self._runs or ("",)
-        lines = []
-        for number_of_run, run in enumerate(runs):
-            for number, name in enumerate(names):
-                style = line_style(number)
-                is_broken = style.is_broken or number_of_run > 0
-                line = {"label": f"{name} · {run}" if run else name, "stroke": LINES[style.color]}
-                lines.append(line | {"width": 1.5} | ({"dash": (5, 4)} if is_broken else {}))
+        names = self.signal.names
+        lines = [
+            _curve(number, name, run, is_ghost=bool(place))
+            for place, run in enumerate(self._runs or ("",))
+            for number, name in enumerate(names)
+        ]
         for number in range(len(self.signal.limits)):
             color = LINES[line_style(number).color]
             for end in ("lower", "upper"):
@@ -244,6 +244,19 @@ class _Chart:
         for name, _ in _RULES:
             lines.append(_rule(name, _RULE_COLORS[name], dash=(6, 3)))
         return [*lines, _rule("now", PAPER["ink"], width=2)]
+
+
+def _curve(number: int, name: str, run: str, *, is_ghost: bool) -> dict[str, Any]:
+    """Return how a line is drawn. run: of two, which are told by the line's style; else empty."""
+    style = line_style(number)
+    is_broken, is_thin = (is_ghost, style.is_broken) if run else (style.is_broken, False)
+    mark = _BROKEN * is_broken + _THIN * is_thin
+    line = {
+        "label": f"{mark}{name} · {run}" if run else f"{mark}{name}",
+        "stroke": LINES[style.color] + _PALE * is_ghost,
+        "width": (4 if is_ghost else 2) / (2 if is_thin else 1) if run else 1.5,
+    }
+    return line | ({"dash": (5, 4)} if is_broken else {})
 
 
 def _rule(label: str, color: str, **more: Any) -> dict[str, Any]:

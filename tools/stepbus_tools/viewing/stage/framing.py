@@ -29,12 +29,15 @@ class Framing:
         self._floor: Box | None = None
         self._views: dict[int, _Camera] = {}
 
-    def turn(self, box: Box) -> None:
-        """Place the cameras of those who have come, whose page or whose box has grown."""
+    def turn(self, box: Box, fixed: NDArray[np.float64]) -> None:
+        """Place the cameras of those who have come, whose page or whose box has grown.
+
+        box, fixed: of `Swept`.
+        """
         clients = self._server.get_clients()
         self._views = {key: self._views.get(key) or _Camera() for key in clients}
         for key, client in clients.items():
-            self._views[key].turn(client, box)
+            self._views[key].turn(client, box, fixed)
         if self._floor is None or apart(box, self._floor) > size_of(self._floor):
             self._floor = box
             add_floor(self._server.scene, *box)
@@ -48,7 +51,7 @@ class _Camera:
         self._box: Box | None = None
         self._size = (0, 0)
 
-    def turn(self, client: Any, box: Box) -> None:
+    def turn(self, client: Any, box: Box, fixed: NDArray[np.float64]) -> None:
         camera = client.camera
         size = (camera.image_width, camera.image_height)
         has_grown = self._box is None or apart(box, self._box) > _GREW * size_of(box)
@@ -56,7 +59,7 @@ class _Camera:
             return
         self._box, self._size = box, size
         aspect = size[0] / max(1, size[1])
-        view = framed(box, aspect=aspect, fov=camera.fov, free=free_part(*size))
+        view = framed(box, fixed=fixed, aspect=aspect, fov=camera.fov, free=free_part(*size))
         # It may still report where it was before.
         self._ours += [np.array(camera.position), view.eye] if not self._ours else [view.eye]
         with client.atomic():

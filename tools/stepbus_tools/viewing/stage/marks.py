@@ -11,6 +11,8 @@ _SIGNS = {
 """Level → its sign on the slider; front.css has the colours of these. The serious come first."""
 _ORDER = tuple(_SIGNS)
 _MOST_ON_SLIDER = 24
+_NEAR = 0.04
+"""Of the slider: so near to its end, a sign takes the place of the number there."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,13 +32,15 @@ class Mark:
 def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], ...]:
     """Return the marks of a slider, with their signs: the most serious ones where there are many.
 
-    end_s: of the slider, which has its ends as marks too.
+    end_s: of the slider, which has its ends as marks too, where there is room.
     """
     by_time: dict[float, str] = {}
     for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
-        if len(by_time) < _MOST_ON_SLIDER:
+        if len(by_time) < _MOST_ON_SLIDER and mark.t_s <= end_s + 1e-9:
             by_time.setdefault(round(mark.t_s, 6), _SIGNS[mark.level])
     ends = {0.0: "0", end_s: f"{end_s:.3g}"}
+    near = _NEAR * end_s
+    ends = {at: text for at, text in ends.items() if all(abs(at - t) > near for t in by_time)}
     return tuple(sorted((ends | by_time).items()))
 
 

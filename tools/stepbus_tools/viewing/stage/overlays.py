@@ -60,7 +60,8 @@ class Overlays:
         self._stage = stage
         self._chains = {chain.topic: chain for chain in stage.scene.chains}
         self._drawn: dict[str, tuple[int, Sequence[Any]]] = {}
-        self._visible = True
+        self._visible, self._is_named = True, False
+        self._names: dict[str, Sequence[Any]] = {}
         drawers: Mapping[str, Callable[[str, Any, Messages], Sequence[Any]]] = {
             "Contacts/1": self._contacts,
             "Detections/1": self._detections,
@@ -70,6 +71,7 @@ class Overlays:
             port.topic: drawers[port.type] for port in ports.values() if port.type in drawers
         }
         self.topics = frozenset(self._drawers)
+        self.has_names = any(ports[topic].type == "Detections/1" for topic in self._drawers)
 
     def show(self, messages: Messages, past: Past | None = None) -> None:
         """Draw what is new. past: returns the messages of an earlier step; None: they are these."""
@@ -80,6 +82,7 @@ class Overlays:
             if now != step:
                 for handle in handles:
                     handle.remove()
+                self._names.pop(topic, None)
                 then = past(now) if past is not None and latest is not None else messages
                 made = [] if latest is None else draw(topic, latest.message, then)
                 self._drawn[topic] = (now, made)
@@ -90,6 +93,13 @@ class Overlays:
         self._visible = visible
         for _, handles in self._drawn.values():
             self._apply(handles)
+
+    def name(self, *, visible: bool) -> None:
+        """Show or hide the types of what was detected; many cover each other."""
+        self._is_named = visible
+        for names in self._names.values():
+            for label in names:
+                label.visible = visible
 
     def _apply(self, handles: Sequence[Any]) -> None:
         for handle in handles:
@@ -129,12 +139,17 @@ class Overlays:
     def _detections(self, topic: str, seen: Detections, messages: Messages) -> Sequence[Any]:
         """Draw a point and the type of each item that was seen."""
         frame = self._stage.scene.world_poses(messages).get(seen.frame, Pose())
-        scene, points = self._server.scene, []
+        scene, points, names = self._server.scene, [], []
         for number, (at, kind) in enumerate(zip(seen.position, seen.types, strict=False)):
             name, where = f"{_path(topic)}/{number}", (frame @ Pose(at)).position
             points.append(scene.add_icosphere(name, radius=0.012, color=_SEEN, position=where))
             # It goes with the point that it is below of.
-            scene.add_label(f"{name}/type", kind, font_size_mode="scene", font_scene_height=0.03)
+            look = {"font_size_mode": "scene", "font_scene_height": 0.03, "anchor": "bottom-center"}
+            place, above = f"{name}/type", (0.0, 0.0, 0.02)
+            names.append(
+                scene.add_label(place, kind, position=above, visible=self._is_named, **look)
+            )
+        self._names[topic] = names
         return points
 
 

@@ -6,13 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_tools.look import LINES
+from stepbus_tools.viewing.render import rgb
 from stepbus_tools.viewing.scene.meshes import Color, Visual
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.scene.swept import FLOOR_M
 from stepbus_tools.viewing.stage.light import drawn
 
-OTHER_COLOR: Color = (255, 120, 30)
+OTHER_COLOR: Color = rgb(LINES[3])
+"""front.css has it too, in the legend of two recordings."""
 _GHOST_COLOR: Color = (40, 140, 255)
 _GHOST_OPACITY = 0.35
 _CELL: Color = (128, 133, 140)

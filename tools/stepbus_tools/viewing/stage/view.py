@@ -1,10 +1,11 @@
 """What a page of a recording and one of a live run have in common."""
 
 import html
+from collections import Counter
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from stepbus_schemas import BaseState, EmergencyStop, GripperState
+from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Scene
@@ -16,7 +17,7 @@ from .stage import Stage
 
 _MOST_EVENTS = 40
 _BULKY = ("Image/1", "PointCloud/1", "Chain/1", "CallRecord/1")
-_HELD = ("GripperState/1", "BaseState/1", "EmergencyStop/1")
+_HELD = ("GripperState/1", "BaseState/1", "EmergencyStop/1", "Detections/1")
 
 
 class View:
@@ -43,6 +44,8 @@ class View:
         self._overlays = Overlays(host, self.stage, ports)
         self._held = sorted(port.topic for port in ports.values() if port.type in _HELD)
         self.status = host.gui.add_markdown("")
+        if runs:
+            host.gui.add_html(_legend(*runs))
         self.tabs = host.gui.add_tab_group()
         with self.tabs.add_tab("Scene"):
             self._add_scene()
@@ -67,6 +70,9 @@ class View:
         if self._overlays.topics:
             marks = gui.add_checkbox("contacts, paths, detections", initial_value=True)
             marks.on_update(lambda _: self._overlays.switch(visible=marks.value))
+        if self._overlays.has_names:
+            names = gui.add_checkbox("names of detections", initial_value=False)
+            names.on_update(lambda _: self._overlays.name(visible=names.value))
         self._held_text = gui.add_markdown("")
         if self.stage.scene.notes:
             rows = "".join(f"<li>{html.escape(note)}</li>" for note in self.stage.scene.notes)
@@ -112,6 +118,14 @@ def stop_banner(stopped: str) -> str:
     return f'<div class="stopped" role="alert"><b>Emergency stop</b>{html.escape(stopped)}</div>'
 
 
+def _legend(run: str, ghost: str) -> str:
+    """Return which of two recordings is which, in the scene and in the curves, as HTML."""
+    return (
+        f'<div class="runs"><div><i></i><b>{html.escape(run)}</b> · solid body, solid lines</div>'
+        f'<div><i class="ghost"></i><b>{html.escape(ghost)}</b> · ghost, dashed lines</div></div>'
+    )
+
+
 def plain_topics(ports: Ports) -> list[str]:
     """Return the ports that may have curves."""
     return [port.topic for port in ports.values() if port.type not in _BULKY]
@@ -126,5 +140,9 @@ def _held(topic: str, message: object) -> str:
         held = f"holds something, {message.force:.1f} N" if message.holding else "holds nothing"
         return f"**{topic}** {held}, {message.width * 1000:.0f} mm open"
     if isinstance(message, BaseState):
-        return f"**{topic}** x {message.x:.3f} m, y {message.y:.3f} m, yaw {message.yaw:.3f} rad"
+        return f"**{topic}** x {message.x:z.3f} m, y {message.y:z.3f} m, yaw {message.yaw:z.3f} rad"
+    if isinstance(message, Detections):
+        counts = Counter(message.types)
+        seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
+        return f"**{topic}** {seen or 'nothing seen'}"
     return ""

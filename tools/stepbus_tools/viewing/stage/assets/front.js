@@ -53,8 +53,15 @@ function name() {
     all("button:not([aria-label])", button => {
         if (!button.textContent.trim()) set(button, "aria-label", button.title || "settings")
     })
-    // Limits, marks and the playhead have no place in a legend.
-    all(".u-series", row => { row.hidden = row.textContent.startsWith("\u2060") })
+    // Limits, marks and the playhead have no place in a legend; others look as they are drawn.
+    all(".u-series", row => {
+        const has = sign => row.textContent.includes(sign)
+        row.hidden = has("\u2060")
+        set(row, "data-line", `${has("\u2061") ? "broken" : ""} ${has("\u2062") ? "thin" : ""}`)
+    })
+    // The title of a live page is known when its run begins.
+    const title = document.querySelector("[data-testid$=panel-handle]")?.textContent.trim()
+    if (title && document.title !== `${title} · stepbus`) document.title = `${title} · stepbus`
     all("canvas", canvas => {
         const title = canvas.closest(".uplot")?.querySelector(".u-title")?.textContent
         set(canvas, "role", "img")
