@@ -95,10 +95,22 @@ def test_a_mission_that_ends_with_a_table_has_it_at_the_top(tmp_path):
         page[page.index('id="happenings"') : page.index("<script>")],
     )
     assert "<tr><th>sale</th><th>item</th><th>place</th></tr>" in head
-    assert "<tr><td>2</td><td>&lt;tea&gt;</td><td>0.2 mm</td></tr>" in head
+    assert '<td data-of="item">&lt;tea&gt;</td><td data-of="place">0.2 mm</td></tr>' in head
     assert "<p>2 of 2 sales in 9 s</p>" in head
     assert "began" in events
     assert "2 of 2" not in events
+
+
+def test_columns_that_a_mission_has_not_measured_are_left_out(tmp_path):
+    text = "sale  detection  place\n1     -          0.1 mm\n2     -          -\n2 sales"
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip"], [state()] * 3),
+        events=("Event/1", [], [Event(level="info", text=text)]),
+    )
+    page = write_page([path]).read_text()
+    assert "<tr><th>sale</th><th>place</th></tr>" in page
+    assert "detection</th>" not in page
 
 
 def test_the_worst_joint_comes_first(tmp_path):
@@ -163,10 +175,11 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
             )
         )
     text = write_page(paths, tmp_path / "both.html").read_text()
-    assert "<th>largest error</th><th>a</th><th>b</th>" in text
-    assert "<td>hip</td><td>0.2 rad</td><td>0.1 rad (-50 %)</td>" in text
-    assert "<td>knee</td><td>0 rad</td><td>0 rad</td>" in text
-    assert "largest error</th>" not in write_page(paths[:1]).read_text()
+    assert re.findall(r"</svg>(\w+)</th>", text) == ["a", "b"]
+    less = '<span class="less">(−50\u00a0%)</span>'
+    assert f"<th>largest error, hip</th><td>0.2 rad</td><td>0.1 rad {less}</td>" in text
+    assert "<th>largest error, knee</th><td>0 rad</td><td>0 rad</td>" in text
+    assert "class=comparison" not in write_page(paths[:1]).read_text()
 
 
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
@@ -184,13 +197,20 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
     )
     timing.close()
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "controller.log").write_text("<a> broke\n")
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
     assert '<path class="mark failure"' in text
     assert "--fault &#x27;freeze controller at 110&#x27;" in text
     assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
-    assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head
+    assert '<p class="where">controller failed at step 120, t = 1.200 s</p>' in head
+    assert head.index("silent for 1 s &amp; more ") < head.index("exit code 4, FAULT")
+    assert head.index("What to do next") < head.index('class="figures"')
+    assert "a fault was injected on purpose: <code>freeze controller at 110</code>" in head
+    assert "--pause-at 119</code>" in head
+    assert "<p>The end of controller.log:</p><pre tabindex=0>&lt;a&gt; broke</pre>" in head
     found = content(tmp_path / "report.html")
     marks = found["marks"]
     assert found["end"] == pytest.approx(3.99)
