@@ -13,8 +13,8 @@ from typing import Any, NoReturn
 
 import msgspec
 
-from stepbus_orchestrator.cli.output import fold, print_error
-from stepbus_orchestrator.cli.stdout_buffer import hurry
+from stepbus_orchestrator.cli.terminal.output import fold, print_error
+from stepbus_orchestrator.cli.terminal.stdout_buffer import hurry
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_orchestrator.scenario.model import ScenarioFile

@@ -9,8 +9,8 @@ import msgspec
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
