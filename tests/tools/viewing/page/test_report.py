@@ -198,7 +198,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     )
     timing.close()
     (tmp_path / "logs").mkdir()
-    (tmp_path / "logs" / "controller.log").write_text("<a> broke\n")
+    (tmp_path / "logs" / "controller.log").write_text('File "/a/b/c.py", line 1\n<a> broke\n')
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
     assert '<path class="mark failure"' in text
@@ -210,7 +210,10 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     assert head.index("What to do next") < head.index('class="figures"')
     assert "a fault was injected on purpose: <code>freeze controller at 110</code>" in head
     assert "--pause-at 119</code>" in head
-    assert "<p>The end of controller.log:</p><pre tabindex=0>&lt;a&gt; broke</pre>" in head
+    assert (
+        "<p>The end of controller.log:</p><pre tabindex=0>File &quot;b/c.py&quot;, line 1\n&lt;a&gt; broke"
+        in head
+    )
     found = content(tmp_path / "report.html")
     marks = found["marks"]
     assert found["end"] == pytest.approx(3.99)
@@ -218,6 +221,21 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         ("fault", pytest.approx(1.1)), ("failure", pytest.approx(1.2)),
     ]  # fmt: skip
     assert "stepbus run arm.yaml --set &#x27;a.b=1 2&#x27;" in text
+
+
+def test_a_run_that_was_interrupted_says_so_and_is_no_ones_fault(recording, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(recording.read_bytes())
+    Result(
+        scenario="arm", outcome="failed", exit_code=130, reason="interrupted by the user",
+        participant=None, at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8,
+        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="",
+        folder=str(tmp_path), file="arm.yaml",
+    ).save()  # fmt: skip
+    head = write_page([path]).read_text().partition("<nav")[0]
+    assert '<p class="where">Interrupted at step 20, t = 0.200 s</p>' in head
+    assert "--pause-at" not in head
+    assert ".log" not in head
 
 
 def test_the_charts_reach_to_what_ended_the_run(tmp_path):

@@ -4,16 +4,19 @@ import os
 import re
 from collections.abc import Iterator
 from html import escape
+from pathlib import Path
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import open_regular
 
-from .again import run_again
+from .again import run_again, short
 from .content import RunPage
 
 _PLACE = re.compile(r"^step \d+ \(t = [^)]*\): ")
 """How a reason begins, which the line above it says."""
+_FILE = re.compile(r'File "(/[^"\n]*)"')
+"""A line of a traceback: nobody else has this machine's folders."""
 _LOG_LINES, _LOG_BYTES = 8, 4000
 _OF_A_PARTICIPANT = (ExitCode.FAULT, ExitCode.DIED)
 _ADVICE = {
@@ -23,7 +26,7 @@ _ADVICE = {
     ExitCode.BUS: "Choose another bus.port, or leave it out.",
     ExitCode.RECORDING: "Free disk space, or choose another --out.",
     ExitCode.STOP_TIMEOUT: "Find out what its close waits for; the recording is complete.",
-    ExitCode.INTERRUPTED: "Nothing is broken: it was stopped from outside.",
+    ExitCode.INTERRUPTED: "Nothing is broken: it was stopped from outside, and is recorded up to there.",
 }
 """As in docs/exit-codes.md."""
 
@@ -33,6 +36,7 @@ def failure_html(run: RunPage, result: Result) -> str:
     code = ExitCode(result.exit_code)
     place = f"step {result.at_step}, t = {result.at_step * result.step_ns * 1e-9:.3f} s"
     blamed = f"{result.participant} failed" if result.participant else "It failed"
+    blamed = "Interrupted" if code == ExitCode.INTERRUPTED else blamed
     where = f"{blamed} at {place}" if result.at_step >= 0 else f"{blamed} before the first step"
     why = _PLACE.sub("", run.local(result.reason))
     steps = "".join(f"<li>{step}</li>" for step in _steps(run, result, code))
@@ -56,7 +60,7 @@ def _steps(run: RunPage, result: Result, code: ExitCode) -> Iterator[str]:
     if code in _ADVICE:
         yield escape(_ADVICE[code])
     command = run_again(run)
-    if command and result.at_step > 0:
+    if command and result.at_step > 0 and code != ExitCode.INTERRUPTED:
         text = f"{command} --pause-at {result.at_step - 1}"
         yield f"Pause just before it, which happens again: <code>{escape(text)}</code>"
     if command and result.participant and code in _OF_A_PARTICIPANT:
@@ -73,7 +77,8 @@ def _log_html(run: RunPage, result: Result) -> str:
             text = file.read().decode("utf-8", "replace")
     except OSError:
         return ""
-    lines = run.local(text).rstrip().splitlines()[-_LOG_LINES:]
+    text = _FILE.sub(lambda match: f'File "{short(Path(match[1]))}"', run.local(text))
+    lines = text.rstrip().splitlines()[-_LOG_LINES:]
     name = escape(f"{result.participant}.log")
     shown = escape("\n".join(lines))
     return f"<p>The end of {name}:</p><pre tabindex=0>{shown}</pre>" if lines else ""
