@@ -81,6 +81,7 @@ html_theme_options = {
         "color-brand-content": NIGHT["accent"],
         "color-background-primary": NIGHT["paper"],
         "color-background-secondary": NIGHT["raised"],
+        "color-sidebar-caption-text": NIGHT["soft"],
     },
 }
 

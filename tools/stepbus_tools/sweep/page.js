@@ -135,6 +135,7 @@ function drawExtremes(metric) {
       row.insertCell().textContent = shown(value);
     }
   }
+  table.tabIndex = 0;
   at("extremes").replaceChildren(table);
 }
 

@@ -148,8 +148,8 @@ def _failures(journal: Journal) -> str:
         for (outcome, reason), runs in rows
     )
     return (
-        "<h2>Failures by cause</h2><table><tr><th>runs</th><th>outcome</th><th>reason</th>"
-        f"<th>which</th></tr>{cells}</table>"
+        "<h2>Failures by cause</h2><table tabindex=0>"
+        f"<tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
     )
 
 

@@ -26,7 +26,7 @@ _ADVICE = {
     ExitCode.BUS: "Choose another bus.port, or leave it out.",
     ExitCode.RECORDING: "Free disk space, or choose another --out.",
     ExitCode.STOP_TIMEOUT: "Find out what its close waits for; the recording is complete.",
-    ExitCode.INTERRUPTED: "Nothing is broken: it was stopped from outside, and is recorded up to there.",
+    ExitCode.INTERRUPTED: "Nothing is broken: it was stopped, and is recorded up to there.",
 }
 """As in docs/exit-codes.md."""
 
