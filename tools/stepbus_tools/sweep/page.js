@@ -153,4 +153,10 @@ at("metric").onchange = drawMetric;
 for (const id of ["first", "second", "better"]) at(id).onchange = drawFront;
 const drawAll = () => (drawMetric(), drawFront());
 dark.onchange = drawAll;
+// Paper is narrower than a screen, and a chart has pixels: those of A4 without its margins.
+const resized = (size) => () => {
+  for (const place of document.querySelectorAll(".chart")) Plotly.relayout(place, size);
+};
+addEventListener("beforeprint", resized({ width: 680, height: 300 }));
+addEventListener("afterprint", resized({ width: null, height: null, autosize: true }));
 if (sweep.metrics.length) drawAll();
