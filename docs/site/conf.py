@@ -65,7 +65,8 @@ html_show_sphinx = False
 html_show_copyright = False
 html_additional_pages = {"index": "to_start.html"}
 templates_path = ["."]
-html_static_path: list[str] = []
+html_static_path = ["site.css"]
+html_css_files = ["site.css"]
 html_favicon = html_logo = "mark.svg"
 html_theme_options = {
     "top_of_page_buttons": [],
@@ -80,6 +81,7 @@ html_theme_options = {
         "color-brand-content": NIGHT["accent"],
         "color-background-primary": NIGHT["paper"],
         "color-background-secondary": NIGHT["raised"],
+        "color-sidebar-caption-text": NIGHT["soft"],
     },
 }
 

@@ -10,8 +10,8 @@ import msgspec
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer, print_error, table, visible
 from stepbus_orchestrator.cli.parameters import DURATION, command
+from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
 from stepbus_orchestrator.processes.external import await_ticket
 from stepbus_orchestrator.processes.launcher import participant_environment
 from stepbus_orchestrator.run.live_file import call

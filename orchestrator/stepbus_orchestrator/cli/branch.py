@@ -5,12 +5,12 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer, print_error, say
 from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command
 from stepbus_orchestrator.cli.rerun import OUT, new_folder
 from stepbus_orchestrator.cli.run import Names, after_run
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view

@@ -11,10 +11,13 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NoReturn
 
-from stepbus_orchestrator.cli.output import fold, print_error
-from stepbus_orchestrator.cli.stdout_buffer import hurry
+import msgspec
+
+from stepbus_orchestrator.cli.terminal.output import fold, print_error
+from stepbus_orchestrator.cli.terminal.stdout_buffer import hurry
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
+from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
 
@@ -45,7 +48,7 @@ Only the one that is typed is loaded: all take half a second. The others are ent
 take a while to find."""
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
-_UNKNOWN = re.compile(r"unrecognized arguments: (--[\w-]+)")
+_NOT_TAKEN = ("unrecognized arguments: ", "the following arguments are required: ")
 _OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
 
 
@@ -153,12 +156,14 @@ class _Parser(argparse.ArgumentParser):
     """Tells of a wrong word which one is meant. commands: the parsers of the commands."""
 
     commands: Sequence[argparse.ArgumentParser] = ()
+    _words: Sequence[str] = ()
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """Take all words behind `--` as those of a program: argparse would take some as options."""
         words = list(args or ())
         takes_program = self.get_default("program") is not None
         end = words.index("--") if takes_program and "--" in words else len(words)
+        self._words = words[:end]
         known, others = super().parse_known_args(words[:end], namespace)
         if takes_program:
             known.program = [*known.program, *words[end + 1 :]]
@@ -167,15 +172,35 @@ class _Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """End with the sentence."""
         choice = _CHOICE.search(message)
-        unknown = _UNKNOWN.search(message)
+        unknown = self._unknown_option() if message.startswith(_NOT_TAKEN) else ""
         if choice is not None:
             message += _meant(choice[1], re.findall(r"'([^']+)'", choice[2]))
-        elif unknown is not None:
-            helps = "".join(parser.format_help() for parser in self.commands)
-            message += _meant(unknown[1], _OPTION.findall(helps))
+        elif unknown:
+            message = f"unknown option {unknown}{self._meant_option(unknown)}"
         # What is wrong with an option, its own parser says; what is none, that of all commands.
         prog = self.commands[0].prog if len(self.commands) == 1 else self.prog
         _refuse(message, prog)
+
+    def _unknown_option(self) -> str:
+        """Return the first word that looks like an option, and is none of the command."""
+        known = self._options()
+        words = [word.partition("=")[0] for word in self._words if _OPTION.match(word)]
+        return next((w for w in words if not any(one.startswith(w) for one in known)), "")
+
+    def _options(self) -> list[str]:
+        return _OPTION.findall("".join(p.format_help() for p in self.commands or (self,)))
+
+    def _meant_option(self, word: str) -> str:
+        """Return which option is meant, or which value of the scenario, where one is near."""
+        known = self._options()
+        if (near := _meant(word, known)) or "--set" not in known:
+            return near
+        fields = (field.encode_name for field in msgspec.structs.fields(ScenarioFile))
+        values = {f"--{field}": f"--set {field}=VALUE" for field in fields}
+        if word in values:
+            return f"; did you mean '{values[word]}'?"
+        near = _meant(word, list(values))
+        return next((near.replace(one, values[one]) for one in values if f"'{one}'" in near), "")
 
 
 def _refuse(message: str, prog: str = "stepbus") -> NoReturn:

@@ -10,10 +10,10 @@ import msgspec
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.tolerance import Tolerance, parse_tolerance, read_tolerance
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording

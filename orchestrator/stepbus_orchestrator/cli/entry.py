@@ -62,7 +62,7 @@ def _guarded() -> int:
     retry_swallowed()
     if _hosts_participants() and not adopt():
         return supervise(PYTHON)
-    from stepbus_orchestrator.cli.stdout_buffer import buffered  # noqa: PLC0415
+    from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
 
     from .commands import execute  # noqa: PLC0415  (loads everything)
 

@@ -3,8 +3,8 @@
 from typing import Annotated
 
 from stepbus_orchestrator.cli.commands import command_names, make_parser, outlines
-from stepbus_orchestrator.cli.output import columns, fold, say
 from stepbus_orchestrator.cli.parameters import GROUPS, MORE, command
+from stepbus_orchestrator.cli.terminal.output import columns, fold, say
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 

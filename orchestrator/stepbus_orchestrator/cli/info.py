@@ -1,4 +1,4 @@
-"""`stepbus info`: what is in a recording, in a dozen lines."""
+"""`stepbus info`: what is in a recording, in ten lines."""
 
 import contextlib
 from collections import Counter
@@ -9,15 +9,16 @@ import msgspec
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
 
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import RecordingPath, command
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 
-_MOST_TOPICS, _MOST_TYPES = 3, 6
+_FEW_TYPES, _MOST_TYPES, _MOST_TOPICS = 4, 2, 3
+_FOR_SURE = ("python", "stepbus")
 _PYTHON = "Python "
 _FEW_PER_S = 10
 _MEGABYTE = 10**6
@@ -231,16 +232,20 @@ def _started(programs: Mapping[str, str]) -> str:
 
 
 def _messages(info: Info) -> Iterator[str]:
-    """Yield how many messages there are, and the types with most of them."""
+    """Yield how many messages there are, and the types with most of them, in two lines."""
     total = sum(row.messages for row in info.ports)
     ports = sum(len(row.topics) for row in info.ports)
     yield f"messages  {total} of {ports} ports{_per_s(total, info.duration_s)}"
     most = sorted(info.ports, key=lambda row: -row.messages)
-    for row in most[:_MOST_TYPES]:
-        names = ", ".join(row.topics[:_MOST_TOPICS]) + " …" * (len(row.topics) > _MOST_TOPICS)
-        yield f"{'':9} {row.messages} {row.type}{_per_s(row.messages, info.duration_s)}: {names}"
-    if others := [row.type for row in most[_MOST_TYPES:]]:
-        yield f"{'':9} and {len(others)} types more: {', '.join(others)}"
+    shown = [
+        f"{row.messages} {row.type} ({', '.join(row.topics[:_MOST_TOPICS])}"
+        f"{' …' * (len(row.topics) > _MOST_TOPICS)})"
+        for row in most[: len(most) if len(most) <= _FEW_TYPES else _MOST_TYPES]
+    ]
+    left = len(most) - len(shown)
+    more = [f"{left} more (--json)"] if left else []
+    if shown:
+        yield f"types     {', '.join([*shown, *more])}"
 
 
 def _per_s(count: int, duration_s: float | None) -> str:
@@ -249,7 +254,7 @@ def _per_s(count: int, duration_s: float | None) -> str:
 
 
 def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
-    """Return on what the orchestrator ran, what the participants add, and the machine."""
+    """Return the versions of Python and stepbus, how many others there are, and the machine."""
     merged: dict[str, str] = {}
     machine: list[str] = []
     for name in sorted(versions, key=lambda name: name != layout.ORCHESTRATOR):
@@ -258,5 +263,12 @@ def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
                 machine.append(version)
             elif merged.setdefault(library, version) != version:
                 merged[f"{library} of {name}"] = version
-    rows = [*(f"{library} {version}" for library, version in merged.items()), *machine]
-    return ", ".join(rows) or "none recorded"
+    rows = [f"{library} {version}" for library, version in merged.items() if _is_main(library)]
+    left = len(merged) - len(rows)
+    rows += [f"{left} libraries (--json)"] if left else []
+    return ", ".join([*rows, *machine]) or "none recorded"
+
+
+def _is_main(library: str) -> bool:
+    """Return whether a version is shown: of Python, of stepbus, or where participants differ."""
+    return library in _FOR_SURE or " of " in library

@@ -11,8 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Annotated
 
-from stepbus_orchestrator.cli.output import say
 from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.cli.terminal.output import say
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError

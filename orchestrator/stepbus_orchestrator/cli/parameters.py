@@ -18,7 +18,7 @@ from pathlib import Path
 from types import MappingProxyType, UnionType
 from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
 
-from stepbus_orchestrator.cli.output import Answer
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_participant import parse_duration
 from stepbus_schemas import WiringError
 

@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import File, RecordingPath, command
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recovery, layout, recover
 
 

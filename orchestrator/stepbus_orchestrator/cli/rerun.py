@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from stepbus_orchestrator.analysis.diff import Diff
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer, say
 from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer, say
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points

@@ -7,9 +7,6 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from stepbus_orchestrator.cli.keys import controlled, has_terminal
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import (
     DURATION,
     Folder,
@@ -22,6 +19,9 @@ from stepbus_orchestrator.cli.parameters import (
     step_or_time,
 )
 from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
+from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
 from stepbus_orchestrator.processes.limits import check_limits

@@ -9,9 +9,9 @@ from typing import Annotated, Any
 import msgspec
 from rich.table import Table
 
-from stepbus_orchestrator.cli.output import Answer, table
 from stepbus_orchestrator.cli.parameters import ScenarioName, Set, command, number
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.output import Answer, table
 from stepbus_orchestrator.run.describe import (
     JointRow,
     OutputPort,

@@ -134,7 +134,7 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
     if killer is not None or (stage.is_run and turn):
         from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
 
-        from .output import write  # noqa: PLC0415
+        from .terminal.output import write  # noqa: PLC0415
 
         culprit, held_s = (turn, None) if killer is None else (killer.culprit, killer.held_s)
         code, text = conclude(memory, pid, culprit, held_s=held_s, code=code)

@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from stepbus_orchestrator.cli.output import write
+from stepbus_orchestrator.cli.terminal.output import write
 from stepbus_orchestrator.errors import Untrusted, indented
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.trust import Programs, programs_of

@@ -5,10 +5,10 @@ from typing import Any
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.analysis.verify import TrialResult, Verification, plan, verify
-from stepbus_orchestrator.cli.live import Display, displayed
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command, number
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import Display, displayed
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
 from stepbus_orchestrator.run.reports import Observer, Progress

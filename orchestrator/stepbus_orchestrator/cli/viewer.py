@@ -8,7 +8,7 @@ import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.cli.output import print_error
+from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_schemas import WiringError
 
 _START_S = 30.0

@@ -4,7 +4,7 @@ import threading
 
 from support.runs.joints import load, write_scenario
 
-from stepbus_orchestrator.cli.live import in_degrees
+from stepbus_orchestrator.cli.terminal.live import in_degrees
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess

@@ -8,8 +8,8 @@ import sys
 import pytest
 from support.runs.joints import write_scenario
 
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import say_json, visible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import say_json, visible
 
 
 @pytest.mark.parametrize("quiet", [False, True])

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from support.runs.joints import run_joints, write_scenario
 
-from stepbus_orchestrator.cli.stdout_buffer import StdoutBuffer
+from stepbus_orchestrator.cli.terminal.stdout_buffer import StdoutBuffer
 from stepbus_orchestrator.errors import ExitCode
 
 SIGNALS = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]

@@ -10,8 +10,8 @@ from support.runs.terminal import at_terminal
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.commands import command_names, load_commands, make_parser, outlines
-from stepbus_orchestrator.cli.output import fold
 from stepbus_orchestrator.cli.parameters import GROUPS
+from stepbus_orchestrator.cli.terminal.output import fold
 
 ALL = command_names()
 

@@ -15,7 +15,6 @@ import pytest
 
 import stepbus
 from stepbus_orchestrator.cli.commands import load_commands, make_parser
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import (
     command,
     number,
@@ -23,6 +22,7 @@ from stepbus_orchestrator.cli.parameters import (
     seconds,
     step_or_time,
 )
+from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.scenario.override import Overrides
 
 

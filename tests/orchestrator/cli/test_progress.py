@@ -7,8 +7,8 @@ import subprocess
 import pytest
 from support.runs.terminal import STEPBUS, at_terminal
 
-from stepbus_orchestrator.cli.live import RunWatch
-from stepbus_orchestrator.cli.progress import CalmLines, Rate, Reached, span
+from stepbus_orchestrator.cli.terminal.live import RunWatch
+from stepbus_orchestrator.cli.terminal.progress import CalmLines, Rate, Reached, span
 from stepbus_orchestrator.run.reports import Progress
 
 CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")

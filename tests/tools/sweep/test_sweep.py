@@ -59,6 +59,9 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     assert json.loads(found.stdout)["result"]["sha256"] == table["sha256"][4]
     page = (tmp_path / "sweep/report.html").read_text()
     assert "kill controller at 5" in page
+    assert '<span class="verdict failed">6 of 12 failed</span>' in page
+    assert page.index("Failures by cause") < page.index("Against each axis")
+    assert str(tmp_path) not in page
     # The same command has nothing to do; another sweep gets no place here.
     before = (tmp_path / "sweep/results.parquet").read_bytes()
     more = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")

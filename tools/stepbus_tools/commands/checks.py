@@ -10,10 +10,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from stepbus_orchestrator.cli.live import displayed
-from stepbus_orchestrator.cli.output import Answer, has_screen, say, table, visible
 from stepbus_orchestrator.cli.parameters import Json, ScenarioName, Set, command
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer, has_screen, say, table, visible
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import PROTOCOL_VERSION, BridgeFormat

@@ -5,8 +5,8 @@ from dataclasses import make_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
-from stepbus_orchestrator.cli.output import print_error, say
 from stepbus_orchestrator.cli.parameters import RECORDING, File, RecordingPath, command
+from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError

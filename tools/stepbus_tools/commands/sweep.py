@@ -7,11 +7,11 @@ from typing import Any
 from rich.console import Console
 
 from stepbus import sweep
-from stepbus_orchestrator.cli.live import shows_progress
-from stepbus_orchestrator.cli.output import Answer
 from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
-from stepbus_orchestrator.cli.progress import Reached
 from stepbus_orchestrator.cli.signals import interruptible, settle
+from stepbus_orchestrator.cli.terminal.live import shows_progress
+from stepbus_orchestrator.cli.terminal.output import Answer
+from stepbus_orchestrator.cli.terminal.progress import Reached
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
 

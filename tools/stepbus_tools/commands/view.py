@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
-from stepbus_orchestrator.cli.output import print_error, say
 from stepbus_orchestrator.cli.parameters import (
     RECORDING,
     FoxglovePort,
@@ -17,6 +16,7 @@ from stepbus_orchestrator.cli.parameters import (
     command,
 )
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_schemas import WiringError

@@ -1,9 +1,12 @@
 "use strict";
-// The charts of a sweep's page. `sweep`: {axes, metrics, columns: name → values, run, ok, folder}.
+// The charts of a sweep's page. `sweep`: {axes, metrics, units, extremes: run → best or worst,
+// columns: name → values, run, failed}.
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const style = getComputedStyle(document.documentElement);
 const shade = (name) => style.getPropertyValue(name).trim();
 const at = (id) => document.getElementById(id);
+// A metric or axis as it is named beside a chart: with its unit, where it has one.
+const named = (name) => (sweep.units[name] ? `${name} [${sweep.units[name]}]` : name);
 const numeric = (values) => values.every((v) => v === null || typeof v === "number");
 
 function layout(more) {
@@ -38,11 +41,14 @@ function drawAxes(metric) {
     const place = places[index];
     const kept = rows(metric);
     const trace = { x: kept.map((i) => sweep.columns[name][i]), y: kept.map((i) => values[i]),
-      text: kept.map((i) => `run ${sweep.run[i]}`), mode: "markers", type: "scatter",
-      marker: { size: 7, opacity: 0.7, color: shade("--c0") } };
+      text: kept.map((i) => `run ${sweep.run[i]}${sweep.failed[i] ? ", failed" : ""}`),
+      mode: "markers", type: "scatter",
+      marker: { size: 9, opacity: 0.8,
+        color: kept.map((i) => shade(sweep.failed[i] ? "--bad" : "--c0")),
+        symbol: kept.map((i) => (sweep.failed[i] ? "x" : "circle")) } };
     const log = sweep.logarithmic.includes(name) ? "log" : undefined;
     const type = numeric(sweep.columns[name]) ? log : "category";
-    draw(place, [trace], { xaxis: { title: { text: name }, type }, yaxis: { title: { text: metric } } });
+    draw(place, [trace], { xaxis: { title: { text: named(name) }, type }, yaxis: { title: { text: named(metric) } } });
   }
 }
 
@@ -54,14 +60,14 @@ function drawPair(metric) {
   at("pair").append(place);
   const [x, y] = sweep.axes, kept = rows(metric);
   const many = new Set(sweep.columns[x]).size * new Set(sweep.columns[y]).size > 2 * sweep.run.length;
-  const color = { colorscale: "Viridis", colorbar: { title: { text: metric } } };
+  const color = { colorscale: "Viridis", colorbar: { title: { text: named(metric) } } };
   const traces = many
     ? [{ type: "scatter", mode: "markers", x: kept.map((i) => sweep.columns[x][i]),
         y: kept.map((i) => sweep.columns[y][i]), text: kept.map((i) => `run ${sweep.run[i]}`),
         marker: { ...color, size: 9, color: kept.map((i) => sweep.columns[metric][i]) } }]
     : [grid(x, y, metric, kept, color)];
   const type = many ? undefined : "category";
-  draw(place, traces, { xaxis: { title: { text: x }, type }, yaxis: { title: { text: y }, type } });
+  draw(place, traces, { xaxis: { title: { text: named(x) }, type }, yaxis: { title: { text: named(y) }, type } });
 }
 
 function grid(x, y, metric, kept, color) {
@@ -110,7 +116,7 @@ function drawFront() {
   draw(at("front"), [
     trace(points, { mode: "markers", name: "runs", marker: { opacity: 0.5, color: shade("--soft") } }),
     trace(front, { mode: "lines+markers", name: "Pareto front", line: { color: shade("--c1") } }),
-  ], { xaxis: { title: { text: x } }, yaxis: { title: { text: y } }, legend: { orientation: "h" } });
+  ], { xaxis: { title: { text: named(x) } }, yaxis: { title: { text: named(y) } }, legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom" } });
 }
 
 const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");
@@ -120,14 +126,16 @@ function drawExtremes(metric) {
   const chosen = kept.length > 10 ? [...kept.slice(0, 5), ...kept.slice(-5)] : kept;
   const table = document.createElement("table"), head = table.insertRow();
   for (const name of ["run", ...sweep.axes, metric]) {
-    head.append(Object.assign(document.createElement("th"), { textContent: name }));
+    head.append(Object.assign(document.createElement("th"), { textContent: named(name) }));
   }
   for (const i of chosen) {
     const row = table.insertRow();
+    row.className = (metric === sweep.metric && sweep.extremes[sweep.run[i]]) || "";
     for (const value of [sweep.run[i], ...[...sweep.axes, metric].map((n) => sweep.columns[n][i])]) {
       row.insertCell().textContent = shown(value);
     }
   }
+  table.tabIndex = 0;
   at("extremes").replaceChildren(table);
 }
 
@@ -139,10 +147,16 @@ function drawMetric() {
 fill(at("metric"), sweep.metrics, sweep.metric);
 fill(at("first"), sweep.metrics, sweep.metric);
 const changes = (name) => new Set(sweep.columns[name]).size > 1;
-const other = sweep.metrics.find((m) => !m.startsWith(sweep.metric) && changes(m));
+const other = sweep.metrics.find((m) => !m.startsWith(sweep.metric) && m !== "success" && changes(m));
 fill(at("second"), sweep.metrics, other ?? sweep.metric);
 at("metric").onchange = drawMetric;
 for (const id of ["first", "second", "better"]) at(id).onchange = drawFront;
 const drawAll = () => (drawMetric(), drawFront());
 dark.onchange = drawAll;
+// Paper is narrower than a screen, and a chart has pixels: those of A4 without its margins.
+const resized = (size) => () => {
+  for (const place of document.querySelectorAll(".chart")) Plotly.relayout(place, size);
+};
+addEventListener("beforeprint", resized({ width: 680, height: 300 }));
+addEventListener("afterprint", resized({ width: null, height: null, autosize: true }));
 if (sweep.metrics.length) drawAll();

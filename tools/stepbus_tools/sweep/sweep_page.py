@@ -22,6 +22,8 @@ PAGE_FILE = "report.html"
 _MOST_ROWS = 20_000
 _MOST_CAUSES = 50
 _FIRST = ("rmse", "success")
+_UNITS = {"duration": "s", "settling": "s", "energy": "J"}
+"""Of the metrics that ship; that of an error depends on its joint."""
 
 
 def write_page(
@@ -42,27 +44,37 @@ def write_page(
     rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
     failed = sum(row.exit_code != 0 for row in journal.rows())
     part = f" The charts show {len(rows)} of them." if every > 1 else ""
+    note = "; the red crosses" if failed else ""
     number = rows[0].run if rows else 0
     room = files(__package__ or "")
     text = Template((room / "page.html").read_text("utf-8")).substitute(
         title=escape(f"Sweep of {plan.spec.scenario}"),
         icon=quote(MARK),
         style=style_sheet(),
-        summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed.{part}",
+        mark=MARK + "stepbus",
+        verdict=_verdict(len(journal), failed),
+        summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
         pictures="".join(_picture(title, path) for title, path in pictures.items()),
-        causes=_causes(journal),
-        again=f"<p><code>stepbus rerun {escape(str(folder))} {number}</code> does run {number} "
+        failures=_failures(journal),
+        again=f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>does run {number} "
         "again in separate processes, and compares the SHA-256 of its recording.</p>",
         library=offline.get_plotlyjs(),
         # JSON that ends no script.
-        data=json.dumps(_data(plan, paths, rows)).replace("</", "<\\/"),
+        data=json.dumps(_data(journal, plan, paths, rows)).replace("</", "<\\/"),
         script=(room / "page.js").read_text("utf-8"),
     )
     with replaced(folder / PAGE_FILE) as target:
         target.write_text(text, encoding="utf-8")
 
 
-def _data(plan: Plan, paths: Sequence[str], rows: Sequence[ResultRow]) -> dict[str, Any]:
+def _verdict(count: int, failed: int) -> str:
+    word = f"{failed} of {count} failed" if failed else "all finished"
+    return f'<span class="verdict{" failed" if failed else ""}">{word}</span>'
+
+
+def _data(
+    journal: Journal, plan: Plan, paths: Sequence[str], rows: Sequence[ResultRow]
+) -> dict[str, Any]:
     names = dict.fromkeys(name for row in rows for name in row.metrics)
     columns = {name: [_number(row.metrics.get(name)) for row in rows] for name in names}
     metrics = [n for n, values in columns.items() if any(value is not None for value in values)]
@@ -74,6 +86,9 @@ def _data(plan: Plan, paths: Sequence[str], rows: Sequence[ResultRow]) -> dict[s
         "logarithmic": [axis.paths[0] for axis in plan.axes if axis.is_log],
         "columns": {**columns, **varied},
         "run": [row.run for row in rows],
+        "failed": [row.exit_code != 0 for row in rows],
+        "units": {name: unit for name, unit in _UNITS.items() if name in columns},
+        "extremes": {row.run: name for name, row in extremes(journal, plan.spec).items()},
     }
 
 
@@ -115,7 +130,8 @@ def _shown(value: object) -> float | int | str | None:
     return value if isinstance(value, str) else json.dumps(value)
 
 
-def _causes(journal: Journal) -> str:
+def _failures(journal: Journal) -> str:
+    """Return the causes of failures, the most frequent first; nothing where no run failed."""
     causes: dict[tuple[str, str], list[int]] = {}
     for row in journal.rows():
         if row.exit_code:
@@ -123,21 +139,23 @@ def _causes(journal: Journal) -> str:
         elif row.metric_error:
             causes.setdefault(("no metric", row.metric_error), []).append(row.run)
     if not causes:
-        return "<p>None.</p>"
+        return ""
     rows = sorted(causes.items(), key=lambda item: -len(item[1]))[:_MOST_CAUSES]
     cells = "".join(
         f"<tr><td>{len(runs)}</td><td>{escape(outcome)}</td>"
-        f"<td>{escape(reason if len(reason) <= 200 else f'{reason[:200]} …')}</td>"
+        f'<td class="text">{escape(reason if len(reason) <= 200 else f"{reason[:200]} …")}</td>'
         f"<td>{', '.join(map(str, runs[:8]))}{' …' if len(runs) > 8 else ''}</td></tr>"
         for (outcome, reason), runs in rows
     )
     return (
-        f"<table><tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
+        "<h2>Failures by cause</h2><table tabindex=0>"
+        f"<tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
     )
 
 
 def _picture(title: str, path: Path) -> str:
     content = base64.b64encode(path.read_bytes()).decode()
     return (
-        f'<p>{escape(title)}</p><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
+        f'<figure><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
+        f"<figcaption>{escape(title)}</figcaption></figure>"
     )

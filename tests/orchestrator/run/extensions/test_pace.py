@@ -11,7 +11,7 @@ import pytest
 from support.messages.recordings import messages
 from support.runs.joints import fault, leftovers, write_scenario
 
-from stepbus_orchestrator.cli.keys import press
+from stepbus_orchestrator.cli.terminal.keys import press
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess

@@ -182,7 +182,7 @@ def test_in_a_comparison_a_run_has_a_line_style_and_a_joint_its_colour(recording
         )
         assert [stroke for stroke, _ in looks] == ["rgb(232, 72, 12)"] * 2
         assert [dash for _, dash in looks] == ["none", "6px, 3px"]
-        names = watched.page.locator("#curves > .legend span").all_text_contents()
+        names = watched.page.locator("#curves > .runs span").all_text_contents()
         assert names == [recording.parent.name, "other"]
 
 

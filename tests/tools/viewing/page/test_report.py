@@ -95,10 +95,22 @@ def test_a_mission_that_ends_with_a_table_has_it_at_the_top(tmp_path):
         page[page.index('id="happenings"') : page.index("<script>")],
     )
     assert "<tr><th>sale</th><th>item</th><th>place</th></tr>" in head
-    assert "<tr><td>2</td><td>&lt;tea&gt;</td><td>0.2 mm</td></tr>" in head
+    assert '<td data-of="item">&lt;tea&gt;</td><td data-of="place">0.2 mm</td></tr>' in head
     assert "<p>2 of 2 sales in 9 s</p>" in head
     assert "began" in events
     assert "2 of 2" not in events
+
+
+def test_columns_that_a_mission_has_not_measured_are_left_out(tmp_path):
+    text = "sale  detection  place\n1     -          0.1 mm\n2     -          -\n2 sales"
+    path = write(
+        tmp_path / "run.mcap",
+        joint_state=("JointState/1", ["hip"], [state()] * 3),
+        events=("Event/1", [], [Event(level="info", text=text)]),
+    )
+    page = write_page([path]).read_text()
+    assert "<tr><th>sale</th><th>place</th></tr>" in page
+    assert "detection</th>" not in page
 
 
 def test_the_worst_joint_comes_first(tmp_path):
@@ -163,10 +175,11 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
             )
         )
     text = write_page(paths, tmp_path / "both.html").read_text()
-    assert "<th>largest error</th><th>a</th><th>b</th>" in text
-    assert "<td>hip</td><td>0.2 rad</td><td>0.1 rad (-50 %)</td>" in text
-    assert "<td>knee</td><td>0 rad</td><td>0 rad</td>" in text
-    assert "largest error</th>" not in write_page(paths[:1]).read_text()
+    assert re.findall(r"</svg>(\w+)</th>", text) == ["a", "b"]
+    less = '<span class="less">(−50\u00a0%)</span>'
+    assert f"<th>largest error, hip</th><td>0.2 rad</td><td>0.1 rad {less}</td>" in text
+    assert "<th>largest error, knee</th><td>0 rad</td><td>0 rad</td>" in text
+    assert "class=comparison" not in write_page(paths[:1]).read_text()
 
 
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
@@ -184,13 +197,23 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
     )
     timing.close()
+    (tmp_path / "logs").mkdir()
+    (tmp_path / "logs" / "controller.log").write_text('File "/a/b/c.py", line 1\n<a> broke\n')
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
     assert '<path class="mark failure"' in text
     assert "--fault &#x27;freeze controller at 110&#x27;" in text
     assert "<td>controller</td><td>338 µs</td><td>≤ 316 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text
-    assert "silent for 1 s &amp; more (controller, step 120, exit code 4)" in head
+    assert '<p class="where">controller failed at step 120, t = 1.200 s</p>' in head
+    assert head.index("silent for 1 s &amp; more ") < head.index("exit code 4, FAULT")
+    assert head.index("What to do next") < head.index('class="figures"')
+    assert "a fault was injected on purpose: <code>freeze controller at 110</code>" in head
+    assert "--pause-at 119</code>" in head
+    assert (
+        "<p>The end of controller.log:</p><pre tabindex=0>File &quot;b/c.py&quot;, line 1\n&lt;a&gt; broke"
+        in head
+    )
     found = content(tmp_path / "report.html")
     marks = found["marks"]
     assert found["end"] == pytest.approx(3.99)
@@ -198,6 +221,21 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
         ("fault", pytest.approx(1.1)), ("failure", pytest.approx(1.2)),
     ]  # fmt: skip
     assert "stepbus run arm.yaml --set &#x27;a.b=1 2&#x27;" in text
+
+
+def test_a_run_that_was_interrupted_says_so_and_is_no_ones_fault(recording, tmp_path):
+    path = tmp_path / "run.mcap"
+    path.write_bytes(recording.read_bytes())
+    Result(
+        scenario="arm", outcome="failed", exit_code=130, reason="interrupted by the user",
+        participant=None, at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8,
+        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="",
+        folder=str(tmp_path), file="arm.yaml",
+    ).save()  # fmt: skip
+    head = write_page([path]).read_text().partition("<nav")[0]
+    assert '<p class="where">Interrupted at step 20, t = 0.200 s</p>' in head
+    assert "--pause-at" not in head
+    assert ".log" not in head
 
 
 def test_the_charts_reach_to_what_ended_the_run(tmp_path):

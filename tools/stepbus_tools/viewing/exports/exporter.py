@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.cli.output import print_error
+from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import named_points
 from stepbus_orchestrator.recording import Recording

@@ -16,6 +16,7 @@ from stepbus_tools.report.units import engineering
 
 from .content import Group, RunPage
 from .small import scale_of, small_chart
+from .svg import run_sample
 
 _MOST_POINTS = 2000
 _FULL = 4
@@ -66,15 +67,19 @@ class Curves:
         return _BAR + self._names() + shown if shown else ""
 
     def _names(self) -> str:
-        """Return which line is which run's."""
-        samples = "".join(
-            f'<span><svg viewBox="0 0 40 8" class="small sample" aria-hidden="true">'
-            f'<path class="l0 {f"run{number % 4}" if number else ""}" d="M0 4H40"/></svg>'
-            f"{escape(run.label)}</span>"
+        """Return which line is which run's, and which colour which joint's."""
+        runs = "".join(
+            f"<span>{run_sample(number)}{escape(run.label)}</span>"
             for number, run in enumerate(self._runs)
             if run.label
         )
-        return f'<p class="legend">{samples}</p>' if samples else ""
+        joints = "".join(
+            f'<span><i class="f{group.color}"></i>{escape(group.title)}</span>'
+            for group in self.groups
+            if group.color is not None
+        )
+        colors = f'<p class="legend joints">Colour: {joints}</p>' if joints else ""
+        return f'<p class="legend runs">Line: {runs}</p>{colors}' if runs else ""
 
     def _group(self, number: int, group: Group) -> str:
         name = escape(group.title)

@@ -1,16 +1,14 @@
-"""What a page says of a run first: its verdict, the figures that matter, how to run it again."""
+"""What a page says of a run first: its verdict and the figures that matter."""
 
-import shlex
 from collections.abc import Iterator
 from html import escape
-from pathlib import Path
 
 from stepbus_orchestrator.run.reports import in_units
-from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.scenario.locate import builtin_name
 from stepbus_tools.report.units import engineering
 
+from .again import short
 from .content import RunPage
+from .failure import failure_html
 from .mission import summary_html
 
 _MOST_WARNINGS = 10
@@ -20,34 +18,44 @@ def head(run: RunPage) -> str:
     """Return verdict and reason of a run, its problems and its figures."""
     result = run.result
     name = escape(run.name + (f" ({run.label})" if run.label else ""))
-    verdict, why = "unknown", "There is no result.json beside the recording."
     problems = list(run.problems)
     if result is not None:
-        verdict, why = result.outcome, run.local(result.reason)
-        why = "It ran to its end." if why == verdict else why
-        if result.exit_code and result.participant:
-            why += f" ({result.participant}, step {result.at_step}, exit code {result.exit_code})"
         warnings = result.warnings[:_MOST_WARNINGS]
         problems += [f"{w.level}: {w.source}, step {w.step}: {w.text}" for w in warnings]
+    verdict = result.outcome if result else "unknown"
     shown = "".join(f'<p class="problem">{escape(text)}</p>' for text in problems)
     lines = "".join(f"<li>{escape(line)}</li>" for line in run.lines)
+    figures_shown = "" if run.label else f'<dl class="figures">{_cells(figures(run))}</dl>'
     return (
         f'<header class="{escape(verdict)}"><h1>{name} '
         f'<span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
-        f'<p class="reason">{escape(why)}</p>{shown}'
-        f'<dl class="figures">{_cells(_figures(run))}</dl>{f"<ul>{lines}</ul>" if lines else ""}'
+        f"{_why(run)}{shown}{figures_shown}{f'<ul>{lines}</ul>' if lines else ''}"
         f"{summary_html(run.events)}"
         f"<details><summary>More about this run</summary><dl>{_cells(_facts(run))}</dl></details>"
         "</header>"
     )
 
 
+def _why(run: RunPage) -> str:
+    """Return why a run ended, as HTML."""
+    result = run.result
+    if result is not None and result.exit_code:
+        return failure_html(run, result)
+    why = "There is no result.json beside the recording."
+    if result is not None:
+        why = "It ran to its end." if result.reason == result.outcome else run.local(result.reason)
+    return f'<p class="reason">{escape(why)}</p>'
+
+
 def _cells(rows: Iterator[tuple[str, str]]) -> str:
-    return "".join(f"<div><dt>{key}</dt><dd>{escape(value)}</dd></div>" for key, value in rows)
+    return "".join(
+        f"<div><dt>{key}</dt><dd>{escape(value).replace('_', '_<wbr>')}</dd></div>"
+        for key, value in rows
+    )
 
 
-def _figures(run: RunPage) -> Iterator[tuple[str, str]]:
-    """Yield the figures that matter."""
+def figures(run: RunPage) -> Iterator[tuple[str, str]]:
+    """Yield the figures that matter: name and text. Among several runs they are in one table."""
     result = run.result
     if result is None:
         yield "last step", str(run.last_step)
@@ -59,7 +67,7 @@ def _figures(run: RunPage) -> Iterator[tuple[str, str]]:
     errors = [row for row in charts if row[0].title == "error" and row[1] in run.joints.measured]
     if errors:
         worst, joint = max(errors, key=lambda row: row[0].largest)
-        yield "largest error", f"{engineering(worst.largest, worst.unit)}, {joint}"
+        yield "largest error, whole run", f"{engineering(worst.largest, worst.unit)}, {joint}"
     used = [(c.used, c.title, joint) for c, joint in charts if c.used is not None]
     if used:
         share, what, joint = max(used)
@@ -68,11 +76,13 @@ def _figures(run: RunPage) -> Iterator[tuple[str, str]]:
         slow = max(run.times, key=lambda name: run.times[name].longest)
         yield "longest step", f"{in_units(run.times[slow].longest * 1e-3)}, {slow}"
     if result is not None:
-        yield "warnings, faults", f"{result.warning_count}, {len(result.faults)}"
+        counts = ((result.warning_count, "warning"), (len(result.faults), "fault"))
+        rows = [f"{count} {word}{'s' * (count > 1)}" for count, word in counts if count]
+        yield "warnings, faults", ", ".join(rows) or "none"
 
 
 def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
-    yield "recording", _short(run.path)
+    yield "recording", short(run.path)
     result = run.result
     if result is None:
         return
@@ -86,25 +96,3 @@ def _facts(run: RunPage) -> Iterator[tuple[str, str]]:
     yield "hash of its messages", result.messages_sha256[:16]
     yield "sha256 of its file", result.sha256[:16]
     yield from result.versions.items()
-
-
-def _short(path: Path) -> str:
-    """Return the last two parts of a path: nobody else has this machine's folders."""
-    return str(Path(*path.parts[-2:]))
-
-
-def again(run: RunPage) -> str:
-    """Return the commands that run it again."""
-    rows = [f"stepbus rerun {shlex.quote(_short(run.path))}"]
-    if run.result is not None and run.result.file:
-        sets = [f" --set {shlex.quote(text)}" for text in run.result.overrides]
-        faults = [f" --fault {shlex.quote(text)}" for text in run.result.faults]
-        words = "".join([shlex.quote(_scenario(run.result)), *sets, *faults])
-        rows.insert(0, f"stepbus run {words}")
-    return "".join(f"<pre>{escape(row)}</pre>" for row in rows)
-
-
-def _scenario(result: Result) -> str:
-    """Return how to name its scenario: by its name where a package has it, or by its file."""
-    path = Path(result.file)
-    return builtin_name(path) or (_short(path) if path.is_absolute() else result.file)

@@ -7,7 +7,11 @@ from itertools import groupby
 
 from stepbus_tools.viewing.history import TimelineEvent
 
+from .tables import table_html
+
 _GAP = re.compile(r"\s{2,}")
+_UNKNOWN = "-"
+"""What a mission writes of a figure that it has not measured."""
 
 
 def is_summary(event: TimelineEvent) -> bool:
@@ -28,9 +32,14 @@ def _parts(text: str) -> Iterator[str]:
         if width == 1:
             yield "".join(f"<p>{escape(row[0])}</p>" for row in lines)
         else:
-            body = "".join(_row(row, "td") for row in lines[1:])
-            yield f"<div class=scroll tabindex=0><table>{_row(lines[0], 'th')}{body}</table></div>"
+            yield table_html(_measured(lines))
 
 
-def _row(cells: Sequence[str], tag: str) -> str:
-    return f"<tr>{''.join(f'<{tag}>{escape(cell)}</{tag}>' for cell in cells)}</tr>"
+def _measured(lines: Sequence[Sequence[str]]) -> list[list[str]]:
+    """Return a table without the columns that no row has measured."""
+    kept = [
+        number
+        for number in range(len(lines[0]))
+        if any(row[number] != _UNKNOWN for row in lines[1:]) or len(lines) == 1
+    ]
+    return [[row[number] for number in kept] for row in lines]

@@ -1,6 +1,7 @@
 """The path of a base from above: equal axes, a grid, a scale bar, what stands in the world."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -18,9 +19,18 @@ _MOST_POINTS = 1000
 _FLOOR_M = 8.0
 _WIDTH, _TALLEST, _LOWEST = 860.0, 560.0, 200.0
 """Size of the drawing."""
+_BELOW = 32.0
+"""Room for the scale bar, below it."""
 _EDGE_M, _EDGE = 0.4, 0.15
 """Around a path: at least so much, and this share of its size."""
 _TICKS = 8
+_FARTHEST, _GAP_M = 2.5, 0.1
+_FADE = (
+    '<defs><filter id="blur"><feGaussianBlur stdDeviation="18"/></filter><mask id="fade">'
+    '<rect x="5%" y="5%" width="90%" height="90%" fill="#fff" filter="url(#blur)"/></mask></defs>'
+)
+"""What goes on beyond the border fades towards it."""
+_FADED = 'mask="url(#fade)"'
 
 
 def outlines(scene: Scene, messages: Messages) -> list[Array]:
@@ -59,6 +69,57 @@ def _chain(rows: Sequence[tuple[float, float]]) -> list[tuple[float, float]]:
     return kept[:-1]
 
 
+@dataclass(frozen=True)
+class _View:
+    """What the drawing shows. middle: of it [m]. scale: pixels of a metre, on both axes."""
+
+    middle: Array
+    scale: float
+    height: float
+
+    @property
+    def _ends(self) -> tuple[Array, Array]:
+        half = np.array([_WIDTH, self.height]) / 2 / self.scale
+        return self.middle - half, self.middle + half
+
+    def shows(self, thing: Array) -> bool:
+        """Return whether some of a thing is in the view."""
+        low, high = self._ends
+        return bool((thing.max(axis=0) > low).all() and (thing.min(axis=0) < high).all())
+
+    def cuts(self, thing: Array) -> bool:
+        """Return whether the border of the view goes through a thing."""
+        low, high = self._ends
+        whole = (thing.min(axis=0) >= low).all() and (thing.max(axis=0) <= high).all()
+        return self.shows(thing) and not whole
+
+
+def _view_of(low: Array, high: Array, things: Sequence[Array]) -> _View:
+    """Return a view of a path from `low` to `high`, which grows by the things that it would cut.
+
+    What would make it `_FARTHEST` times as large remains cut.
+    """
+    edge = max(_EDGE_M, _EDGE * float(np.max(high - low)))
+    low, high = low - edge, high + edge
+    most = _FARTHEST * float(np.max(high - low))
+    rest = list(things)
+    while True:
+        width, depth = high - low
+        scale = min(_WIDTH / width, _TALLEST / depth)
+        view = _View((low + high) / 2, scale, max(_LOWEST, scale * depth))
+        for thing in filter(view.cuts, rest):
+            ends = (
+                np.minimum(low, thing.min(axis=0) - _GAP_M),
+                np.maximum(high, thing.max(axis=0) + _GAP_M),
+            )
+            if float(np.max(ends[1] - ends[0])) <= most:
+                low, high = ends
+                rest = [one for one in rest if one is not thing]
+                break
+        else:
+            return view
+
+
 def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) -> str:
     """Return the paths of bases, x to the right and y up.
 
@@ -69,12 +130,8 @@ def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) ->
     if not len(rows):
         return ""
     low, high = rows.min(axis=0), rows.max(axis=0)
-    edge = max(_EDGE_M, _EDGE * float(np.max(high - low)))
-    left, right = low[0] - edge, high[0] + edge
-    # Pixels of a metre; the same for both axes.
-    scale = min(_WIDTH / (right - left), _TALLEST / (high[1] - low[1] + 2 * edge))
-    height = max(_LOWEST, scale * (high[1] - low[1] + 2 * edge))
-    middle = (low + high) / 2
+    view = _view_of(low, high, things)
+    middle, scale, height = view.middle, view.scale, view.height
     place = np.array([_WIDTH / 2, height / 2])
 
     def at(points: Array) -> Array:
@@ -82,7 +139,12 @@ def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) ->
         return placed
 
     parts = [*_grid(middle, scale, height)]
-    parts += [f'<polygon class="thing" points="{_dots(at(thing))}"/>' for thing in things]
+    parts += [_FADE] if any(view.cuts(thing) for thing in things) else []
+    parts += [
+        f'<polygon class="thing" {_FADED if view.cuts(thing) else ""} points="{_dots(at(thing))}"/>'
+        for thing in things
+        if view.shows(thing)
+    ]
     for number, points in enumerate(paths.values()):
         kept = np.concatenate((points[:: max(1, len(points) // _MOST_POINTS)], points[-1:]))
         kept = at(kept[np.isfinite(kept).all(axis=1)])
@@ -96,10 +158,12 @@ def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) ->
         )
     parts.append(_scale_bar(scale, height))
     width_m, height_m = (engineering(float(size), "m") for size in high - low)
+    size = f"{_WIDTH:g} {height + _BELOW:.0f}"
     return (
         f'<svg class="path" role="img" aria-label="path from above" '
-        f'viewBox="0 0 {_WIDTH:g} {height:.0f}">{"".join(parts)}</svg>{legend(list(paths))}'
-        f"<p>{escape(width_m)} × {escape(height_m)}; open circle: start, dot: end</p>"
+        f'viewBox="0 0 {size}">{"".join(parts)}</svg>{legend(list(paths))}'
+        f"<p>{escape(width_m)} × {escape(height_m)}; open circle: start, dot: end"
+        f"{'; grey: what stands in the world' if len(things) else ''}</p>"
     )
 
 
@@ -133,8 +197,9 @@ def _label(tick: float) -> str:
 def _scale_bar(scale: float, height: float) -> str:
     length = nice_ticks(0.0, _WIDTH / 4 / scale, 2)[-1]
     long = length * scale
-    x, y = _WIDTH - 20 - long, height - 40
+    x, y = _WIDTH - 20 - long, height + _BELOW / 2
+    text = escape(engineering(length, "m"))
     return (
         f'<path class="scale" d="M{x:.1f} {y - 4:.0f}v8m0 -4h{long:.1f}m0 -4v8"/>'
-        f'<text x="{x:.1f}" y="{y - 8:.0f}">{escape(engineering(length, "m"))}</text>'
+        f'<text x="{x - 8:.1f}" y="{y + 4:.0f}" text-anchor="end">{text}</text>'
     )

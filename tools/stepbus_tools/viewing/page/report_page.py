@@ -21,10 +21,11 @@ from stepbus_tools.report.charts import path_of
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
+from .again import again
 from .comparison import comparison_html
 from .content import RunPage
 from .curves_html import Curves
-from .head import again, head
+from .head import head
 from .mission import is_summary
 from .plan import path_from_above
 from .run_scene import REPLAY_POLICY, packed_replay, replay_html
@@ -72,7 +73,6 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
             run.label = folder if len(set(folders)) == len(folders) else str(run.path)
     curves = Curves(runs)
     sections = [
-        Section("comparison", "Comparison", comparison_html(runs)),
         Section("curves", "Curves", curves.html()),
         Section("path", "Path of the base, from above", _path(runs)),
         Section("camera", "Camera", "".join(map(_camera_stills, runs))),
@@ -88,6 +88,7 @@ def render_page(runs: Sequence[RunPage], target: Path, replays: Sequence[str] = 
         mark=MARK + "stepbus",
         several=" several" if len(runs) > 1 else "",
         head="".join(map(head, runs)),
+        comparison=str(Section("comparison", "Comparison", comparison_html(runs))),
         scene=_scenes(runs, replays),
         contents="".join(f'<a href="#{s.id}">{s.title}</a>' for s in sections if s.content),
         sections="".join(map(str, sections)),
@@ -177,7 +178,11 @@ def _events(runs: Sequence[RunPage]) -> str:
     )
     left = sum(run.events_left for run in runs)
     more = f"<p>{left} more are in the recording.</p>" if left else ""
-    return f"<div class=scroll tabindex=0><table>{rows}</table></div>{more}" if rows else ""
+    return (
+        f"<div class=scroll tabindex=0><table class=events>{rows}</table></div>{more}"
+        if rows
+        else ""
+    )
 
 
 def _times(run: RunPage) -> str:

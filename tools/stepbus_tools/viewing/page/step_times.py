@@ -87,7 +87,7 @@ def times_html(times: Mapping[str, StepTimes]) -> str:
     edges = [in_units(edge) for edge in _EDGES_US]
     return (
         "<div class=scroll tabindex=0><table><tr><th>participant</th><th>compute</th><th>p99</th>"
-        "<th>longest</th><th>wait</th><th>mean step: compute, wait</th></tr>"
+        "<th>longest</th><th>wait</th><th class=bar>mean step: compute, wait</th></tr>"
         f"{''.join(rows)}</table></div><h3>Compute time of a step</h3>{_histogram(counts, edges)}"
     )
 

@@ -24,6 +24,14 @@ def legend(names: Sequence[str]) -> str:
     )
 
 
+def run_sample(number: int) -> str:
+    """Return how the lines of a run are drawn, by its place among several."""
+    return (
+        '<svg viewBox="0 0 40 8" class="small sample" aria-hidden="true">'
+        f'<path class="l6 {f"run{number % 4}" if number else ""}" d="M0 4H40"/></svg>'
+    )
+
+
 def png(pixels: NDArray[np.uint8]) -> bytes:
     """Return a picture as PNG; pixels: shape (rows, columns, 3), or 4 with what covers."""
     rows, columns, channels = pixels.shape

@@ -11,9 +11,9 @@ from functools import partial
 from queue import SimpleQueue
 from typing import TYPE_CHECKING
 
-from stepbus_orchestrator.cli.keys import HELP
-from stepbus_orchestrator.cli.output import INDENT, fold, has_screen, visible
-from stepbus_orchestrator.cli.progress import Bar, CalmLines, Rate, Reached
+from stepbus_orchestrator.cli.terminal.keys import HELP
+from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible
+from stepbus_orchestrator.cli.terminal.progress import Bar, CalmLines, Rate, Reached
 from stepbus_orchestrator.run.reports import Observer, Progress
 
 # With --json, nothing is shown; else rich is imported when there is something to show.

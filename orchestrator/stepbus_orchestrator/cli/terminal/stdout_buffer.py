@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.cli.output import print_error
+from stepbus_orchestrator.cli.terminal.output import print_error
 
 _POLL_S = 0.5
 _PATIENCE_S = 1.0
