@@ -91,11 +91,10 @@ def _info(recording: Recording) -> Info:
     step_ns = _duration_ns(scenario.get("step"))
     planned_ns = _duration_ns(scenario.get("duration"))
     beside = recording.path.parent
+    missing = recording.incomplete
     is_run = recording.path.name == layout.RUN_FILE and (beside / layout.TIMING_FILE).exists()
     faults = recording.metadata.get(layout.FAULTS_METADATA, {})
-    incomplete = recording.metadata.get(layout.INCOMPLETE_METADATA, {})
     ended = None if recording.cut_short else result
-    missing = {name: int(step) for name, step in incomplete.items() if step.isdecimal()}
     files = beside.rglob("*") if is_run else ()
     return Info(
         recording=str(recording.path),

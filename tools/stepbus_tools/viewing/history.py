@@ -31,9 +31,7 @@ class History:
         newest = max((row.step for row in ends), default=-1)
         t_ns = max((row.t_ns for row in ends), default=0)
         self.step_ns = t_ns // newest if newest > 0 else 1
-        # What failed lacks its outputs from a step on; others were some steps ahead of it.
-        missing = recording.metadata.get(layout.INCOMPLETE_METADATA, {}).values()
-        self.last_step = min([newest, *(int(step) for step in missing if step.isdecimal())])
+        self.last_step = min(newest, recording.last_whole_step)
         self.end_ns = t_ns if self.last_step == newest else self.last_step * self.step_ns
 
     def times(self, count: int) -> list[int]:

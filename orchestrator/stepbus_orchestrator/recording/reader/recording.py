@@ -70,6 +70,17 @@ class Recording:
         return max((port.last_step for port in self.ports.values()), default=-1)
 
     @property
+    def incomplete(self) -> Mapping[str, int]:
+        """Return participant → first step whose outputs are missing; of a failed run."""
+        rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
+        return {name: int(step) for name, step in rows.items() if step.isdecimal()}
+
+    @property
+    def last_whole_step(self) -> int:
+        """Return the newest step that every participant has reached; others may be ahead of it."""
+        return min([self.last_step, *self.incomplete.values()])
+
+    @property
     def messages_sha256(self) -> str:
         """Return the SHA-256 of all messages (P13.3); empty where no chain closes the last step."""
         chain = self.ports.get(layout.CHAIN_TOPIC)

@@ -96,7 +96,8 @@ class RunPage:
             except StepbusError as exc:
                 self.problems.append(f"joints: {exc}")
             readers, others = _readers(recording)
-            self.end_s = max(self.joints.end_s, read_ports(recording, readers))
+            end_s = max(self.joints.end_s, read_ports(recording, readers))
+            self.end_s = end_s * recording.last_whole_step / max(self.last_step, 1)
             self.problems += [
                 *others,
                 *(f"{r.port.topic}: {r.problem}" for r in readers if r.problem),
