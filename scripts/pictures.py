@@ -169,9 +169,9 @@ def small(path: Path) -> Path:
     """Make a picture small enough for a repository: 256 colours."""
     from PIL import Image  # noqa: PLC0415
 
-    Image.open(path).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(
-        path, optimize=True
-    )
+    # Median cut forgets the colours of small things, such as a lamp or an item.
+    colours = Image.open(path).convert("RGB")
+    colours.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3).save(path, optimize=True)
     return path
 
 

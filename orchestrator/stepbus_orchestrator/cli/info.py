@@ -193,11 +193,12 @@ def _lines(info: Info) -> Iterator[str]:
 
 
 def _bytes(info: Info) -> str:
-    more = f"; {_shown_size(info.folder_size)} in its folder" if info.folder_size else ""
-    return f"{_shown_size(info.size)}{more}"
+    more = f"; {shown_size(info.folder_size)} in its folder" if info.folder_size else ""
+    return f"{shown_size(info.size)}{more}"
 
 
-def _shown_size(size: int) -> str:
+def shown_size(size: float) -> str:
+    """Return a size [bytes] as people read it."""
     return f"{size / 1e6:.1f} MB" if size >= _MEGABYTE else f"{size / 1e3:.0f} kB"
 
 

@@ -5,6 +5,7 @@ from dataclasses import make_dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+from stepbus_orchestrator.cli.info import shown_size
 from stepbus_orchestrator.cli.parameters import RECORDING, File, RecordingPath, command
 from stepbus_orchestrator.cli.terminal.output import print_error, say
 from stepbus_orchestrator.errors import ExitCode
@@ -80,9 +81,9 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
         for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)
-            size = sum(path.stat().st_size for path in done.paths) / 1e6
+            total = shown_size(sum(path.stat().st_size for path in done.paths))
             files = f", {len(done.paths)} files" if len(done.paths) > 1 else ""
-            say(f"wrote {paths[form]} ({size:.1f} MB{files})")
+            say(f"wrote {paths[form]} ({total}{files})")
             is_whole = is_whole and not done.lost
         if damage := damage_line(opened):
             print_error(damage)

@@ -101,6 +101,8 @@ def _span(charts: Sequence[Chart], marks: Sequence[Mark]) -> tuple[float, float]
     lines = [line.points[0] for chart in charts if not chart.is_path for line in chart.lines]
     times = np.concatenate([*lines, np.array([mark.t for mark in marks])])
     low, high = (float(times.min()), float(times.max())) if len(times) else (0.0, 1.0)
+    # What failed ends the run, though others were some steps ahead of it.
+    high = min([high, *(mark.t for mark in marks if mark.level == "failure")])
     room = 0.02 * (high - low) or 0.5
     return low - room, high + room
 

@@ -10,14 +10,17 @@ import numpy as np
 import pytest
 from support.messages.recordings import write
 
+import stepbus
 from stepbus_orchestrator.cli.entry import main
-from stepbus_orchestrator.recording import TimingRecorder
+from stepbus_orchestrator.recording import Recording, TimingRecorder
+from stepbus_orchestrator.recording.timing import StepTiming
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
 from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
+from stepbus_tools.viewing.page.step_times import StepTimes, times_html
 
 LATE = Lateness(
     factor=1.0, steps=120, p50_us=80.0, p99_us=900.0, max_us=1200.0,
@@ -182,6 +185,35 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
     assert "class=comparison" not in write_page(paths[:1]).read_text()
 
 
+def test_a_comparison_says_what_each_run_was_given(tmp_path):
+    paths = []
+    for name, sets in (("a", []), ("b", ["kp=<60>"])):
+        (tmp_path / name).mkdir()
+        paths.append(
+            write(tmp_path / name / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
+        )
+        Result(
+            scenario="arm", outcome="finished", exit_code=0, reason="", participant="", at_step=9,
+            steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
+            wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path / name),
+            overrides=sets,
+        ).save()  # fmt: skip
+    text = write_page(paths, tmp_path / "both.html").read_text()
+    assert "<th>settings, faults</th><td>–</td><td>kp=&lt;60&gt;</td>" in text
+
+
+def test_a_participant_has_the_same_colour_in_every_run():
+    for slow in ("plant", "controller"):
+        times = {name: StepTimes() for name in ("controller", "plant")}
+        for name, one in times.items():
+            computed = 900_000 if name == slow else 200_000
+            one.take(StepTiming(participant=name, rows=[(0, 0, computed)], arrivals=[]))
+        assert re.findall(r'class="f(\d)"[^>]*><title>(\w+)', times_html(times)) == [
+            ("0", "controller"),
+            ("1", "plant"),
+        ]
+
+
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
@@ -236,6 +268,19 @@ def test_a_run_that_was_interrupted_says_so_and_is_no_ones_fault(recording, tmp_
     assert '<p class="where">Interrupted at step 20, t = 0.200 s</p>' in head
     assert "--pause-at" not in head
     assert ".log" not in head
+
+
+def test_a_run_that_was_killed_ends_where_its_result_says(tmp_path):
+    result = stepbus.run(
+        "two_link",
+        set=["duration=2s"],
+        faults=["kill controller at 100"],
+        out=tmp_path / "run",
+    )
+    assert (result.outcome, result.steps) == ("failed", 100)
+    with Recording(tmp_path / "run") as recorded:
+        assert recorded.last_whole_step == 100 < recorded.last_step
+    assert "<figcaption>t = 0.50 s" in write_page([tmp_path / "run"]).read_text()
 
 
 def test_the_charts_reach_to_what_ended_the_run(tmp_path):

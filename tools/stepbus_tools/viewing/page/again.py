@@ -27,8 +27,9 @@ def run_again(run: RunPage) -> str:
 
 
 def short(path: Path) -> str:
-    """Return the last two parts of a path: nobody else has this machine's folders."""
-    return str(Path(*path.parts[-2:]))
+    """Return a path as seen from here, or its last two parts: nobody else has these folders."""
+    full, here = path.absolute(), Path.cwd()
+    return str(full.relative_to(here) if full.is_relative_to(here) else Path(*full.parts[-2:]))
 
 
 def _scenario(result: Result) -> str:

@@ -14,7 +14,7 @@ _SAME = 1e-12
 
 
 def comparison_html(runs: Sequence[RunPage]) -> str:
-    """Return a table: outcome, each joint's largest error, the figures that matter, run by run.
+    """Return a table: outcome, settings, errors of joints, the figures that matter, run by run.
 
     An error has by how much it differs from that of the first run. It is empty for one run.
     """
@@ -40,6 +40,14 @@ _Rows = Iterator[tuple[str, list[str]]]
 def _outcomes(runs: Sequence[RunPage]) -> _Rows:
     words = [run.result.outcome if run.result else "unknown" for run in runs]
     yield "outcome", [f'<span class="word {escape(word)}">{escape(word)}</span>' for word in words]
+    given = [_given(run) for run in runs]
+    if any(given):
+        yield "settings, faults", ["<br>".join(map(escape, texts)) or "–" for texts in given]
+
+
+def _given(run: RunPage) -> list[str]:
+    """Return what the run was given that its scenario does not say."""
+    return [*run.result.overrides, *run.result.faults] if run.result else []
 
 
 def _errors(runs: Sequence[RunPage]) -> _Rows:

@@ -21,7 +21,7 @@ from stepbus_tools.report.curves import (
 from stepbus_tools.report.picture import is_pictured
 from stepbus_tools.report.summary import read_joints, scenario_name
 from stepbus_tools.viewing.exports import check_readable
-from stepbus_tools.viewing.history import read_timeline
+from stepbus_tools.viewing.history import History, read_timeline
 from stepbus_tools.viewing.page.run_scene import scene_at_end
 from stepbus_tools.viewing.page.step_times import read_step_times
 
@@ -97,7 +97,8 @@ class RunPage:
                 self.problems.append(f"joints: {exc}")
             readers, others = _readers(recording)
             end_s = max(self.joints.end_s, read_ports(recording, readers))
-            self.end_s = end_s * recording.last_whole_step / max(self.last_step, 1)
+            # Of a failed run, others were some steps ahead of what has failed.
+            self.end_s = min(end_s, History(recording).end_ns * 1e-9)
             self.problems += [
                 *others,
                 *(f"{r.port.topic}: {r.problem}" for r in readers if r.problem),

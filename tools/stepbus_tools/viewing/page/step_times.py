@@ -83,7 +83,8 @@ def times_html(times: Mapping[str, StepTimes]) -> str:
             f"<td>{in_units(one.longest * 1e-3)}</td><td>{in_units(wait * 1e-3)}</td>"
             f"<td class=bar>{shares}</td></tr>"
         )
-    counts = {name: times[name].counts.tolist() for name in names}
+    # By name, so that each has the same colour in every run.
+    counts = {name: times[name].counts.tolist() for name in sorted(times)}
     edges = [in_units(edge) for edge in _EDGES_US]
     return (
         "<div class=scroll tabindex=0><table><tr><th>participant</th><th>compute</th><th>p99</th>"
