@@ -95,10 +95,13 @@ def test_80_columns_are_enough_for_every_help_and_no_word_is_cut(capsys, monkeyp
     ids=str,
 )
 def test_a_terminal_of_80_columns_gets_whole_words(words, tmp_path):
-    _, shown = at_terminal(words, cwd=tmp_path)
+    _, shown = at_terminal(words, cwd=tmp_path, NO_COLOR="1")
+    assert "\x1b[" not in shown
     long = [line for line in shown.splitlines() if len(line) > 80]
     assert [line for line in long if " " in line.strip()] == []
     assert len(shown.splitlines()) > 1
+    _, coloured = at_terminal(words, cwd=tmp_path)
+    assert coloured == shown.replace("stepbus:", "\x1b[1;31mstepbus:\x1b[0m", 1)
 
 
 def test_a_line_with_columns_goes_on_below_the_last_one():

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
 _PLAIN_COLUMNS = 200
+_RED, _PLAIN = "\x1b[1;31m", "\x1b[0m"
 INDENT = "    "
 _COLUMNS = re.compile(r"\S.{0,40}  +(?=\S)|  +\S.{0,40}  +(?=\S)")
 """What stands before the last column of a line."""
@@ -75,13 +76,18 @@ def fold(text: str, width: int, indent: str = "") -> str:
     return "\n".join(map(folded, text.split("\n")))
 
 
-def write(stream: IO[str], text: str) -> None:
+def write(stream: IO[str], text: str, *, red: int = 0) -> None:
     """Write a text for people, folded to the width of a terminal.
 
-    What goes to a file or a program is one line, however long.
+    What goes to a file or a program is one line, however long. red: how many of its first
+    characters are red, where the terminal may have colours (no-color.org).
     """
     shown = visible(text)
-    stream.write(fold(shown, columns(), INDENT) if has_screen(stream) else shown)
+    if has_screen(stream):
+        shown = fold(shown, columns(), INDENT)
+        if red and not os.environ.get("NO_COLOR"):
+            shown = f"{_RED}{shown[:red]}{_PLAIN}{shown[red:]}"
+    stream.write(shown)
     stream.flush()
 
 
@@ -91,8 +97,8 @@ def say(text: str) -> None:
 
 
 def print_error(text: str, who: str = "stepbus") -> None:
-    """Print an error. who: says it."""
-    write(sys.stderr, f"{who}: {text}\n")
+    """Print an error. who: says it, in red on a terminal."""
+    write(sys.stderr, f"{who}: {text}\n", red=len(who) + 1)
 
 
 def say_json(value: object) -> None:
