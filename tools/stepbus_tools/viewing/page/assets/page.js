@@ -54,9 +54,13 @@ function marks(chart, factor) {
       ctx.lineTo(x, top + height);
       ctx.stroke();
       if (serious[one.level]) {
+        if (x < left || x > left + width) continue;
         const isLeft = x < left + width / 2;
         ctx.textAlign = isLeft ? "left" : "right";
-        const text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
+        const room = (isLeft ? left + width - x : x - left) - 8 * dot;
+        let text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
+        while (text.length > 2 && ctx.measureText(text).width > room)
+          text = text.replace(/ ?.( …|…)?$/u, "…");
         ctx.fillText(text, x + (isLeft ? 4 : -4) * dot, top + (12 + 13 * (row++ % 4)) * dot);
       }
     }
