@@ -151,6 +151,11 @@ def _path(line: ChartLine, x: _Place, y: _Place) -> str:
         else:
             drawn.append(f"{pen}{x(at):.1f} {y(value):.1f}")
             pen = "L"
+    return f'<path class="{classes_of(line)}" d="{"".join(drawn)}"/>'
+
+
+def classes_of(line: ChartLine) -> str:
+    """Return the classes of a line, which say how it is drawn."""
     style = line_style(line.number)
     broken = f" run{line.run % 4}" if line.run else " broken" if style.is_broken else ""
-    return f'<path class="l{style.color} {line.role}{broken}" d="{"".join(drawn)}"/>'
+    return f"l{style.color} {line.role}{broken}"

@@ -29,6 +29,14 @@ function short(y) {
   return size && (size < 1e-3 || size >= 1e5) ? y.toExponential(1) : String(+y.toPrecision(4));
 }
 
+// Ticks with the digits that tell them apart.
+function ticksOf(ticks, step) {
+  const [large, digits] = [Math.max(...ticks.map(Math.abs)), Math.ceil(-Math.log10(step) - 1e-9)];
+  if (large < 1e-3 || large >= 1e6)
+    return ticks.map((y) => y && y.toExponential(Math.max(0, Math.floor(Math.log10(large)) + digits)));
+  return ticks.map((y) => (y + 0).toFixed(Math.max(0, digits)));
+}
+
 const serious = { failure: "--bad", error: "--bad", fault: "--warn", warning: "--warn" };
 
 function marks(chart, factor) {
@@ -138,6 +146,10 @@ function draw(element, chart) {
     labelFont: "12px sans-serif",
     labelSize: 18,
   };
+  const dash = (_, i) => {
+    const line = i ? chart.lines[i - 1] : {};
+    return line.dotted ? "dotted" : line.broken || line.run ? "dashed" : "solid";
+  };
   const end = report.end || 1;
   const options = {
     width: element.clientWidth,
@@ -149,12 +161,18 @@ function draw(element, chart) {
     scales: { x: { time: false, min: 0, max: end }, y: { range: reach(chart, factor) } },
     axes: [
       { ...axis, label: "time [s]" },
-      { ...axis, label, size: 58, values: (_, ticks) => ticks.map(short) },
+      {
+        ...axis,
+        label,
+        size: (_, texts) => Math.max(58, 20 + 7 * Math.max(...(texts || [""]).map((t) => String(t).length))),
+        values: (u, ticks, axis, space, step) => ticksOf(ticks, step),
+      },
     ],
     series: [
       { label: "t", value: (_, x) => (x === null ? "–" : x.toFixed(3) + " s") },
       ...chart.lines.map(look),
     ],
+    legend: { markers: { width: (_, i) => (i && chart.lines[i - 1].wide ? 5 : 2), dash } },
     plugins: [marks(chart, factor)],
     hooks: { setSelect: [selected] },
   };
@@ -246,7 +264,7 @@ for (const box of document.querySelectorAll(".replay"))
 // What is folded is not printed; small curves need no script.
 let opened = [];
 addEventListener("beforeprint", () => {
-  opened = [...document.querySelectorAll("details.group:not([open])")];
+  opened = [...document.querySelectorAll("details:is(.group, header *):not([open])")];
   for (const details of opened) details.open = true;
 });
 addEventListener("afterprint", () => {
