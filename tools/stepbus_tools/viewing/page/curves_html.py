@@ -126,9 +126,10 @@ def _said(chart: Chart) -> str:
     if chart.used is not None:
         share = f"{100 * chart.used:.0f}" if chart.used >= 0.01 or not chart.used else "< 1"
         return f"{share} % of limit used"
-    lowest = min((float(np.nanmin(line.points[1], initial=0.0)) for line in chart.lines), default=0)
+    lowest = [float(np.nanmin(line.points[1], initial=0.0)) for line in chart.lines]
+    is_negative = chart.largest > 0 and -min(lowest, default=0.0) >= chart.largest
     size, _, unit = engineering(chart.largest, chart.unit).partition(" ")
-    return f"at most {f'|{size}|' if lowest < 0 else size} {unit}".strip()
+    return f"at most {f'|{size}|' if is_negative else size} {unit}".strip()
 
 
 def _merged(runs: Sequence[RunPage]) -> list[Group]:
