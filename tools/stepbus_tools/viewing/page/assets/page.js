@@ -31,7 +31,10 @@ function short(y) {
 
 // Ticks with the digits that tell them apart.
 function ticksOf(ticks, step) {
-  const [large, digits] = [Math.max(...ticks.map(Math.abs)), Math.ceil(-Math.log10(step) - 1e-9)];
+  const large = Math.max(...ticks.map(Math.abs));
+  const power = Math.floor(Math.log10(step) + 1e-9);
+  // A step may be 2.5 of its power.
+  const digits = Math.abs(step / 10 ** power - 2.5) < 0.1 ? 1 - power : -power;
   if (large < 1e-3 || large >= 1e6)
     return ticks.map((y) => y && y.toExponential(Math.max(0, Math.floor(Math.log10(large)) + digits)));
   return ticks.map((y) => (y + 0).toFixed(Math.max(0, digits)));
