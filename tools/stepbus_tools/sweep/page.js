@@ -7,6 +7,8 @@ const shade = (name) => style.getPropertyValue(name).trim();
 const at = (id) => document.getElementById(id);
 // A metric or axis as it is named beside a chart: with its unit, where it has one.
 const named = (name) => (sweep.units[name] ? `${name} [${sweep.units[name]}]` : name);
+// It breaks behind its dots, where there is little room.
+const broken = (name) => name.replaceAll(".", ".\u200b");
 const numeric = (values) => values.every((v) => v === null || typeof v === "number");
 
 function layout(more) {
@@ -33,6 +35,19 @@ function rows(...names) {
     names.every((name) => typeof sweep.columns[name][i] === "number"));
 }
 
+const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");
+const MOST_TICKS = 8;
+
+// The values of an axis that were run, in order, each once.
+const order = (name) => [...new Set(sweep.columns[name])].sort((a, b) => (a > b) - (a < b));
+
+// Ticks at the values that were run, where they are few numbers.
+function ticks(name) {
+  const values = order(name).filter((value) => typeof value === "number");
+  if (!values.length || values.length > MOST_TICKS || !numeric(sweep.columns[name])) return {};
+  return { tickvals: values, ticktext: values.map((value) => String(shown(value))) };
+}
+
 function drawAxes(metric) {
   const places = sweep.axes.map(() => chart());
   at("axes").replaceChildren(...places);
@@ -48,7 +63,7 @@ function drawAxes(metric) {
         symbol: kept.map((i) => (sweep.failed[i] ? "x" : "circle")) } };
     const log = sweep.logarithmic.includes(name) ? "log" : undefined;
     const type = numeric(sweep.columns[name]) ? log : "category";
-    draw(place, [trace], { xaxis: { title: { text: named(name) }, type }, yaxis: { title: { text: named(metric) } } });
+    draw(place, [trace], { xaxis: { title: { text: named(name) }, type, ...ticks(name) }, yaxis: { title: { text: named(metric) } } });
   }
 }
 
@@ -71,8 +86,7 @@ function drawPair(metric) {
 }
 
 function grid(x, y, metric, kept, color) {
-  const order = (name) => [...new Set(sweep.columns[name])].sort((a, b) => (a > b) - (a < b));
-  const xs = order(x), ys = order(y);
+  const xs = order(x), ys = order(y), word = (value) => String(shown(value));
   const sums = ys.map(() => xs.map(() => [0, 0]));
   for (const i of kept) {
     const cell = sums[ys.indexOf(sweep.columns[y][i])][xs.indexOf(sweep.columns[x][i])];
@@ -80,7 +94,7 @@ function grid(x, y, metric, kept, color) {
     cell[1] += 1;
   }
   const z = sums.map((row) => row.map(([sum, count]) => (count ? sum / count : null)));
-  return { type: "heatmap", x: xs.map(String), y: ys.map(String), z, ...color };
+  return { type: "heatmap", x: xs.map(word), y: ys.map(word), z, ...color };
 }
 
 function drawParallel(metric) {
@@ -97,7 +111,7 @@ function drawParallel(metric) {
 
 function dimension(name, kept) {
   const values = kept.map((i) => sweep.columns[name][i]);
-  if (numeric(values)) return { label: name, values };
+  if (numeric(values)) return { label: name, values, ...ticks(name) };
   const words = [...new Set(values.map(String))];
   return { label: name, values: values.map((v) => words.indexOf(String(v))),
     tickvals: words.map((_, i) => i), ticktext: words };
@@ -119,14 +133,12 @@ function drawFront() {
   ], { xaxis: { title: { text: named(x) } }, yaxis: { title: { text: named(y) } }, legend: { orientation: "h", x: 0, y: 1, yanchor: "bottom" } });
 }
 
-const shown = (value) => (typeof value === "number" ? Number(value.toPrecision(5)) : value ?? "–");
-
 function drawExtremes(metric) {
   const kept = rows(metric).sort((a, b) => sweep.columns[metric][a] - sweep.columns[metric][b]);
   const chosen = kept.length > 10 ? [...kept.slice(0, 5), ...kept.slice(-5)] : kept;
   const table = document.createElement("table"), head = table.insertRow();
   for (const name of ["run", ...sweep.axes, metric]) {
-    head.append(Object.assign(document.createElement("th"), { textContent: named(name) }));
+    head.append(Object.assign(document.createElement("th"), { textContent: broken(named(name)) }));
   }
   for (const i of chosen) {
     const row = table.insertRow();

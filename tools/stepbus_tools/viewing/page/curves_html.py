@@ -15,8 +15,8 @@ from stepbus_tools.report.curves import Curve
 from stepbus_tools.report.units import engineering
 
 from .content import Group, RunPage
-from .small import scale_of, small_chart
-from .svg import run_sample
+from .small import classes_of, scale_of, small_chart
+from .svg import line_sample, run_sample
 
 _MOST_POINTS = 2000
 _FULL = 4
@@ -31,7 +31,8 @@ _BAR = (
     '<button id="all" type="button">whole run</button>'
     '<button id="unit" type="button">show degrees</button>'
     '<button id="open" type="button">open all</button>'
-    '</div><p class="note">A curve opens when you click it. Wide and light: what was commanded; '
+    '</div><p class="note"><span class="screen">A curve opens when you click it. </span>'
+    "Wide and light: what was commanded; "
     "dotted: the target; dashed red: a limit.</p>"
 )
 
@@ -102,16 +103,33 @@ class Curves:
             f'<details class="cell" data-chart="{place}" data-name="{name}"><summary>'
             f'<span class="name">{escape(chart.title)}{f" [{escape(unit)}]" if unit else ""}</span>'
             f'<span class="most">{escape(_said(chart))}</span>'
-            f"{small_chart(chart, self.marks, self.end_s)}</summary>"
+            f"{small_chart(chart, self.marks, self.end_s)}{self._legend(chart)}</summary>"
             f'<div class="chart"></div></details>'
         )
+
+    def _legend(self, chart: Chart) -> str:
+        """Return which line is which, where no title says so: joints have theirs."""
+        joints = {group.title for group in self.groups if group.color is not None}
+        lines = [line for line in chart.lines if line.role == "measured" and not line.run]
+        names = [line.label.removeprefix(self._runs[0].label).strip() for line in lines]
+        if len(names) < 2 or joints.issuperset(names):
+            return ""
+        shown = "".join(
+            f"<span>{line_sample(classes_of(line))}{escape(name)}</span>"
+            for line, name in zip(lines, names, strict=True)
+        )
+        return f'<span class="legend">{shown}</span>'
 
 
 def _said(chart: Chart) -> str:
     """Return what a chart comes to in some words."""
     if chart.used is not None:
-        return f"{100 * chart.used:.0f} % of limit used"
-    return f"at most {engineering(chart.largest, chart.unit)}"
+        share = f"{100 * chart.used:.0f}" if chart.used >= 0.01 or not chart.used else "< 1"
+        return f"{share} % of limit used"
+    lowest = [float(np.nanmin(line.points[1], initial=0.0)) for line in chart.lines]
+    is_negative = chart.largest > 0 and -min(lowest, default=0.0) >= chart.largest
+    size, _, unit = engineering(chart.largest, chart.unit).partition(" ")
+    return f"at most {f'|{size}|' if is_negative else size} {unit}".strip()
 
 
 def _merged(runs: Sequence[RunPage]) -> list[Group]:

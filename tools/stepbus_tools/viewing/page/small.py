@@ -1,6 +1,7 @@
 """Small curves as SVG: they are there without a script, on paper and in a preview."""
 
 import math
+import re
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
@@ -13,9 +14,12 @@ from stepbus_tools.report.units import prefixed
 
 _WIDTH, _HEIGHT = 300.0, 118.0
 _LEFT, _RIGHT, _TOP, _BOTTOM = 42.0, 296.0, 8.0, 100.0
+_DIGIT, _ABOVE = 6.0, 11.0
+"""Width of a digit, and height of a line of text."""
 _MOST_POINTS = 240
 _ROOM = 0.06
-_MOST_DIGITS, _LARGE = 5, 1e6
+_LONGEST = 8
+"""Characters beside a tick."""
 _SAID = ("failure", "fault")
 _MOST_SAID = 3
 _Place = Callable[[float], float]
@@ -26,16 +30,23 @@ def small_chart(chart: Chart, marks: Sequence[Mark], end_s: float) -> str:
     """Return a chart as a picture. end_s: where its time axis ends [s]."""
     low, high = _range(chart)
     factor, unit = scale_of(chart)
+    ticks = nice_ticks(low * factor, high * factor, 4)
+    labels, base = labels_of(ticks)
+    left = max(_LEFT, 8 + _DIGIT * max(map(len, labels), default=0))
 
     def x(t: float) -> float:
-        return _LEFT + (_RIGHT - _LEFT) * t / (end_s or 1.0)
+        return left + (_RIGHT - left) * t / (end_s or 1.0)
 
     def y(value: float) -> float:
         return _BOTTOM - (_BOTTOM - _TOP) * (value - low) / (high - low)
 
-    parts = [*_grid((low, high), factor, end_s, x, y)]
+    above = _ABOVE if base else 0.0
+    parts = [f'<text x="2" y="{_TOP - _ABOVE:g}">{base}</text>'] if base else []
+    for tick, text in zip(ticks, labels, strict=True):
+        parts += _row(text, left, y(tick / factor))
+    parts += _times(end_s, x)
     parts += [
-        f'<path class="limit" d="M{_LEFT:g} {y(limit):.1f}H{_RIGHT:g}"/>'
+        f'<path class="limit" d="M{left:g} {y(limit):.1f}H{_RIGHT:g}"/>'
         for limit in chart.limits
         if low <= limit <= high
     ]
@@ -51,7 +62,7 @@ def small_chart(chart: Chart, marks: Sequence[Mark], end_s: float) -> str:
     label = f"{chart.title} [{unit}] over time [s]" if unit else f"{chart.title} over time [s]"
     return (
         f'<svg class="small" role="img" aria-label="{escape(label)}" '
-        f'viewBox="0 0 {_WIDTH:g} {_HEIGHT:g}">{"".join(parts)}</svg>'
+        f'viewBox="0 {-above:g} {_WIDTH:g} {_HEIGHT + above:g}">{"".join(parts)}</svg>'
     )
 
 
@@ -92,21 +103,33 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
     return [step * n for n in range(first, math.floor(high / step + 1e-9) + 1)]
 
 
-def labels_of(ticks: Sequence[float]) -> list[str]:
-    """Return ticks as texts, with as many digits as tell them apart."""
-    step = ticks[1] - ticks[0] if len(ticks) > 1 else abs(ticks[0]) or 1.0
+def labels_of(ticks: Sequence[float]) -> tuple[list[str], str]:
+    """Return ticks as short texts that differ, and what is to be added to them, if anything."""
+    if len(ticks) < 2:
+        return [_brief(f"{tick:.3g}") for tick in ticks], ""
+    step = (ticks[-1] - ticks[0]) / (len(ticks) - 1)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
-    if digits > _MOST_DIGITS or max(map(abs, ticks)) >= _LARGE:
-        return [f"{tick:.3g}" for tick in ticks]
-    return [f"{tick + 0.0:.{digits}f}" for tick in ticks]
+    plain = [f"{tick + 0.0:.{digits}f}" for tick in ticks]
+    if max(map(len, plain)) <= _LONGEST:
+        return plain, ""
+    brief = [_brief(f"{0.0 if abs(tick) < 1e-6 * step else tick:.3g}") for tick in ticks]
+    rows = zip(ticks, brief, strict=True)
+    if all(abs(float(text) - tick) < 1e-3 * step for tick, text in rows):
+        return brief, ""
+    return [_brief(f"+{number * step:.2g}") for number in range(len(ticks))], f"{plain[0]} +"
 
 
-def _grid(ends: tuple[float, float], factor: float, end_s: float, x: _Place, y: _Place) -> _Parts:
-    rows = nice_ticks(ends[0] * factor, ends[1] * factor, 4)
-    for tick, label in zip(rows, labels_of(rows), strict=True):
-        at = y(tick / factor)
-        yield f'<path class="grid" d="M{_LEFT:g} {at:.1f}H{_RIGHT:g}"/>'
-        yield f'<text x="{_LEFT - 4:g}" y="{at + 3:.1f}" text-anchor="end">{label}</text>'
+def _brief(number: str) -> str:
+    """Return 2e-7 for 2e-07."""
+    return re.sub(r"e([+-])0*", lambda sign: "e-" if sign[1] == "-" else "e", number)
+
+
+def _row(label: str, left: float, at: float) -> _Parts:
+    yield f'<path class="grid" d="M{left:g} {at:.1f}H{_RIGHT:g}"/>'
+    yield f'<text x="{left - 4:g}" y="{at + 3:.1f}" text-anchor="end">{label}</text>'
+
+
+def _times(end_s: float, x: _Place) -> _Parts:
     ticks = nice_ticks(0.0, end_s, 5)
     for tick in ticks:
         at, unit = x(tick), " s" if tick == ticks[-1] else ""
@@ -128,6 +151,11 @@ def _path(line: ChartLine, x: _Place, y: _Place) -> str:
         else:
             drawn.append(f"{pen}{x(at):.1f} {y(value):.1f}")
             pen = "L"
+    return f'<path class="{classes_of(line)}" d="{"".join(drawn)}"/>'
+
+
+def classes_of(line: ChartLine) -> str:
+    """Return the classes of a line, which say how it is drawn."""
     style = line_style(line.number)
     broken = f" run{line.run % 4}" if line.run else " broken" if style.is_broken else ""
-    return f'<path class="l{style.color} {line.role}{broken}" d="{"".join(drawn)}"/>'
+    return f"l{style.color} {line.role}{broken}"

@@ -26,9 +26,14 @@ def legend(names: Sequence[str]) -> str:
 
 def run_sample(number: int) -> str:
     """Return how the lines of a run are drawn, by its place among several."""
+    return line_sample(f"l6 run{number % 4}" if number else "l6")
+
+
+def line_sample(style: str) -> str:
+    """Return how lines of some classes are drawn."""
     return (
         '<svg viewBox="0 0 40 8" class="small sample" aria-hidden="true">'
-        f'<path class="l6 {f"run{number % 4}" if number else ""}" d="M0 4H40"/></svg>'
+        f'<path class="{style}" d="M0 4H40"/></svg>'
     )
 
 

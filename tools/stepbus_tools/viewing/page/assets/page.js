@@ -29,6 +29,17 @@ function short(y) {
   return size && (size < 1e-3 || size >= 1e5) ? y.toExponential(1) : String(+y.toPrecision(4));
 }
 
+// Ticks with the digits that tell them apart.
+function ticksOf(ticks, step) {
+  const large = Math.max(...ticks.map(Math.abs));
+  const power = Math.floor(Math.log10(step) + 1e-9);
+  // A step may be 2.5 of its power.
+  const digits = Math.abs(step / 10 ** power - 2.5) < 0.1 ? 1 - power : -power;
+  if (large < 1e-3 || large >= 1e6)
+    return ticks.map((y) => y && y.toExponential(Math.max(0, Math.floor(Math.log10(large)) + digits)));
+  return ticks.map((y) => (y + 0).toFixed(Math.max(0, digits)));
+}
+
 const serious = { failure: "--bad", error: "--bad", fault: "--warn", warning: "--warn" };
 
 function marks(chart, factor) {
@@ -54,9 +65,13 @@ function marks(chart, factor) {
       ctx.lineTo(x, top + height);
       ctx.stroke();
       if (serious[one.level]) {
+        if (x < left || x > left + width) continue;
         const isLeft = x < left + width / 2;
         ctx.textAlign = isLeft ? "left" : "right";
-        const text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
+        const room = (isLeft ? left + width - x : x - left) - 8 * dot;
+        let text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
+        while (text.length > 2 && ctx.measureText(text).width > room)
+          text = text.replace(/ ?.( …|…)?$/u, "…");
         ctx.fillText(text, x + (isLeft ? 4 : -4) * dot, top + (12 + 13 * (row++ % 4)) * dot);
       }
     }
@@ -134,6 +149,10 @@ function draw(element, chart) {
     labelFont: "12px sans-serif",
     labelSize: 18,
   };
+  const dash = (_, i) => {
+    const line = i ? chart.lines[i - 1] : {};
+    return line.dotted ? "dotted" : line.broken || line.run ? "dashed" : "solid";
+  };
   const end = report.end || 1;
   const options = {
     width: element.clientWidth,
@@ -145,12 +164,18 @@ function draw(element, chart) {
     scales: { x: { time: false, min: 0, max: end }, y: { range: reach(chart, factor) } },
     axes: [
       { ...axis, label: "time [s]" },
-      { ...axis, label, size: 58, values: (_, ticks) => ticks.map(short) },
+      {
+        ...axis,
+        label,
+        size: (_, texts) => Math.max(58, 20 + 7 * Math.max(...(texts || [""]).map((t) => String(t).length))),
+        values: (u, ticks, axis, space, step) => ticksOf(ticks, step),
+      },
     ],
     series: [
       { label: "t", value: (_, x) => (x === null ? "–" : x.toFixed(3) + " s") },
       ...chart.lines.map(look),
     ],
+    legend: { markers: { width: (_, i) => (i && chart.lines[i - 1].wide ? 5 : 2), dash } },
     plugins: [marks(chart, factor)],
     hooks: { setSelect: [selected] },
   };
@@ -242,7 +267,7 @@ for (const box of document.querySelectorAll(".replay"))
 // What is folded is not printed; small curves need no script.
 let opened = [];
 addEventListener("beforeprint", () => {
-  opened = [...document.querySelectorAll("details.group:not([open])")];
+  opened = [...document.querySelectorAll("details:is(.group, header *):not([open])")];
   for (const details of opened) details.open = true;
 });
 addEventListener("afterprint", () => {
