@@ -5,14 +5,23 @@ window.__VISER_EMBED_CONFIG__ = {darkMode: night.matches}
 night.addEventListener("change", () => location.reload())
 
 // What has keys of its own keeps them: they bubble up to viser's root, and no further.
-const busy = "input, textarea, select, [role=slider], [role=tab], [role=option]"
-const pressed = "button, [role=button]"
+const busy = "input, textarea, select, [role=slider], [role=option]"
+const pressed = "button:not([role=tab]), [role=button]"
+const sideways = ["ArrowLeft", "ArrowRight"]
 const keys = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]
 addEventListener("DOMContentLoaded", () => {
     document.body.addEventListener("keydown", event => {
         const presses = [" ", "Enter"].includes(event.key) && event.target.closest(pressed)
-        if (presses || event.target.closest(busy)) event.stopPropagation()
+        const turns = sideways.includes(event.key) && event.target.closest("[role=tab]")
+        if (presses || turns || event.target.closest(busy)) event.stopPropagation()
     })
+    // A tab has the arrows; it would turn home and end into the first tab and the last one.
+    addEventListener("keydown", event => {
+        if (![" ", "Home", "End"].includes(event.key) || !event.target.closest?.("[role=tab]")) return
+        event.stopImmediatePropagation()
+        event.preventDefault()
+        document.body.dispatchEvent(new KeyboardEvent("keydown", event))
+    }, true)
     // The arrows step in time; viser would move its camera as well, which W, A, S and D do.
     document.documentElement.addEventListener("keydown", event => {
         if (keys.includes(event.key)) event.stopPropagation()
