@@ -156,6 +156,10 @@ def test_the_buttons_of_the_page_do_what_they_say(recording, page):
         watched.wait(lambda: shows("step 0 of 60"), "the first step, from a tab")
         watched.page.keyboard.press(" ")
         watched.wait(lambda: shows("step 60 of 60"), "the end, played from a tab")
+        watched.page.emulate_media(color_scheme="dark")
+        dark = watched.page.locator(":root[data-mantine-color-scheme=dark]")
+        watched.wait(lambda: dark.count() > 0, "the night")
+        assert shows("step 60 of 60")
         assert curves.drawn()
         watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
         bare = page.address.rsplit("/", 2)[0]

@@ -2,7 +2,14 @@
 // Runs ahead of viser's client: the colours of the visitor's system, keys, and names of controls.
 const night = matchMedia("(prefers-color-scheme: dark)")
 window.__VISER_EMBED_CONFIG__ = {darkMode: night.matches}
-night.addEventListener("change", () => location.reload())
+// viser takes colours at its start only, and a reload would lose time and tab: its styles follow this.
+night.addEventListener("change", () => {
+    window.__VISER_EMBED_CONFIG__.darkMode = night.matches
+    document.documentElement.dataset.mantineColorScheme = night.matches ? "dark" : "light"
+    const scene = [...document.querySelectorAll("canvas")].find(one => !one.closest(".uplot"))
+    const back = scene?.closest("[style*='background-color']")
+    if (back) back.style.backgroundColor = night.matches ? "var(--mantine-color-dark-9)" : "#fff"
+})
 
 // What has keys of its own keeps them: they bubble up to viser's root, and no further.
 const busy = "input, textarea, select, [role=slider], [role=option]"
