@@ -38,6 +38,20 @@ addEventListener("DOMContentLoaded", () => {
         .observe(document.body, {childList: true, subtree: true, characterData: true})
 })
 
+// Legends say the values at the playhead, or the newest ones, unless the mouse points at others.
+setInterval(() => {
+    for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+        const {data, series, scales, cursor, legend} = chart
+        const now = data?.[series.findIndex(one => one.label === "\u2060now")]
+        if (!now?.length || cursor.left >= 0) continue
+        const top = now.findIndex(y => y > scales.y.max)
+        const at = top < 0 ? now.length - 1 : top
+        // Where there is no value, a line is below its chart.
+        const idxs = data.map((row, number) => number && row[at] < scales.y.min ? null : at)
+        if (legend.idx !== at) chart.setLegend({idxs})
+    }
+}, 200)
+
 let waiting = null
 function name() {
     waiting = null
