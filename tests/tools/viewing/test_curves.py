@@ -94,6 +94,9 @@ def test_a_chart_gets_no_nan_and_its_rules_go_up_once_for_each_mark():
     assert rows[0].tolist() == x.tolist()
     *_, bad, _, now = rows
     assert [x[row > 2.0].tolist() for row in (bad, now)] == [[0.5], [1.5]]
+    failure = [Mark(t_s=2.1, level="failure", text="")]
+    x, (*_, bad, _, _) = _rows(data, [], failure, None, (0.0, 2.0))
+    assert x[bad > 2.0].tolist() == [2.0]
 
 
 def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):

@@ -14,6 +14,7 @@ from support.browser import Curves, needs_chromium, opened
 from support.messages.recordings import chunks
 from support.paused import Paused
 
+import stepbus
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
@@ -127,8 +128,28 @@ def test_a_live_page_is_titled_by_the_scenario_and_says_when_it_ends(tmp_path, p
     assert "**ended**" in [one.content for one in said]
 
 
+def test_a_live_page_says_that_a_run_failed_and_why(tmp_path, page, monkeypatch):
+    gui, said = page.server.gui, []
+    for name in ("add_html", "add_markdown"):
+        add = getattr(gui, name)
+        monkeypatch.setattr(
+            gui, name, lambda *a, add=add, **k: (said.append(add(*a, **k)), said[-1])[1]
+        )
+    out = tmp_path / "run"
+    stepbus.run("two_link", set={"duration": "1s"}, faults=["kill plant at 30"], out=out)
+    assert follow(page.server, out, lambda: False)
+    told = [one.content for one in said]
+    assert "**failed**" in told
+    assert "**ended**" not in told
+    assert (
+        '<div class="failed" role="alert"><b>failed</b>: step 30 (t = 0.150 s): plant was killed '
+        "by SIGKILL</div>"
+    ) in told
+
+
 def test_a_run_that_was_killed_is_no_longer_waited_for(tmp_path, page, plain_run, monkeypatch):
     monkeypatch.setattr("stepbus_tools.viewing.run_client.IDLE_S", 0.1)
+    monkeypatch.setattr("stepbus_tools.viewing.live_page._RESULT_S", 0.1)
     killed = tmp_path / "run"
     killed.mkdir()
     (killed / LIVE_FILE).write_text("of a process that is no more")

@@ -83,12 +83,18 @@ def test_runs_are_named_by_as_much_of_their_folders_as_tells_them_apart(tmp_path
     assert run_names([one, one]) == [str(one), str(one)]
 
 
-def test_a_run_that_failed_ends_with_its_last_whole_step(tmp_path):
+def test_a_run_that_failed_ends_with_its_last_whole_step_and_says_so(tmp_path, page, monkeypatch):
     out = tmp_path / "run"
     result = stepbus.run("two_link", set={"duration": "1s"}, faults=["kill plant at 30"], out=out)
     history = History(Recording(result.recording))
     assert history.last_step == result.steps == 30
     assert history.end_ns == 30 * history.step_ns == 150_000_000
+    html, add = [], page.server.gui.add_html
+    monkeypatch.setattr(
+        page.server.gui, "add_html", lambda text, **k: (html.append(text), add(text, **k))[1]
+    )
+    player(page, result.recording)
+    assert "<b>failed</b>: step 30 (t = 0.150 s): plant was killed by SIGKILL" in html[0]
 
 
 @pytest.mark.parametrize(
@@ -146,6 +152,15 @@ def test_the_buttons_of_the_page_do_what_they_say(recording, page):
         watched.wait(lambda: curves.has("joint1", "joint2"), "the curves")
         assert curves.drawn().x == pytest.approx([0.0, 0.3])
         assert np.ptp(curves.drawn().data[1]) > 0.1
+        watched.page.keyboard.press("Home")
+        watched.wait(lambda: shows("step 0 of 60"), "the first step, from a tab")
+        watched.page.keyboard.press(" ")
+        watched.wait(lambda: shows("step 60 of 60"), "the end, played from a tab")
+        watched.page.emulate_media(color_scheme="dark")
+        dark = watched.page.locator(":root[data-mantine-color-scheme=dark]")
+        watched.wait(lambda: dark.count() > 0, "the night")
+        assert shows("step 60 of 60")
+        assert curves.drawn()
         watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
         bare = page.address.rsplit("/", 2)[0]
         assert watched.page.request.get(bare).status == 403

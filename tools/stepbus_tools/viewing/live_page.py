@@ -13,6 +13,8 @@ import numpy as np
 
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.recording.layout import recorded_decoder
+from stepbus_orchestrator.run.live_file import LIVE_FILE
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import CallRecord, Event, StepbusError
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
@@ -21,6 +23,7 @@ from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.ending import failure_banner, result_in
 from stepbus_tools.viewing.stage.framing import Framing
 from stepbus_tools.viewing.stage.light import add_light
 from stepbus_tools.viewing.stage.marks import Mark
@@ -28,6 +31,8 @@ from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _LAST_S = 0.2
 """What a browser takes to be told the last."""
+_RESULT_S = 5.0
+"""What a run takes from the end of its recording to its result."""
 _CHART_S = 0.25
 _WORDS_S = 0.5
 _RATE_S = 2.0
@@ -92,9 +97,9 @@ class LivePage:
             self._tell_events()
             self._controls.update(self._view.stopped or self._stopped_by_call)
 
-    def end(self) -> None:
+    def end(self, *, has_failed: bool) -> None:
         """Say that the run has ended, and take off what would no longer act."""
-        self._view.status.content = "**ended**"
+        self._view.status.content = "**failed**" if has_failed else "**ended**"
         self._controls.end()
 
     def _words(self, now: float) -> str:
@@ -202,11 +207,23 @@ def follow(server: Any, folder: Path, is_over: Callable[[], bool]) -> bool:
 
     pages: list[LivePage] = []
     has_ended = follow_run(folder, is_over, begin)
-    if has_ended:
-        pages[0].end()
+    result = _result_of(folder, is_over) if has_ended or not (folder / LIVE_FILE).exists() else None
+    failure = failure_banner(result)
+    if pages and (has_ended or result):
+        pages[0].end(has_failed=bool(failure))
+    if failure:
+        server.gui.add_html(failure, order=-2.0)
     # The page may stay open for longer than what it shows.
     told = f"**This page is no longer live.** `stepbus view {folder}` shows the recording."
     server.gui.add_markdown(told, order=-1.0)
     server.flush()
     time.sleep(_LAST_S)
     return has_ended
+
+
+def _result_of(folder: Path, is_over: Callable[[], bool]) -> Result | None:
+    """Return the result of a run that has ended, which is written after its recording."""
+    deadline = time.monotonic() + _RESULT_S
+    while (result := result_in(folder)) is None and not is_over() and time.monotonic() < deadline:
+        time.sleep(_LAST_S)
+    return result

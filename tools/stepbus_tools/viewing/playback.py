@@ -23,6 +23,7 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
+from stepbus_tools.viewing.stage.ending import failure_banner
 from stepbus_tools.viewing.stage.framing import Framing
 from stepbus_tools.viewing.stage.light import add_light
 from stepbus_tools.viewing.stage.marks import Mark, on_slider
@@ -172,6 +173,13 @@ class Player:
         self._charted_s = 0.0
         self._samples: dict[tuple[str, str], Data] = {}
         self.is_playing = False
+        names = runs if histories[1:] else ("",)
+        banners = (
+            failure_banner(result_beside(one.recording), name)
+            for one, name in zip(histories, names, strict=True)
+        )
+        if failures := "".join(banners):
+            host.gui.add_html(failures, order=_TOP)
         self._stop = host.gui.add_html("", order=_TOP)
         self._slider = self._add_slider(())
         self._add_controls(host.gui)

@@ -26,6 +26,8 @@ Data = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 A second recording has its values behind those of the first, shape (T, 2 n).
 """
+_FAILURE, _PAST = "failure", 0.02
+"""The end of a run that failed is a line, which the axis goes past by so much of its length."""
 _LIMITS = {"position": ("lower", "upper"), "velocity": ("velocity",), "effort": ("effort",)}
 _RULES = (
     ("soft", ("info", "warning", "goal", "call")),
@@ -201,6 +203,8 @@ class _Chart:
         low, high = value_span(values, self.signal.limits)
         x, rows = _rows(data, self.signal.limits, marks, now_s, (low, high))
         span = time_span(times)
+        if any(mark.level == _FAILURE for mark in marks):
+            span = span[0], span[1] + _PAST * (span[1] - span[0])
         # viser's page, left to find limits, loses them for ever when it is so busy that new data
         # comes before the chart is first drawn: the chart stays empty.
         scales = {
@@ -275,7 +279,12 @@ def _rows(
     A line up and down is three points at the same time, from below the chart and back.
     """
     times, values = data
-    kinds = [[mark.t_s for mark in marks if mark.level in levels] for _, levels in _RULES]
+    # A failure may be of the step after the last whole one.
+    ends_s = {id(mark): min(mark.t_s, times[-1]) for mark in marks if mark.level == _FAILURE}
+    kinds = [
+        [ends_s.get(id(mark), mark.t_s) for mark in marks if mark.level in levels]
+        for _, levels in _RULES
+    ]
     kinds.append([] if now_s is None else [now_s])
     kinds = [[t for t in kind if times[0] <= t <= times[-1]] for kind in kinds]
     size = span[1] - span[0]

@@ -2,17 +2,33 @@
 // Runs ahead of viser's client: the colours of the visitor's system, keys, and names of controls.
 const night = matchMedia("(prefers-color-scheme: dark)")
 window.__VISER_EMBED_CONFIG__ = {darkMode: night.matches}
-night.addEventListener("change", () => location.reload())
+// viser takes colours at its start only, and a reload would lose time and tab: its styles follow this.
+night.addEventListener("change", () => {
+    window.__VISER_EMBED_CONFIG__.darkMode = night.matches
+    document.documentElement.dataset.mantineColorScheme = night.matches ? "dark" : "light"
+    const scene = [...document.querySelectorAll("canvas")].find(one => !one.closest(".uplot"))
+    const back = scene?.closest("[style*='background-color']")
+    if (back) back.style.backgroundColor = night.matches ? "var(--mantine-color-dark-9)" : "#fff"
+})
 
 // What has keys of its own keeps them: they bubble up to viser's root, and no further.
-const busy = "input, textarea, select, [role=slider], [role=tab], [role=option]"
-const pressed = "button, [role=button]"
+const busy = "input, textarea, select, [role=slider], [role=option]"
+const pressed = "button:not([role=tab]), [role=button]"
+const sideways = ["ArrowLeft", "ArrowRight"]
 const keys = ["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown"]
 addEventListener("DOMContentLoaded", () => {
     document.body.addEventListener("keydown", event => {
         const presses = [" ", "Enter"].includes(event.key) && event.target.closest(pressed)
-        if (presses || event.target.closest(busy)) event.stopPropagation()
+        const turns = sideways.includes(event.key) && event.target.closest("[role=tab]")
+        if (presses || turns || event.target.closest(busy)) event.stopPropagation()
     })
+    // A tab has the arrows; it would turn home and end into the first tab and the last one.
+    addEventListener("keydown", event => {
+        if (![" ", "Home", "End"].includes(event.key) || !event.target.closest?.("[role=tab]")) return
+        event.stopImmediatePropagation()
+        event.preventDefault()
+        document.body.dispatchEvent(new KeyboardEvent("keydown", event))
+    }, true)
     // The arrows step in time; viser would move its camera as well, which W, A, S and D do.
     document.documentElement.addEventListener("keydown", event => {
         if (keys.includes(event.key)) event.stopPropagation()
@@ -21,6 +37,20 @@ addEventListener("DOMContentLoaded", () => {
     new MutationObserver(() => { waiting ??= requestAnimationFrame(name) })
         .observe(document.body, {childList: true, subtree: true, characterData: true})
 })
+
+// Legends say the values at the playhead, or the newest ones, unless the mouse points at others.
+setInterval(() => {
+    for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+        const {data, series, scales, cursor, legend} = chart
+        const now = data?.[series.findIndex(one => one.label === "\u2060now")]
+        if (!now?.length || cursor.left >= 0) continue
+        const top = now.findIndex(y => y > scales.y.max)
+        const at = top < 0 ? now.length - 1 : top
+        // Where there is no value, a line is below its chart.
+        const idxs = data.map((row, number) => number && row[at] < scales.y.min ? null : at)
+        if (legend.idx !== at) chart.setLegend({idxs})
+    }
+}, 200)
 
 let waiting = null
 function name() {
