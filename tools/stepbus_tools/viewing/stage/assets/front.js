@@ -38,9 +38,12 @@ addEventListener("DOMContentLoaded", () => {
         .observe(document.body, {childList: true, subtree: true, characterData: true})
 })
 
-// Legends say the values at the playhead, or the newest ones, unless the mouse points at others.
+// Charts have their axes; legends say the values at the playhead, or the newest ones, unless the mouse
+// points at others.
 setInterval(() => {
     for (const {chart} of Object.values(window.__viserTestpoints?.uplots ?? {})) {
+        // On a busy page, a chart whose data come before its first draw has no axes.
+        if (chart.axes.some(one => one.show && !one._splits)) chart.redraw(true, true)
         const {data, series, scales, cursor, legend} = chart
         const now = data?.[series.findIndex(one => one.label === "\u2060now")]
         if (!now?.length || cursor.left >= 0) continue
