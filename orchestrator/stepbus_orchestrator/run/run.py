@@ -125,7 +125,7 @@ class Run:
         self._ticks += 1
         if self._ticks % _FLUSH_EVERY == 0:
             self.recorder.flush()
-        if self._ticks % _PROGRESS_EVERY == 0:
+        if self._ticks % _PROGRESS_EVERY == 1:
             self.observer.progress(self.progress())
 
     def _longest_wait_s(self) -> float:
