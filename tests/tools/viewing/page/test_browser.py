@@ -43,7 +43,7 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
     with opened(write_page([recording]).as_uri(), width=width, height=2000) as watched:
         page = watched.page
         page.emulate_media(color_scheme="dark" if dark else "light")
-        assert page.locator(".small").evaluate_all(HIDDEN) == 0
+        assert page.locator(".small[role=img]").evaluate_all(HIDDEN) == 0
         for number in range(3):
             page.locator(".cell summary").nth(number).click()
 
@@ -126,16 +126,16 @@ def test_what_ended_a_run_is_a_red_line_with_its_word_at_its_time(recording, tmp
 def test_without_scripts_and_on_paper_every_curve_is_there(recording):
     with opened(write_page([recording]).as_uri(), width=1000, height=600) as watched:
         page = watched.page
-        count = page.locator(".small").count()
+        count = page.locator(".small[role=img]").count()
         assert count > 8
         page.locator(".cell summary").first.click()
         page.emulate_media(media="print")
         page.evaluate("dispatchEvent(new Event('beforeprint'))")
-        assert page.locator(".small").evaluate_all(HIDDEN) == 0
+        assert page.locator(".small[role=img]").evaluate_all(HIDDEN) == 0
         assert len(page.pdf()) > 20_000
         bare = page.context.browser.new_context(java_script_enabled=False).new_page()
         bare.goto(page.url)
-        assert bare.locator(".group .small").count() == count
+        assert bare.locator(".group .small[role=img]").count() == count
         first = bare.locator(".small").first
         assert near(pixels(first), LINES[0]).sum() > 100
 
