@@ -26,10 +26,11 @@ demo: setup
 	@.venv/bin/stepbus run two_link
 
 # Of the tests, side by side: `make test WORKERS=8` on a bigger machine. Two cores are busy with
-# three of the quick ones: many wait for a deadline, or for a process to start.
+# four of the quick ones: many wait for a deadline, or for a process to start.
 WORKERS := 2
 
-test test-slow: WORKERS := 3
+test: WORKERS := 4
+test-slow: WORKERS := 3
 test: setup
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
 
