@@ -74,6 +74,10 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         """Return the path of run.mcap."""
         return Path(self.folder) / layout.RUN_FILE
 
+    def __post_init__(self) -> None:
+        """Check the exit code; raises ValueError for one that no run has."""
+        ExitCode(self.exit_code)
+
     def __fspath__(self) -> str:
         """Return the path of run.mcap, so that a result stands wherever a recording does."""
         return str(self.recording)

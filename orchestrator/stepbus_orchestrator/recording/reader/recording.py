@@ -1,5 +1,6 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -17,6 +18,8 @@ from stepbus_schemas import Description, Message, WiringError
 
 from .port import Port
 from .source import Source
+
+_STEP = re.compile(r"[0-9]{1,18}")
 
 
 class UnknownPort(WiringError, KeyError):
@@ -73,7 +76,8 @@ class Recording:
     def incomplete(self) -> Mapping[str, int]:
         """Return participant → first step whose outputs are missing; of a failed run."""
         rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
-        return {name: int(step) for name, step in rows.items() if step.isdecimal()}
+        known = ((name, step) for name, step in rows.items() if _STEP.fullmatch(step))
+        return {name: int(step) for name, step in known}
 
     @property
     def last_whole_step(self) -> int:

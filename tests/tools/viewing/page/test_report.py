@@ -219,6 +219,20 @@ def test_a_participant_has_the_same_colour_in_every_run():
         ]
 
 
+@pytest.mark.parametrize("code", [99, -1, "5"])
+def test_a_result_with_a_code_that_no_run_has_is_none(tmp_path, code):
+    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
+    Result(
+        scenario="arm", outcome="failed", exit_code=5, reason="died", participant="plant", at_step=9,
+        steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1, wall_s=1.0,
+        real_time_factor=1.2, sha256="", folder=str(tmp_path),
+    ).save()  # fmt: skip
+    assert 'class="failure"' in write_page([path]).read_text()
+    written = json.loads((tmp_path / "result.json").read_text())
+    (tmp_path / "result.json").write_text(json.dumps({**written, "exit_code": code}))
+    assert 'class="failure"' not in write_page([path]).read_text()
+
+
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())

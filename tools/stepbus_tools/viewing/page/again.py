@@ -28,8 +28,10 @@ def run_again(run: RunPage) -> str:
 
 def short(path: Path) -> str:
     """Return a path as seen from here, or its last two parts: nobody else has these folders."""
-    full, here = path.absolute(), Path.cwd()
-    return str(full.relative_to(here) if full.is_relative_to(here) else Path(*full.parts[-2:]))
+    try:
+        return str(path.absolute().relative_to(Path.cwd()))
+    except (OSError, ValueError):  # this folder is gone, or the path is elsewhere
+        return str(Path(*path.parts[-2:]))
 
 
 def _scenario(result: Result) -> str:

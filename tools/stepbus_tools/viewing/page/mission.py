@@ -7,8 +7,6 @@ from itertools import groupby
 
 from stepbus_tools.viewing.history import TimelineEvent
 
-from .tables import table_html
-
 _GAP = re.compile(r"\s{2,}")
 _UNKNOWN = "-"
 """What a mission writes of a figure that it has not measured."""
@@ -32,7 +30,7 @@ def _parts(text: str) -> Iterator[str]:
         if width == 1:
             yield "".join(f"<p>{escape(row[0])}</p>" for row in lines)
         else:
-            yield table_html(_measured(lines))
+            yield _table(_measured(lines))
 
 
 def _measured(lines: Sequence[Sequence[str]]) -> list[list[str]]:
@@ -43,3 +41,22 @@ def _measured(lines: Sequence[Sequence[str]]) -> list[list[str]]:
         if any(row[number] != _UNKNOWN for row in lines[1:]) or len(lines) == 1
     ]
     return [[row[number] for number in kept] for row in lines]
+
+
+def _table(rows: Sequence[Sequence[str]]) -> str:
+    """Return rows of texts as a table; the first one is its header.
+
+    On a phone each row is a card, on which a cell says its column.
+    """
+    names, *body = rows
+    head = "".join(f"<th>{escape(name)}</th>" for name in names)
+    lines = "".join(
+        "<tr>"
+        + "".join(
+            f'<td data-of="{escape(name)}">{escape(cell)}</td>'
+            for name, cell in zip(names, row, strict=True)
+        )
+        + "</tr>"
+        for row in body
+    )
+    return f"<div class=scroll tabindex=0><table class=cards><tr>{head}</tr>{lines}</table></div>"
