@@ -9,6 +9,7 @@ from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.extensions.external import External, StartedHere
 from stepbus_orchestrator.run.extensions.faults import Faults
 from stepbus_orchestrator.run.extensions.pace import Pace
+from stepbus_orchestrator.run.extensions.placement import Placement
 from stepbus_orchestrator.run.extensions.real_time import RealTime, Speed
 from stepbus_orchestrator.run.extensions.save_checkpoints import SaveCheckpoints
 from stepbus_orchestrator.run.extensions.steering import Steering
@@ -24,7 +25,7 @@ def with_defaults(
 ) -> list[RunExtension]:
     """Return the extensions of a run: those given, and those that every run of a scenario has.
 
-    They act in this order: faults, pause, speed, the others that are given, calls.
+    They act in this order: faults, pause, speed, the others that are given, calls, placement.
     """
     pace = _first(given, Pace) or Pace()
     calls = _first(given, Calls) or Calls()
@@ -37,7 +38,7 @@ def with_defaults(
     if scenario.checkpoint_steps and is_recorded:
         others.insert(0, SaveCheckpoints())
     faults = [Faults()] if scenario.faults else []
-    return [*faults, pace, speed, *others, calls, steering]
+    return [*faults, pace, speed, *others, calls, steering, Placement()]
 
 
 def _first(items: Iterable[RunExtension], kind: type[_T]) -> _T | None:
