@@ -2,13 +2,14 @@
 
 `python -m benchmarks.suite [--rounds N] [--only TEXT]… [--out FOLDER] [--page FILE]`. What has been
 measured is kept in FOLDER/measured.jsonl, one line each; an interrupted suite goes on from there.
-Processor time (user and system, of all processes) is that of a long run less that of a short one,
-so that the start-up is in neither. The peers are installed into FOLDER/peers.
+Processor time (user and system, of all processes) and wake-ups (how often a thread had to wait) are
+those of a long run less those of a short one, so that the start-up is in neither. The peers are installed into FOLDER/peers.
 """
 
 import argparse
 import json
 import os
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -30,8 +31,10 @@ def install_peers(folder: Path) -> None:
     subprocess.run([*pip, "--target", str(folder), *_PEERS], check=False)
 
 
-def run(case: Case, steps: int, environment: dict[str, str]) -> tuple[dict[str, Any], float]:
-    """Return what a case prints, and the processor time of all its processes [s]."""
+def run(
+    case: Case, steps: int, environment: dict[str, str]
+) -> tuple[dict[str, Any], resource.struct_rusage]:
+    """Return what a case prints, and what all its processes used."""
     command = [*case.command, str(steps)]
     with subprocess.Popen(
         command,
@@ -48,21 +51,27 @@ def run(case: Case, steps: int, environment: dict[str, str]) -> tuple[dict[str, 
     lines = [line for line in text.splitlines() if line.startswith("{")]
     if process.returncode or not lines:
         raise RuntimeError(f"{case.name}: {' '.join(command)} ended with {process.returncode}")
-    return json.loads(lines[-1]), usage.ru_utime + usage.ru_stime
+    return json.loads(lines[-1]), usage
 
 
 def measure(case: Case, environment: dict[str, str]) -> dict[str, Any]:
     """Return the figures of a case, and what the machine was doing meanwhile."""
     stolen_s = machine.stolen_s()
-    shown, long_s = run(case, case.steps, environment)
-    _, short_s = run(case, case.few_steps, environment)
+    shown, long = run(case, case.steps, environment)
+    _, short = run(case, case.few_steps, environment)
+    steps = case.steps - case.few_steps
     return shown | {
-        "cpu_us": 1e6 * (long_s - short_s) / (case.steps - case.few_steps),
-        "start_cpu_s": short_s,
+        "cpu_us": 1e6 * (_cpu_s(long) - _cpu_s(short)) / steps,
+        "wake_ups": (long.ru_nvcsw - short.ru_nvcsw) / steps,
+        "start_cpu_s": _cpu_s(short),
         "load": os.getloadavg()[0],
         "stolen_s": machine.stolen_s() - stolen_s,
         "ping_pong_us": machine.ping_pong_us(),
     }
+
+
+def _cpu_s(usage: resource.struct_rusage) -> float:
+    return usage.ru_utime + usage.ru_stime
 
 
 def main() -> None:

@@ -9,8 +9,8 @@ from .cases import CHAIN
 
 START, END = "<!-- bench: start -->", "<!-- bench: end -->"
 PLOT = "pictures/performance.png"
-_HEAD = """| Case | steps/s | of the chain | processor time a step [µs] | of the chain | p50 [µs] | p99 [µs] | max [ms] | recorded [B/step] | memory of each process [MB] |
-|---|---|---|---|---|---|---|---|---|---|
+_HEAD = """| Case | steps/s | of the chain | processor time a step [µs] | of the chain | wake-ups a step | p50 [µs] | p99 [µs] | max [ms] | recorded [B/step] | memory of each process [MB] |
+|---|---|---|---|---|---|---|---|---|---|---|
 """  # noqa: E501
 
 Row = dict[str, Any]
@@ -56,6 +56,7 @@ def _line(name: str, rows: Sequence[Row], base: Sequence[Row]) -> str:
         of_rate,
         f"{_median(rows, 'cpu_us'):.0f}",
         of_cpu,
+        f"{_median(rows, 'wake_ups'):.1f}",
         f"{_median(rows, 'p50'):.0f}",
         f"{_median(rows, 'p99'):.0f}",
         f"{_median(rows, 'max') * 1e-3:.1f}",

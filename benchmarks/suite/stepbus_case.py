@@ -3,7 +3,7 @@
 `python -m benchmarks.suite.stepbus_case SPEC STEPS`.
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
-messages: participants, joints, image, bridge, rust.
+messages: participants, fan_out and fan_in (relays side by side), joints, image, bridge, rust.
 """
 
 import json
@@ -33,7 +33,7 @@ _SAMPLE_S = 0.1
 
 def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     """Return the path of the scenario that a specification asks for, made where it is no arm."""
-    if not {"participants", "joints", "image", "bridge", "rust"} & spec.keys():
+    if not {"participants", "fan_out", "fan_in", "joints", "image", "bridge", "rust"} & spec.keys():
         return "two_link"
     shutil.copy(ECHO / "echo.py", folder)
     relays = spec.get("participants", 3) - 2
@@ -60,6 +60,14 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         }
         before = f"relay{number}.joint_state"
     inputs["joint_state"] = before
+    for number in range(max(spec.get("fan_out", 0), spec.get("fan_in", 0))):
+        rows[f"side{number}"] = {
+            "participant": "echo.py:Relay",
+            "inputs": {"joint_state": "plant.joint_state"},
+            "outputs": {"joint_state": "JointState/1"},
+        }
+        if number < spec.get("fan_in", 0):
+            inputs[f"side{number}"] = f"side{number}.joint_state"
     if relays:
         inputs["reference"] = "mission.reference"
         rows["mission"] = {

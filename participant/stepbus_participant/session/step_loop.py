@@ -56,6 +56,7 @@ class StepLoop:
         )
         self._checkpoints = checkpoints if order.every else None
         self._waited_ns = 0
+        self._awaited: Source | None = None
         self.step = Step(inputs, welcome.step_ns)
         self.step.index = checkpoints.restore()
 
@@ -94,6 +95,8 @@ class StepLoop:
             # No input of this step may reach these outputs (P5.3).
             self._publish(self.output(step))
             self._outbox.flush_full()
+        if self._awaited is not None:
+            self._await_last(self._awaited, step.index)
         for source in self._sources:
             due = source.due(step.index)
             while source.step < due:
@@ -157,6 +160,16 @@ class StepLoop:
                     break
         return left_s
 
+    def _await_last(self, source: Source, step: int) -> None:
+        """Wait first for the source that came last at the step before.
+
+        The others are there by then, so that several sources wake this thread once. They are read
+        in their order all the same, so that of several faults always the same one is raised.
+        """
+        is_there = source.entries or source.early is not None
+        if not is_there and source.step < source.due(step):
+            source.early = self._next(source, source.queue)
+
     def _receive(self, source: Source) -> None:
         """Accept the next message of a source, however long it takes to arrive (P6.2)."""
         data: bytes | msgspec.Raw | None
@@ -209,5 +222,7 @@ class StepLoop:
                 continue
             if item is not None:
                 self._waited_ns += self._now_ns() - start_ns
+                if len(self._sources) > 1 and queue is source.queue:
+                    self._awaited = source
                 return item
             self._control.poll()
