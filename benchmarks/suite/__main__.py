@@ -3,7 +3,8 @@
 `python -m benchmarks.suite [--rounds N] [--only TEXT]… [--out FOLDER] [--page FILE]`. What has been
 measured is kept in FOLDER/measured.jsonl, one line each; an interrupted suite goes on from there.
 Processor time (user and system, of all processes) and wake-ups (how often a thread had to wait) are
-those of a long run less those of a short one, so that the start-up is in neither. The peers are installed into FOLDER/peers.
+those of a long run less those of a short one, so that the start-up is in neither. The peers are
+installed into FOLDER/peers.
 """
 
 import argparse

@@ -8,7 +8,7 @@ MACHINE = {"load": 1.0, "stolen_s": 0.5, "ping_pong_us": 10.0, "machine": "a mac
 
 
 def row(number, case, rate, **more):
-    figures = {"cpu_us": 100.0, "p50": 1.0, "p99": 2.0, "max": 3000.0}
+    figures = {"cpu_us": 100.0, "wake_ups": 5.6, "p50": 1.0, "p99": 2.0, "max": 3000.0}
     return {"round": number, "case": case, "rate": rate, **figures, **MACHINE, **more}
 
 
@@ -36,7 +36,7 @@ def test_the_page_keeps_its_text_and_gets_the_table(tmp_path):
     assert text.startswith(f"before\n\n{START}\nMedians of 2 interleaved rounds")
     assert text.endswith(f"{END}\nafter\n")
     assert "old" not in text
-    line = "| two_link, window 64 | 280 | 0.55 | 100 | 1.00 | 1 | 2 | 3.0 | 183 | 60 90 |\n"
+    line = "| two_link, window 64 | 280 | 0.55 | 100 | 1.00 | 5.6 | 1 | 2 | 3.0 | 183 | 60 90 |\n"
     assert line in text
     assert "Not measured: mosaik 3.6." in text
     assert (tmp_path / PLOT).stat().st_size > 1000

@@ -226,8 +226,8 @@ class Child(Process):
         cores = os.sched_getaffinity(0) if core is None else {core}
         # Each thread may have ended meanwhile, and so may the process.
         with contextlib.suppress(OSError):
-            for thread in os.listdir(f"/proc/{self.pid}/task"):
-                os.sched_setaffinity(int(thread), cores)
+            for thread in Path(f"/proc/{self.pid}/task").iterdir():
+                os.sched_setaffinity(int(thread.name), cores)
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
@@ -139,4 +140,4 @@ def start(folder, code):
 
 
 def threads(child):
-    return [int(name) for name in os.listdir(f"/proc/{child.pid}/task")]
+    return [int(thread.name) for thread in Path(f"/proc/{child.pid}/task").iterdir()]
