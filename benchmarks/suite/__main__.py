@@ -21,6 +21,11 @@ from .cases import BENCHMARKS, Case, all_cases
 from .page import write_page
 
 _PEERS = ("helics==3.6.1", "mosaik==3.6.0")
+_PICTURE_PEERS = (
+    *("dora-rs==1.1.0", "dora-rs-cli==1.1.0", "pyarrow==26.0.1"),
+    *("iceoryx2==0.10.0", "flatbuffers==25.12.19"),
+)
+"""Without what they depend on, which would come before ours: NumPy is here already."""
 _LONGEST_S = 300
 
 
@@ -30,6 +35,8 @@ def install_peers(folder: Path) -> None:
         return
     pip = [sys.executable, "-m", "pip", "install", "-q", "--disable-pip-version-check"]
     subprocess.run([*pip, "--target", str(folder), *_PEERS], check=False)
+    pictures = str(folder.with_name("picture-peers"))
+    subprocess.run([*pip, "--no-deps", "--target", pictures, *_PICTURE_PEERS], check=False)
 
 
 def run(
@@ -85,7 +92,8 @@ def main() -> None:
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)
     install_peers(args.out / "peers")
-    path = os.pathsep.join([str(BENCHMARKS.parent), str(args.out.resolve() / "peers")])
+    peers = [str(args.out.resolve() / name) for name in ("peers", "picture-peers")]
+    path = os.pathsep.join([str(BENCHMARKS.parent), *peers])
     environment = {**os.environ, "PYTHONPATH": path}
     kept = args.out / "measured.jsonl"
     rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []

@@ -33,6 +33,19 @@ def _stepbus(name: str, *, steps: int = 12_000, **spec: object) -> Case:
     return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
 
 
+PICTURES = ((320, 240, 800), (1280, 720, 120))
+"""Width, height, and how many steps."""
+
+
+def picture_peers() -> list[Case]:
+    """Return pictures over the shared memory of others."""
+    return [
+        _peer(f"{name}, picture of {w}×{h} a step", "pictures", kind, str(w), str(h), steps=steps)
+        for w, h, steps in PICTURES
+        for name, kind in (("dora-rs", "dora"), ("iceoryx2", "iceoryx2"))
+    ]
+
+
 def peers() -> list[Case]:
     """Return the arm coupled by other means."""
     return [
@@ -66,7 +79,7 @@ def echoes() -> list[Case]:
     cases += [_stepbus(f"echo, {n} joints", joints=n) for n in (14, 100)]
     cases += [
         _stepbus(f"echo, image of {w}×{h} a step", image=[w, h], steps=steps)
-        for w, h, steps in ((320, 240, 800), (1280, 720, 120))
+        for w, h, steps in PICTURES
     ]
     if CONTROLLER_C.exists() or shutil.which("gcc"):
         cases.append(_stepbus("echo, bridge to C", bridge=True))
@@ -77,4 +90,4 @@ def echoes() -> list[Case]:
 
 def all_cases() -> list[Case]:
     """Return all cases, in the order of the table."""
-    return [*peers(), *two_link(), *echoes()]
+    return [*peers(), *two_link(), *echoes(), *picture_peers()]
