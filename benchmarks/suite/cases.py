@@ -25,7 +25,7 @@ class Case:
 
 def _peer(name: str, *arguments: str, steps: int = 12_000) -> Case:
     command = (sys.executable, "-m", f"benchmarks.suite.peers.{arguments[0]}", *arguments[1:])
-    return Case(name=name, command=command, steps=steps)
+    return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
 
 
 def _stepbus(name: str, *, steps: int = 12_000, **spec: object) -> Case:
