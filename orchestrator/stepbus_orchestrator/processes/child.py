@@ -6,7 +6,6 @@ import os
 import resource
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 import time
@@ -15,6 +14,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
+from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_participant import append_to, last_error
 
 _LARGEST = 8 * 1024 * 1024
@@ -79,8 +79,6 @@ _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
 _FIRST_PAUSE_S = 0.0005
 _LONGEST_PAUSE_S = 0.05
-_CORE = 36
-"""Where /proc/<pid>/stat has the core, behind the name (proc_pid_stat(5))."""
 
 
 class Process:
@@ -127,8 +125,8 @@ class Process:
         """Return the core it has run on last, where it can be kept on one; None where not."""
         return None
 
-    def keep_on(self, core: int | None) -> None:
-        """Let its threads run on one core only; None: on all that are ours."""
+    def place(self, place: Place) -> None:
+        """Say where and when its threads run; nothing for one that shares our threads."""
 
     def signal(self, number: int) -> None:
         """Send it a signal, and all it has started."""
@@ -210,24 +208,12 @@ class Child(Process):
         return ended.si_status if ended.si_code == os.CLD_EXITED else -ended.si_status
 
     def core(self) -> int | None:
-        """Return the core it has run on last; None with one core only, or none of ours."""
-        if sys.platform != "linux":
-            return None
-        ours = os.sched_getaffinity(0)
-        try:
-            fields = Path(f"/proc/{self.pid}/stat").read_text().rpartition(")")[2].split()
-            is_free = os.sched_getaffinity(self.pid) == ours
-        except OSError:
-            return None
-        return int(fields[_CORE]) if is_free and len(ours) > 1 else None
+        """Return the core it has run on last, where it can be kept on one."""
+        return core_of(self.pid)
 
-    def keep_on(self, core: int | None) -> None:
-        """Let its threads run on one core only; None: on all that are ours."""
-        cores = os.sched_getaffinity(0) if core is None else {core}
-        # Each thread may have ended meanwhile, and so may the process.
-        with contextlib.suppress(OSError):
-            for thread in Path(f"/proc/{self.pid}/task").iterdir():
-                os.sched_setaffinity(int(thread.name), cores)
+    def place(self, place: Place) -> None:
+        """Place all its threads."""
+        place_threads(self.pid, place)
 
     def wait(self, timeout_s: float) -> bool:
         """Return whether it has ended within a time [s]."""

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import pytest
 
 from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.processes.place import Place
 from stepbus_orchestrator.run.extensions.placement import Placement, in_cycles
 from stepbus_orchestrator.scenario.load import load
 
@@ -64,8 +65,8 @@ class Core:
     def core(self):
         return 1 if self.machine.cores > 1 else None
 
-    def keep_on(self, core):
-        self.machine.kept[self.name] = core
+    def place(self, place):
+        self.machine.kept[self.name] = place.core
 
 
 def test_a_chain_that_is_faster_on_one_core_stays_there():
@@ -114,17 +115,17 @@ def test_a_process_is_kept_with_all_its_threads(tmp_path):
     )
     try:
         assert child.core() in os.sched_getaffinity(0)
-        child.keep_on(child.core())
+        child.place(Place(core=child.core(), yields=True))
         (kept,) = {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)}
         assert len(kept) == 1
         assert child.core() is None  # it is on one core already, for whatever reason
-        child.keep_on(None)
+        child.place(Place())
         assert {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)} == {
             frozenset(os.sched_getaffinity(0))
         }
     finally:
         child.end(0.0)
-    child.keep_on(None)
+    child.place(Place())
     assert child.core() is None
 
 

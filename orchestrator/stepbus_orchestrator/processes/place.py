@@ -1,0 +1,48 @@
+"""Where and when the kernel lets the threads of a process run: on Linux, and it changes no result."""
+
+import contextlib
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+_CORE = 36
+"""Where /proc/<pid>/stat has the core, behind the name (proc_pid_stat(5))."""
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where threads run.
+
+    core: the only one they run on; None: all that are ours. yields: a thread that wakes up waits
+    until the one that runs there sleeps, or its time is over (SCHED_BATCH of sched(7)).
+    """
+
+    core: int | None = None
+    yields: bool = False
+
+
+def core_of(pid: int) -> int | None:
+    """Return the core a process has run on last; None with one core only, or cores of its own."""
+    if sys.platform != "linux":
+        return None
+    ours = os.sched_getaffinity(0)
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+        is_free = os.sched_getaffinity(pid) == ours
+    except OSError:
+        return None
+    return int(fields[_CORE]) if is_free and len(ours) > 1 else None
+
+
+def place_threads(pid: int, place: Place) -> None:
+    """Place all threads of a process; what it starts from now on runs as they do."""
+    if sys.platform != "linux":
+        return
+    cores = os.sched_getaffinity(0) if place.core is None else {place.core}
+    policy = os.SCHED_BATCH if place.yields else os.SCHED_OTHER
+    # Each thread may have ended meanwhile, and so may the process.
+    with contextlib.suppress(OSError):
+        for thread in Path(f"/proc/{pid}/task").iterdir():
+            os.sched_setaffinity(int(thread.name), cores)
+            os.sched_setscheduler(int(thread.name), policy, os.sched_param(0))
