@@ -127,9 +127,6 @@ class Welcome(Envelope, frozen=True):
     """Maximum size of an `Outputs`; larger content belongs on a bulk port [bytes]."""
     types: dict[str, dict[str, Any]] = {}
     """Type → its declaration, of the port types that do not ship with stepbus."""
-    slots: str = ""
-    """Absolute path of the folder with a file `<participant>.<port>` for each bulk output; empty:
-    content travels in messages."""
 
 
 class Refusal(Envelope, frozen=True):

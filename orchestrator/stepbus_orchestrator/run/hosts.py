@@ -84,7 +84,7 @@ class _Launch(Strategy):
             run.started(self._start(scenario.participant(name), run))
 
     def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
-        options = run.start_options(spec)
+        options = run.start_options(spec) | {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
         endpoint = self.mesh.participants[spec.name]
         if spec.is_external:

@@ -80,7 +80,6 @@ class Run:
             session.token,
             recorder,
             timing,
-            slots_folder=strategy.slots.folder,
             take_slots=strategy.slots.take,
         )
         self.safe_stop = SafeStop(session, self.state, self.messages)

@@ -108,14 +108,15 @@ class SlotWriter:
 class Slots:
     """The files of slots that a participant has opened: of its bulk outputs and inputs.
 
-    It opens what it can; who cannot, gets and sends its content in messages.
+    folder: of the ticket; empty: none. It opens what it can; who cannot, gets and sends its content
+    in messages.
     """
 
-    def __init__(self, welcome: Welcome) -> None:
+    def __init__(self, folder: str, welcome: Welcome) -> None:
         self._files: dict[str, int] = {}
         self._name = welcome.name
-        self._folder = Path(welcome.slots)
-        if welcome.slots:
+        self._folder = Path(folder)
+        if folder:
             own = (port for port, output in welcome.outputs.items() if output.bulk)
             self._open((file_name(self._name, port) for port in own), os.O_RDWR)
             read = (item for item in welcome.inputs.values() if item.bulk)

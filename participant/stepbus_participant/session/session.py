@@ -98,7 +98,7 @@ class Session:
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
         self._control = Control(bus, welcome, watch, wake, drops)
-        self._slots = Slots(welcome)
+        self._slots = Slots(ticket.slots, welcome)
         order = ticket.profile
         self._profiler = None if order is None else Profiler(order, welcome.name)
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox

@@ -34,9 +34,7 @@ def participant_seed(seed: int, name: str) -> int:
     return int.from_bytes(digest[:8], "little") >> 11
 
 
-def welcome_of(
-    scenario: Scenario, spec: ParticipantSpec, token: str, slots_folder: str = ""
-) -> Welcome:
+def welcome_of(scenario: Scenario, spec: ParticipantSpec, token: str) -> Welcome:
     """Return the answer to a participant that may join."""
     specs = {other.name: other for other in scenario.participants}
     return Welcome(
@@ -68,7 +66,6 @@ def welcome_of(
         folder=str(scenario.folder.resolve()),
         max_outputs_bytes=max_message_bytes(scenario),
         types=dict(scenario.types.only(_port_types(spec, specs)).declarations),
-        slots=slots_folder,
     )
 
 

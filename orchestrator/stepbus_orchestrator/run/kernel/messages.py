@@ -98,7 +98,6 @@ class MessageHandler:
         recorder: Sink,
         timing: TimingRecorder,
         *,
-        slots_folder: str = "",
         take_slots: TakeSlots = lambda _name, _outputs, _offer: "has no slots",
     ) -> None:
         self._state = state
@@ -112,9 +111,7 @@ class MessageHandler:
             spec.name: deque(maxlen=_logs_kept(state.scenario, spec)) for spec in specs
         }
         """The newest logs of each participant that hold outputs."""
-        self._welcomes = {
-            spec.name: welcome_of(state.scenario, spec, token, slots_folder) for spec in specs
-        }
+        self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
         self._take_slots = take_slots
 
     def take_alive(self, name: str, is_alive: bool) -> None:
