@@ -7,41 +7,14 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from stepbus_orchestrator.processes.launcher import Launcher
-from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import SlotError, file_name, read_slot
 from stepbus_schemas import Outputs, Ready
 
 _MEMORY = Path("/dev/shm")  # noqa: S108
 _LEAST_ROOM = 1 << 28
 """Where there is less, as by default in a container, slots are with the run's other files [B]."""
-
-Readers = Mapping[str, list[str]]
-
-
-def slot_counts(scenario: Scenario) -> dict[str, int]:
-    """Return each bulk output, `<participant>.<port>`, with its number of slots (P17.2)."""
-    return {
-        file_name(spec.name, port): _count(scenario, spec, port)
-        for spec in scenario.participants
-        for port, output in spec.outputs.items()
-        if output.bulk
-    }
-
-
-def _count(scenario: Scenario, source: ParticipantSpec, port: str) -> int:
-    """Return after how many of its own the source may reuse a slot.
-
-    Who publishes step k knows that all have reported their steps up to k − window. A reader has
-    taken what was published `delay` before a step it does, once it reports that step, or, where it
-    publishes first, the next one. It does every `every`-th.
-    """
-    behind = [
-        item.delay + spec.every - 1 + (spec.every if spec.publishes == "first" else 0)
-        for spec in scenario.participants
-        for item in spec.inputs.values()
-        if (item.source, item.port) == (source.name, port)
-    ]
-    return -(-(scenario.window + max(behind, default=0)) // source.every)
 
 
 class RunSlots:
@@ -115,7 +88,7 @@ def make_slots(scenario: Scenario, launcher: Launcher, *, is_kept: bool) -> RunS
 
     They are in memory, where there is room. Where none can be made, there are no slots.
     """
-    if scenario.bus.transport != "unix" or not slot_counts(scenario):
+    if not slot_counts(scenario):
         return RunSlots()
     try:
         return RunSlots(scenario, str(_folder(launcher)), is_kept=is_kept)
