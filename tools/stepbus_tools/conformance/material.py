@@ -26,8 +26,8 @@ class Setup:
     """The configuration of one run; by default that of the scenario.
 
     window: steps in flight. delays: input → steps. every: source → it fires at multiples of this
-    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is
-    refused. own_peers: the peers have a link of their own to the participant.
+    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is refused. has_slots: the
+    program may use slots (P17). own_peers: the peers have a link of their own to the participant.
     join_timeout_s: of its ticket [s].
     """
 
@@ -36,6 +36,7 @@ class Setup:
     every: Mapping[str, int] = field(default_factory=dict)
     welcome: Mapping[str, Any] = field(default_factory=dict)
     refusal: str | None = None
+    has_slots: bool = False
     own_peers: bool = False
     join_timeout_s: float | None = None
 
