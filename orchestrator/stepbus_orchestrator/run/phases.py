@@ -146,6 +146,8 @@ def _start(run: Run) -> None:
     run.recorder.open_channels(run.descriptions, versions)
     batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
     slots = run.strategy.slots.agree(ready)
+    if mesh is not None:
+        state.check_bulk(slots)
     message = encode(Start(token=run.session.token, inputs=inputs, batches=batches, slots=slots))
     state.check_size("the descriptions of all inputs", message)
     for extension in run.extensions:

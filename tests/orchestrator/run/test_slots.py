@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from support.runs.joints import write_scenario
 
+from stepbus_orchestrator.replay.execute import replay
 from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -132,6 +133,16 @@ def test_in_one_process_over_tcp_and_with_a_program_that_cannot_there_are_none(
     }
     found = {name: (result.messages_sha256, used) for name, (result, used) in runs.items()}
     assert found == dict.fromkeys(runs, (in_messages, {}))
+
+
+def test_on_the_quick_transport_content_has_to_be_in_slots(tmp_path, in_messages):
+    result, used = record(tmp_path / "1", "bus.low_latency=true")
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
+    assert replay(result.recording, "viewer").equal
+    result, _ = record(tmp_path / "2", "bus.low_latency=true", slow="cannot")
+    assert result.exit_code == 3
+    assert "the content of camera.frame travels in messages here" in result.reason
 
 
 def test_a_reader_that_is_stopped_for_a_second_finds_all(tmp_path, in_messages):

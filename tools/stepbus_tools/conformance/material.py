@@ -16,6 +16,7 @@ from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
+from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Envelope, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed, Ports
@@ -71,7 +72,9 @@ class Setup:
         participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
             participants = (scenario.participant(first.source), spec)
-        bus = structs.replace(scenario.bus, low_latency=low_latency(scenario))
+        # Bulk content is played in messages, but for the checks of slots.
+        is_quick = low_latency(scenario) and not slot_counts(scenario)
+        bus = structs.replace(scenario.bus, low_latency=is_quick)
         return make_mesh(
             dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
         )
