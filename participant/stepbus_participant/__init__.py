@@ -9,6 +9,10 @@ from typing import TYPE_CHECKING
 from stepbus_schemas import suggest as suggest
 
 from .bus import *
+from .bus.slots import SlotError as SlotError
+from .bus.slots import SlotWriter as SlotWriter
+from .bus.slots import file_name as file_name
+from .bus.slots import read_slot as read_slot
 from .bus.ticket import *
 from .bus.zenoh_bus import *
 from .calls import *

@@ -158,6 +158,8 @@ class Ready(Envelope, frozen=True):
     """Library → version, of those that shape the result, e.g. {"pybullet": "3.2.7"}."""
     calls: dict[str, CallDescription] = {}
     """Name → method that can be called."""
+    slots: list[str] = []
+    """Bulk outputs, `<participant>.<port>`, whose file of slots it has opened."""
 
 
 class Start(Envelope, frozen=True):
@@ -169,6 +171,8 @@ class Start(Envelope, frozen=True):
     """Participant → input → description."""
     batches: dict[str, _Positive] = {}
     """Participant → maximum number of `Outputs` it may publish in one `Batch`; absent: none."""
+    slots: dict[str, _Positive] = {}
+    """Bulk output, `<participant>.<port>`, whose content goes through slots → their number."""
 
 
 class Trigger(Envelope, frozen=True):
@@ -193,6 +197,8 @@ class Outputs(Envelope, frozen=True):
     """Output → its message, a MessagePack map."""
     bulk: dict[str, _NonNegative] = {}
     """Bulk port published at this step → length of its content [bytes]."""
+    slots: dict[str, _NonNegative] = {}
+    """Bulk port whose content is in a slot → where that begins in the file [bytes]."""
     end: str | None = None
     """Why the run should end after this step; absent in all others."""
 

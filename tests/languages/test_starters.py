@@ -47,7 +47,7 @@ def test_the_python_starter_knows_joints_by_name_and_absent_inputs(tmp_path):
 @pytest.mark.timeout(900)
 def test_the_python_starter_passes_the_kit_in_full(tmp_path):
     # The others are the examples of the repository, which orchestrator/conformance tests.
-    bulk = ("bulk-late", "bulk-noise", "bulk-length")
+    bulk = ("bulk-late", "bulk-noise", "slots", "slot-stamp", "bulk-length")
     assert conforms(tmp_path, "python") == dict.fromkeys(bulk, "it has no bulk inputs")
 
 

@@ -180,6 +180,8 @@ message! {
         versions: Map<String> = Map::new(),
         /// Name → what the participant can be asked; this crate answers nothing.
         calls: Map<CallDescription> = Map::new(),
+        /// Bulk outputs whose file of slots it has opened; this crate opens none.
+        slots: Vec<String> = Vec::new(),
     }
 }
 
@@ -204,6 +206,8 @@ message! {
         inputs: Map<Map<Description>>,
         /// Participant → how many `Outputs` it may publish in one `Batch`.
         batches: Map<NonZeroU64> = Map::new(),
+        /// Bulk output whose content goes through slots → their number.
+        slots: Map<NonZeroU64> = Map::new(),
     }
 }
 
@@ -245,6 +249,8 @@ message! {
         ports: Map<Value> = Map::new(),
         /// Bulk ports, with the length of their content [bytes].
         bulk: Map<u64> = Map::new(),
+        /// Bulk ports whose content is in a slot → where that begins in the file [bytes].
+        slots: Map<u64> = Map::new(),
         /// Why the run should end after this step.
         end: Option<String>,
     }

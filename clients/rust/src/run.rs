@@ -150,6 +150,7 @@ fn live<P: Participant>(session: &mut Session) -> Result<(), Leave> {
         outputs,
         versions: [].into(),
         calls: [].into(),
+        slots: [].into(),
     })?;
     if let Some(start) = session.start.take() {
         let inputs = start.inputs.get(&name).cloned().unwrap_or_default();

@@ -77,8 +77,8 @@ impl Session {
     /// Sends handshakes until the clock starts, or the run is over before (P4.6).
     pub fn send_handshake(&mut self, ready: &Ready) -> Result<(), Leave> {
         let token = self.welcome.token.clone();
-        let handshake =
-            Outputs { token, step: -1, t_ns: 0, ports: [].into(), bulk: [].into(), end: None };
+        let (ports, bulk, slots) = ([].into(), [].into(), [].into());
+        let handshake = Outputs { token, step: -1, t_ns: 0, ports, bulk, slots, end: None };
         let (handshake, ready) = (encode(&handshake), encode(ready));
         self.check_size("Ready", &ready)?;
         while self.start.is_none() && self.stop_at >= 0 {
@@ -170,7 +170,8 @@ impl Session {
         let ports = answer.checked(&self.welcome.outputs)?;
         let t_ns = step * self.welcome.step_ns.get() as i64;
         let token = self.welcome.token.clone();
-        let bytes = encode(&Outputs { token, step, t_ns, ports, bulk: [].into(), end });
+        let (bulk, slots) = ([].into(), [].into());
+        let bytes = encode(&Outputs { token, step, t_ns, ports, bulk, slots, end });
         self.check_size("Outputs", &bytes)?;
         if self.batch.has_no_room(&bytes) {
             self.send_log(None)?;

@@ -21,6 +21,7 @@ from stepbus_orchestrator.run.describe import (
 )
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.schedule import Schedule
+from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import load_types
 from stepbus_participant.parameters import is_file_name, read_yaml
 from stepbus_schemas import (
@@ -47,7 +48,7 @@ def validate_command(
 
     Checks a scenario without a run, and lists all problems at once, with file, line and path. If
     there is none, each plant loads its world once, to find what only that shows. Prints who
-    publishes at which step.
+    publishes at which step, and how many slots of memory each bulk output takes.
 
     steps: how many steps of the schedule to show.
 
@@ -58,6 +59,7 @@ def validate_command(
     schedule = Schedule(loaded)
     shown = schedule.text(steps)
     is_cut = loaded.steps is None or steps < loaded.steps
+    slots = slot_counts(loaded)
     length = "no fixed end" if loaded.steps is None else f"{loaded.steps} steps"
     return Answer(
         value={
@@ -67,10 +69,15 @@ def validate_command(
             "steps": loaded.steps,
             "order": schedule.order,
             "schedule": shown.split(),
+            "slots": slots,
         },
         lines=[
             f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
             shown + (" …" if is_cut else ""),
+            *(
+                f"bulk {output}: {count} slots in memory, each of its largest message"
+                for output, count in slots.items()
+            ),
         ],
     )
 

@@ -45,6 +45,7 @@ class Reaper:
 
     def __init__(self) -> None:
         self.folder = private_folder()
+        self._others: list[Path] = []
         try:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", reaper.__file__, str(self.folder)],
@@ -69,6 +70,11 @@ class Reaper:
         """Have it spare a process group from now on."""
         self._notify(f"-{group}")
 
+    def remove_too(self, folder: Path) -> None:
+        """Have it remove another folder with the private one."""
+        self._others.append(folder)
+        self._notify(str(folder))
+
     def _notify(self, line: str) -> None:
         if self._process.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
@@ -85,7 +91,8 @@ class Reaper:
             except subprocess.TimeoutExpired:
                 self._process.kill()
         # It may have been killed, or stopped, by another process.
-        shutil.rmtree(self.folder, ignore_errors=True)
+        for folder in (self.folder, *self._others):
+            shutil.rmtree(folder, ignore_errors=True)
         return [LeftBehind(*line.split(" ", 2)) for line in said.splitlines()]
 
 
@@ -168,6 +175,10 @@ class Launcher:
         return External(
             shared, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
+
+    def remove_too(self, folder: Path) -> None:
+        """Have another folder removed with the private one, whatever becomes of this process."""
+        self._reaper.remove_too(folder)
 
     def _ticket(self, spec: ParticipantSpec, endpoint: Endpoint, fields: dict[str, Any]) -> Ticket:
         return Ticket(

@@ -1,9 +1,10 @@
 """Ends what a run leaves behind, whatever has become of its orchestrator: processes, and a folder.
 
 The orchestrator starts it as a separate process, with nothing but the standard library. It reads
-`+<process group>` and `-<process group>` from its standard input; when that closes, however the
-orchestrator ended, it kills the remaining groups, and every process that a participant has started
-and that is still there, names those on its standard output, and removes the folder.
+`+<process group>`, `-<process group>` and paths of further folders from its standard input; when
+that closes, however the orchestrator ended, it kills the remaining groups, and every process that a
+participant has started and that is still there, names those on its standard output, and removes the
+folders.
 
 A process that has left the session of its participant, and whose parent has ended, is known by its
 environment: it has the participant's ticket. Nothing else of it leads back to the run: its parent
@@ -31,7 +32,11 @@ def watch(folder: str) -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     groups: list[int] = []
+    folders = [folder]
     for line in sys.stdin:
+        if line.startswith("/"):
+            folders.append(line.rstrip("\n"))
+            continue
         group = int(line[1:])
         if line[0] == "+":
             groups.append(group)
@@ -41,7 +46,8 @@ def watch(folder: str) -> None:
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(group, signal.SIGKILL)
     left = _end_left(folder)
-    shutil.rmtree(folder, ignore_errors=True)
+    for path in folders:
+        shutil.rmtree(path, ignore_errors=True)
     # No process reads it where the orchestrator was killed.
     with contextlib.suppress(OSError):
         os.write(sys.stdout.fileno(), "".join(f"{line}\n" for line in left).encode())

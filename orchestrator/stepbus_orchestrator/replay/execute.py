@@ -165,7 +165,8 @@ def _run(
         result=bytes,
     )
     make_new_folder(opening.logs)
-    with Processes(start_order=[name]).open(opening) as (bus, strategy):
+    # Its peers are played, and its window is large.
+    with Processes(start_order=[name], has_slots=False).open(opening) as (bus, strategy):
         longest_s = scenario.participant(name).deadlines.step_s
         run = Run(
             Session(scenario, bus, opening.token, longest_s),

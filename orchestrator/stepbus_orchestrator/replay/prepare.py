@@ -18,6 +18,7 @@ from stepbus_orchestrator.run.folder import read_files
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
+from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
@@ -185,11 +186,13 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
             f"{recording.path} has no complete step of {participant}: "
             f"{f'it {cut}' if cut else 'there is nothing to compare'}"
         )
-    return dataclasses.replace(scenario, steps=steps, window=window, batch=max(1, window // 2))
+    # Bulk content is played in messages, whatever it has been recorded from.
+    is_quick = low_latency(scenario) and not slot_counts(scenario)
+    bus = structs.replace(scenario.bus, low_latency=is_quick)
+    batch = max(1, window // 2)
+    return dataclasses.replace(scenario, steps=steps, window=window, batch=batch, bus=bus)
 
 
 def alone(scenario: Scenario, participant: str) -> Scenario:
     """Return a scenario of one participant, for the links on the bus."""
-    bus = structs.replace(scenario.bus, low_latency=low_latency(scenario))
-    specs = (scenario.participant(participant),)
-    return dataclasses.replace(scenario, participants=specs, bus=bus)
+    return dataclasses.replace(scenario, participants=(scenario.participant(participant),))

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 from stepbus_orchestrator.processes.endpoints import Mesh
+from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, Clock, Disk
 
@@ -23,10 +24,11 @@ if TYPE_CHECKING:
 class Strategy:
     """How a run gets its participants.
 
-    mesh: their endpoints; None: they are all in this process.
+    mesh: their endpoints; None: they are all in this process. slots: what they share files by.
     """
 
     mesh: Mesh | None = None
+    slots: RunSlots = RunSlots()
 
     def launch(self, run: "Run") -> None:
         """Start them, and hand each to `run.started`.
@@ -43,7 +45,7 @@ class Opening:
     scenario: checked. out: folder of the run, an absolute path. logs: folder of the participants'
     logs. run, token: its key space and its secret. extensions: its features. interrupt: ends it
     when it is set. warn: takes a participant and what it has left behind. result: returns what
-    result.json would hold, were the run over.
+    result.json would hold, were the run over. is_recorded: whether anything takes bulk content.
     """
 
     scenario: Scenario
@@ -55,6 +57,7 @@ class Opening:
     interrupt: threading.Event
     warn: Callable[[str, str], None]
     result: Callable[[], bytes]
+    is_recorded: bool = True
 
     @property
     def is_star(self) -> bool:

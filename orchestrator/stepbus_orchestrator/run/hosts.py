@@ -11,6 +11,7 @@ from typing import ClassVar
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.processes.slots import RunSlots, make_slots
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
@@ -26,13 +27,15 @@ class Processes:
     """Starts a process for each participant, and links them over Zenoh.
 
     start_order: names of the participants in the order they are started; default: that of the
-    scenario. around: is entered before the first is started and left after the last has ended; it
-    gets their processes by name.
+    scenario. has_slots: whether bulk content goes through files, where all can (P17). around: is
+    entered before the first is started and left after the last has ended; it gets their processes
+    by name.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
     start_order: Sequence[str] | None = None
+    has_slots: bool = True
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
 
     def check(self, scenario: Scenario) -> None:
@@ -46,13 +49,18 @@ class Processes:
             mesh = make_mesh(
                 opening.scenario, launcher.folder, opening.run, is_star=opening.is_star
             )
+            slots = RunSlots()
+            # The orchestrator passes on what it plays.
+            if self.has_slots and not opening.is_star:
+                slots = make_slots(opening.scenario, launcher, is_kept=opening.is_recorded)
             with self.around(launcher.children), contextlib.ExitStack() as stack:
                 bus = open_bus(mesh.orchestrator, opening.run)
                 stack.callback(bus.close)
                 live = Live(run=opening.run, token=opening.token, endpoint=mesh.caller)
                 live.save(opening.out)
                 stack.callback(forget, opening.out)
-                yield bus, _Launch(launcher, mesh, self.start_order)
+                stack.callback(slots.close)
+                yield bus, _Launch(launcher, mesh, slots, self.start_order)
         finally:
             for left in launcher.end_all():
                 opening.warn(left.participant, left.text())
@@ -61,8 +69,11 @@ class Processes:
 class _Launch(Strategy):
     """The strategy of a run in processes."""
 
-    def __init__(self, launcher: Launcher, mesh: Mesh, start_order: Sequence[str] | None) -> None:
+    def __init__(
+        self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str] | None
+    ) -> None:
         self.mesh: Mesh = mesh
+        self.slots = slots
         self._launcher = launcher
         self._start_order = start_order
 
@@ -73,7 +84,7 @@ class _Launch(Strategy):
             run.started(self._start(scenario.participant(name), run))
 
     def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
-        options = run.start_options(spec)
+        options = run.start_options(spec) | {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
         endpoint = self.mesh.participants[spec.name]
         if spec.is_external:

@@ -145,7 +145,10 @@ def _start(run: Run) -> None:
     versions = {name: dict(item.versions) for name, item in ready.items()}
     run.recorder.open_channels(run.descriptions, versions)
     batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
-    message = encode(Start(token=run.session.token, inputs=inputs, batches=batches))
+    slots = run.strategy.slots.agree(ready)
+    if mesh is not None:
+        state.check_bulk(slots)
+    message = encode(Start(token=run.session.token, inputs=inputs, batches=batches, slots=slots))
     state.check_size("the descriptions of all inputs", message)
     for extension in run.extensions:
         extension.ready()

@@ -75,7 +75,13 @@ class Run:
         self.descriptions: Descriptions = {}
         self.ended_at = 0.0
         self.is_recorded = False
-        self.messages = MessageHandler(self.state, session.token, recorder, timing)
+        self.messages = MessageHandler(
+            self.state,
+            session.token,
+            recorder,
+            timing,
+            take_slots=strategy.slots.take,
+        )
         self.safe_stop = SafeStop(session, self.state, self.messages)
         self.repeats = Repeats(session, self.state, self.messages, timing)
         # A step calls only the extensions that have something to do in it.

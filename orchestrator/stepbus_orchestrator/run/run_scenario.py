@@ -170,6 +170,7 @@ class _Execution:
             interrupt=self._interrupt,
             warn=self._events.add_warning,
             result=lambda: msgspec.json.encode(self._result("")),
+            is_recorded=self._options.is_recorded,
         )
         adapted = self._scenario
         for extension in self._options.extensions:

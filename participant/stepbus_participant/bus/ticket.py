@@ -68,7 +68,10 @@ NO_CHECKPOINTS = CheckpointOrder()
 
 
 class Ticket(msgspec.Struct, frozen=True, kw_only=True):
-    """The identity of a process, and its run."""
+    """The identity of a process, and its run.
+
+    slots: folder with a file for each bulk output (P17); empty: content travels in messages.
+    """
 
     run: str
     name: str
@@ -78,6 +81,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     faults: list[MessageFault] = []
     profile: ProfileOrder | None = None
     checkpoint: CheckpointOrder = NO_CHECKPOINTS
+    slots: str = ""
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

@@ -83,7 +83,8 @@ class Control:
     watch: of the orchestrator. wake: queues of a participant that waits for an input. drops: cause
     → number of dropped messages, of those that are malformed or without the run's token (P8.4).
     step_limit: the first step not yet released. started: participant → input → description, once
-    the run has started. batches: participant → how many steps it may publish at once. calls: those
+    the run has started. batches: participant → how many steps it may publish at once. slots: bulk
+    outputs of its own that go through slots, with their number. calls: those
     to answer while waiting for the trigger. methods: that can be called, by name.
 
     A stop can overtake the last inputs, which arrive over other links. So it takes effect when
@@ -101,6 +102,7 @@ class Control:
         self.step_limit = 0
         self.started: Mapping[str, Mapping[str, Description]] | None = None
         self.batches: Mapping[str, int] = {}
+        self.slots: Mapping[str, int] = {}
         self.methods: Mapping[str, Method] = {}
         self._welcome = welcome
         self._token = welcome.token
@@ -175,6 +177,12 @@ class Control:
                 self.calls.append(message)
             case Start():
                 self.started, self.batches = message.inputs, message.batches
+                own = f"{self._welcome.name}."
+                self.slots = {
+                    name.removeprefix(own): count
+                    for name, count in message.slots.items()
+                    if name.startswith(own)
+                }
 
     def answer_calls(self) -> None:
         """Answer each call once; a repeated call gets the same answer (P15.3).

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 import msgspec
 
 from stepbus_participant.bus import Bus
+from stepbus_participant.bus.slots import SlotWriter
 from stepbus_participant.bus.ticket import MessageFault
 from stepbus_schemas import (
     HANDSHAKE_STEP,
@@ -85,6 +86,7 @@ class Outbox:
             for port, config in welcome.outputs.items()
             if config.bulk
         }
+        self._slots: Mapping[str, SlotWriter] = {}
         self._outputs: list[msgspec.Raw] = []
         self._bytes = 0
         self._age_ns = 0
@@ -99,6 +101,10 @@ class Outbox:
     def inject(self, faults: Sequence[MessageFault]) -> None:
         """Delay, repeat, damage or drop some outputs; the log stays intact."""
         self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
+
+    def write_slots(self, slots: Mapping[str, SlotWriter]) -> None:
+        """Write the content of these bulk ports into slots (P17)."""
+        self._slots = slots
 
     def hold_up_to(self, number: int) -> None:
         """Publish so many steps in one message, since no participant waits for them (P7.6)."""
@@ -116,14 +122,18 @@ class Outbox:
         """
         ports: dict[str, msgspec.Raw] = {}
         bulk: dict[str, int] = {}
+        slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
             data = self._encode(step, port, message)
             if port in self._put_bulk:
                 bulk[port] = len(data)
-                self._put_bulk[port](data, attachment=stamp(step, self._token))
+                if port in self._slots:
+                    slots[port] = self._slots[port].write(step, data)
+                else:
+                    self._put_bulk[port](data, attachment=stamp(step, self._token))
             else:
                 ports[port] = msgspec.Raw(data)
-        packed = self._pack(step, ports, bulk, end)
+        packed = self._pack(step, ports, bulk, end, slots)
         size = len(packed)
         if size > self._max_bytes:
             raise OutputError(
@@ -171,7 +181,12 @@ class Outbox:
             ) from exc
 
     def _pack(
-        self, step: int, ports: dict[str, msgspec.Raw], bulk: dict[str, int], end: str | None
+        self,
+        step: int,
+        ports: dict[str, msgspec.Raw],
+        bulk: dict[str, int],
+        end: str | None,
+        slots: Mapping[str, int] = {},
     ) -> bytes:
         return encode(
             Outputs(
@@ -180,6 +195,7 @@ class Outbox:
                 t_ns=step * self._step_ns if step >= 0 else 0,
                 ports=ports,
                 bulk=bulk,
+                slots=dict(slots),
                 end=end,
             )
         )

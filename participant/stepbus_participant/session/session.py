@@ -6,7 +6,8 @@ import traceback
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from stepbus_participant.bus import Bus
+from stepbus_participant.bus import Bus, BusError
+from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
 from stepbus_participant.participant import InvalidInput, Participant, PortType
@@ -97,6 +98,7 @@ class Session:
                 bus.subscribe(f"bulk/{source.name}/{port}", queue.put)
             wake += [source.queue, *source.bulk_queues.values()]
         self._control = Control(bus, welcome, watch, wake, drops)
+        self._slots = Slots(ticket.slots, welcome)
         order = ticket.profile
         self._profiler = None if order is None else Profiler(order, welcome.name)
         make_outbox = Outbox if self._profiler is None else self._profiler.outbox
@@ -124,6 +126,7 @@ class Session:
             self._report(exc)
             raise RunError(f"step {self._step}: {text_of(exc)}") from exc
         finally:
+            self._slots.close()
             if participant is not None:
                 participant.close()
 
@@ -132,6 +135,9 @@ class Session:
             self._bus, self._ready(participant), self._sources, self._outbox, self._control
         )
         self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
+        self._outbox.write_slots(
+            {port: self._slots.writer(port, count) for port, count in self._control.slots.items()}
+        )
         participant.start(descriptions)
         self._control.methods = participant.calls()
         loop = StepLoop(
@@ -142,6 +148,7 @@ class Session:
             sources=self._sources,
             outbox=self._outbox,
             control=self._control,
+            slots=self._slots,
             order=self._ticket.checkpoint,
         )
         profiled: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
@@ -172,6 +179,7 @@ class Session:
             outputs=dict(participant.describe()),
             versions=dict(participant.versions()),
             calls={name: method.description for name, method in participant.calls().items()},
+            slots=self._slots.names,
         )
         size, limit = len(encode(ready)), self._welcome.max_outputs_bytes
         if size > limit:
@@ -216,4 +224,6 @@ class Session:
 def _fault_type(exc: Exception) -> str:
     if isinstance(exc, PeerFault | OutputError):
         return "message"
+    if isinstance(exc, BusError):
+        return "bus"
     return "wiring" if isinstance(exc, WiringError) else "raised"

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from stepbus_participant.bus import Bus
+from stepbus_participant.bus.slots import SlotError, Slots
 from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant, Step, StepsOver
 from stepbus_schemas import HANDSHAKE_STEP, Message, Outputs, Waiting, Welcome, reached
@@ -37,6 +38,7 @@ class StepLoop:
         sources: list[Source],
         outbox: Outbox,
         control: Control,
+        slots: Slots,
         order: CheckpointOrder,
     ) -> None:
         self.output, self.update = participant.output, participant.update
@@ -51,6 +53,7 @@ class StepLoop:
         self._reads_ahead = bool(sources) and not self._first and not has_bulk
         self._outbox = outbox
         self._control = control
+        self._slots = slots
         checkpoints = Checkpoints(
             participant, welcome, bus, order=order, inputs=inputs, sources=sources
         )
@@ -180,8 +183,22 @@ class StepLoop:
         outputs = source.accept(self._next(source, source.queue) if data is None else data)
         if outputs is not None and outputs.bulk:
             for port, size in outputs.bulk.items():
-                if port in source.bulk_queues:
+                if port not in source.bulk_queues:
+                    continue
+                if port in outputs.slots:
+                    self._read_slot(source, outputs, port, size)
+                else:
                     self._receive_bulk(source, outputs, port, size)
+
+    def _read_slot(self, source: Source, outputs: Outputs, port: str, size: int) -> None:
+        """Read bulk content from its slot, which nobody reuses before this step is done (P17)."""
+        step, offset = outputs.step, outputs.slots[port]
+        try:
+            content = self._slots.read(source.name, port, offset=offset, step=step, length=size)
+        except SlotError as exc:
+            where = f"step {step}: {source.name}.{port}"
+            raise PeerFault(source.name, f"{where}: {exc}") from exc
+        source.offer_bulk(outputs, port, content)
 
     def _receive_bulk(self, source: Source, outputs: Outputs, port: str, size: int) -> None:
         while True:

@@ -1,8 +1,10 @@
 """Reads a bulk port and publishes another one; with a word, it makes a mistake in that."""
 
+import os
 import sys
 
 import stepbus
+from stepbus_participant.bus import slots
 from stepbus_participant.session import outbox
 
 MISTAKE = sys.argv[1] if len(sys.argv) > 1 else ""
@@ -53,9 +55,14 @@ elif MISTAKE == "WrongStamp":
     outbox.stamp = lambda step, token: step.to_bytes(8, "little", signed=True) + b"another"
 elif MISTAKE == "WrongLength":
     pack = outbox.Outbox._pack  # noqa: SLF001
-    outbox.Outbox._pack = lambda self, step, ports, bulk, end: pack(  # noqa: SLF001
-        self, step, ports, {port: size + 1 for port, size in bulk.items()}, end
+    outbox.Outbox._pack = lambda self, step, ports, bulk, *more: pack(  # noqa: SLF001
+        self, step, ports, {port: size + 1 for port, size in bulk.items()}, *more
     )
+elif MISTAKE == "WrongSlot":
+    write = slots.SlotWriter.write
+    slots.SlotWriter.write = lambda self, step, content: write(self, step + 1, content)
+elif MISTAKE == "AnySlot":
+    slots.read_slot = lambda fd, offset, step, length: os.pread(fd, length, offset + 16)
 elif MISTAKE in {"AnyRun", "AnyStep"}:
     from stepbus_participant.session import step_loop
 

@@ -40,7 +40,7 @@ def inputs(tmp_path_factory):
 def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
     names = [
         "handshake", "content", "encodings", "duplicate", "wrong-message", "bulk-late",
-        "bulk-noise", "bulk-length", "stop-at-end",
+        "bulk-noise", "slots", "slot-stamp", "bulk-length", "stop-at-end",
     ]  # fmt: skip
     results = outcomes(inputs, program("eye.py"), tmp_path, names)
     assert {result.outcome for result in results.values()} == {"pass"}, results
@@ -55,6 +55,8 @@ def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
         ("WrongLength", "content", r"copy has 100.* bytes, announced were"),
         ("AnyRun", "bulk-noise", "reported a fault|differ"),
         ("AnyStep", "bulk-noise", "reported a fault|differ"),
+        ("WrongSlot", "slots", "copy: its slot of .* holds step"),
+        ("AnySlot", "slot-stamp", "reported no fault of camera"),
     ],
 )
 def test_a_mistake_with_bulk_ports_is_found(inputs, tmp_path, mistake, check, said):

@@ -211,7 +211,7 @@ def test_the_program_written_from_the_page_passes_every_check(inputs, tmp_path):
     results = outcomes(inputs, program("by_the_page.py"), tmp_path)
     skipped = [name for name, result in results.items() if result.outcome == "skipped"]
     # test_bulk.py plays bulk ports; the page leaves it to a program whether it takes batches.
-    bulk = ["bulk-late", "bulk-noise", "bulk-length"]
+    bulk = ["bulk-late", "bulk-noise", "slots", "slot-stamp", "bulk-length"]
     assert (failed(results), skipped) == ([], ["port-types", "batches", *bulk])
 
 

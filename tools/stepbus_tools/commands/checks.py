@@ -41,7 +41,7 @@ def conformance_command(
     """Check a program against the protocol.
 
     Plays the orchestrator and all peers of one participant, over the real bus, and checks its
-    behaviour: 60 checks, each of one clause of docs/protocol.md. Starts the program again for each
+    behaviour: 62 checks, each of one clause of docs/protocol.md. Starts the program again for each
     check. Exit code 0: no check failed, 11: one did.
 
     program: command line of the program, started in the current folder (default: that of the

@@ -13,7 +13,15 @@ from stepbus_orchestrator.scenario.program import replaced_program, start_comman
 from stepbus_participant import suggest
 from stepbus_schemas import BridgeFormat, WiringError, raw_fields
 from stepbus_tools.conformance.check import Check, run_checks
-from stepbus_tools.conformance.checks import admission, encodings, endings, inputs, noise, steps
+from stepbus_tools.conformance.checks import (
+    admission,
+    encodings,
+    endings,
+    inputs,
+    noise,
+    slots,
+    steps,
+)
 from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.material import find, record
 from stepbus_tools.conformance.outcome import CheckResult, Report, write_junit
@@ -22,7 +30,7 @@ __all__ = ["CHECKS", "CheckResult", "Report", "conformance", "select", "write_ju
 
 CHECKS = tuple(
     item
-    for module in (admission, steps, inputs, encodings, noise, endings)
+    for module in (admission, steps, inputs, encodings, noise, slots, endings)
     for item in vars(module).values()
     if isinstance(item, Check)
 )

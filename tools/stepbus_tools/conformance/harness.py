@@ -62,7 +62,8 @@ class Harness(Session):
     def start(self, descriptions: Mapping[str, Description] | None = None) -> None:
         """Send `Start`, with the descriptions of the participant's inputs."""
         own = dict(self.material.descriptions if descriptions is None else descriptions)
-        self._start = encode(Start(token=self.token, inputs={self.spec.name: own}))
+        slots = {} if self._slots is None else dict(self._slots.agree(self.transcript.readies[-1]))
+        self._start = encode(Start(token=self.token, inputs={self.spec.name: own}, slots=slots))
         self.send_control("start", self._start)
 
     def release(self, step_limit: int) -> None:
@@ -82,9 +83,9 @@ class Harness(Session):
         stop = Stop(token=self.token, reason="the check ends", at_step=at_step)
         self.send_control("stop", encode(stop))
 
-    def publish(self, source: str, step: int, ports: Ports) -> None:
-        """Publish the outputs of a source at a step."""
-        outputs, content = self.outputs(source, step, ports)
+    def publish(self, source: str, step: int, ports: Ports, late: int = 0) -> None:
+        """Publish the outputs of a source at a step; late: as of `SharedSlots.write`."""
+        outputs, content = self.outputs(source, step, ports, late=late)
         for port, data in content.items():
             self.publish_content(source, port, step, data)
         self.publish_bytes(source, outputs)
@@ -95,11 +96,12 @@ class Harness(Session):
         self.publish_bytes(source, encode(Batch(token=self.token, outputs=entries)))
 
     def outputs(
-        self, source: str, step: int, ports: Ports, token: str | None = None
+        self, source: str, step: int, ports: Ports, token: str | None = None, late: int = 0
     ) -> tuple[bytes, dict[str, bytes]]:
         """Return the `Outputs` of a source at a step, and the content of its bulk ports.
 
-        token: another one than that of the run.
+        That in slots is written. token: another one than that of the run. late: as of
+        `SharedSlots.write`.
         """
         outputs, content = outputs_of(
             step,
@@ -108,6 +110,8 @@ class Harness(Session):
             token=token or self.token,
             step_ns=self.scenario.step_ns,
         )
+        if self._slots is not None:
+            outputs, content = self._slots.write(source, outputs, content, late)
         return encode(outputs), content
 
     def publish_content(

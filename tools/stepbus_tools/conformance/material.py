@@ -16,6 +16,7 @@ from stepbus_orchestrator.run.kernel.admission import welcome_of
 from stepbus_orchestrator.run.kernel.descriptions import input_descriptions
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
+from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Envelope, Refusal, Welcome, WiringError
 from stepbus_tools.conformance.feeds import Feed, Ports
@@ -26,8 +27,8 @@ class Setup:
     """The configuration of one run; by default that of the scenario.
 
     window: steps in flight. delays: input → steps. every: source → it fires at multiples of this
-    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is
-    refused. own_peers: the peers have a link of their own to the participant.
+    [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is refused. has_slots: the
+    program may use slots (P17). own_peers: the peers have a link of their own to the participant.
     join_timeout_s: of its ticket [s].
     """
 
@@ -36,6 +37,7 @@ class Setup:
     every: Mapping[str, int] = field(default_factory=dict)
     welcome: Mapping[str, Any] = field(default_factory=dict)
     refusal: str | None = None
+    has_slots: bool = False
     own_peers: bool = False
     join_timeout_s: float | None = None
 
@@ -70,7 +72,9 @@ class Setup:
         participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
             participants = (scenario.participant(first.source), spec)
-        bus = structs.replace(scenario.bus, low_latency=low_latency(scenario))
+        # Bulk content is played in messages, but for the checks of slots.
+        is_quick = low_latency(scenario) and not slot_counts(scenario)
+        bus = structs.replace(scenario.bus, low_latency=is_quick)
         return make_mesh(
             dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
         )

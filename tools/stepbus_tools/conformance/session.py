@@ -20,6 +20,7 @@ from stepbus_participant import Endpoint, Sample, ZenohBus
 from stepbus_schemas import encode, encoding_of
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
+from stepbus_tools.conformance.slots import SharedSlots
 from stepbus_tools.conformance.transcript import Transcript
 
 _DRAIN_S = 5.0
@@ -76,6 +77,12 @@ class Session:
             limit_s = self.spec.deadlines.step_s
             self._watchdog = Watchdog(limit_s, lambda: self.signal(signal.SIGKILL))
             stack.callback(self._watchdog.close)
+            self._slots: SharedSlots | None = None
+            if self._setup.has_slots:
+                folder = self._launcher.folder / "slots"
+                self._slots = SharedSlots(folder, self.scenario, self.spec)
+                self.transcript.read_slot = self._slots.read
+                stack.callback(self._slots.close)
             self._mesh = self._setup.mesh(self.scenario, self.spec, self._launcher.folder)
             self._stack = stack.pop_all()
         return self
@@ -135,7 +142,11 @@ class Session:
     def start_program(self) -> None:
         """Start the participant."""
         self._child = self._launcher.start(
-            self.spec, self._command, self._mesh.participants[self.spec.name], self._cwd
+            self.spec,
+            self._command,
+            self._mesh.participants[self.spec.name],
+            self._cwd,
+            slots="" if self._slots is None else str(self._slots.folder),
         )
 
     def leave(self) -> None:

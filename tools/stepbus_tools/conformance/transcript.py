@@ -1,6 +1,6 @@
 """Everything a participant sent on the bus, in the order it arrived, and what was wrong with it."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import msgspec
@@ -8,7 +8,7 @@ from msgpack import ExtType
 
 from stepbus_orchestrator.recording import raw_map
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import read_stamp
+from stepbus_participant import SlotError, read_stamp
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     UNDECODABLE,
@@ -40,6 +40,7 @@ class Transcript:
     the order they came. logged: bytes of the logged ones, in their order. encodings: channel, such
     as `out` or `bulk/<port>` → encodings. problems: clause → how it was broken first. content: of
     its bulk ports, by step and port. bulk_handshakes: its bulk ports with a handshake.
+    read_slot: returns what a port has in its slot, raises SlotError.
     """
 
     def __init__(self, spec: ParticipantSpec, token: str, step_ns: int, types: Types) -> None:
@@ -65,6 +66,7 @@ class Transcript:
         self.problems: dict[str, str] = {}
         self.content: dict[tuple[int, str], bytes] = {}
         self.bulk_handshakes: set[str] = set()
+        self.read_slot: Callable[[str, Outputs], bytes] = _no_slots
 
     # --- what is in it -----------------------------------------------------------------------
 
@@ -142,6 +144,7 @@ class Transcript:
                         "P4.6", f"its handshake is not empty, or has t_ns {message.t_ns}, not 0"
                     )
             case Outputs():
+                self._read_slots(message)
                 self._check_order(message)
                 self._check_ports(message)
                 self.outputs.setdefault(message.step, message)
@@ -152,6 +155,13 @@ class Transcript:
                 self.readies.append(message)
             case Fault():
                 self.faults.append(message)
+
+    def _read_slots(self, outputs: Outputs) -> None:
+        for port in outputs.slots:
+            try:
+                self.content[outputs.step, port] = self.read_slot(port, outputs)
+            except SlotError as exc:
+                self._break("P17.3", f"step {outputs.step}: {port}: {exc}")
 
     def add_bulk(self, port: str, stamped: bytes, content: bytes, encoding: str) -> None:
         """Record one bulk sample; stamped: its attachment (P7.5)."""
@@ -230,6 +240,10 @@ class Transcript:
             self._break(
                 "P9.3", f"it reports to wait for {sorted(strange)}, which are no sources of it"
             )
+
+
+def _no_slots(_port: str, _outputs: Outputs) -> bytes:
+    raise SlotError("it is in a slot, and no slots were agreed on")
 
 
 def disagreement(data: bytes) -> str:

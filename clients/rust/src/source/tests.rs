@@ -26,6 +26,7 @@ fn outputs(step: i64, ports: &[(&str, Value)]) -> Vec<u8> {
         t_ns: step,
         ports,
         bulk: [].into(),
+        slots: [].into(),
         end: None,
     })
 }

@@ -6,7 +6,13 @@ from typing import Any, Protocol, TypeVar
 
 import msgspec
 
-from stepbus_orchestrator.errors import ParticipantFault, StartFailed, indented
+from stepbus_orchestrator.errors import (
+    BusFailed,
+    ParticipantFault,
+    RunFailure,
+    StartFailed,
+    indented,
+)
 from stepbus_orchestrator.recording import Sink, TimingRecorder
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -39,6 +45,10 @@ _decode_ready = Decoder(Ready)
 _decode_raw_log = Decoder(Log)
 _decode_outputs = Decoder(Outputs)
 _decode_fault = Decoder(Fault)
+
+
+TakeSlots = Callable[[str, Outputs, Callable[[str, str, int, bytes], None]], str | None]
+"""Hands on what is in slots; returns what is wrong with it."""
 
 
 class _WholeLog(Envelope, frozen=True):
@@ -81,7 +91,15 @@ class MessageHandler:
     run.
     """
 
-    def __init__(self, state: RunState, token: str, recorder: Sink, timing: TimingRecorder) -> None:
+    def __init__(
+        self,
+        state: RunState,
+        token: str,
+        recorder: Sink,
+        timing: TimingRecorder,
+        *,
+        take_slots: TakeSlots = lambda _name, _outputs, _offer: "has no slots",
+    ) -> None:
         self._state = state
         self._token = token
         self._recorder = recorder
@@ -94,6 +112,7 @@ class MessageHandler:
         }
         """The newest logs of each participant that hold outputs."""
         self._welcomes = {spec.name: welcome_of(state.scenario, spec, token) for spec in specs}
+        self._take_slots = take_slots
 
     def take_alive(self, name: str, is_alive: bool) -> None:
         """Record that a participant has come to the bus, or left it."""
@@ -214,6 +233,7 @@ class MessageHandler:
         """Take outputs of one participant, in the order of their steps."""
         state, name = self._state, participant.name
         wrong, report, offer = self._wrong_ports[name], state.barrier.report, self._recorder.offer
+        offer_bulk = self._recorder.offer_bulk
         for outputs in batch:
             if not state.started_at:
                 raise self._broken(participant, "logged outputs before the start")
@@ -221,6 +241,9 @@ class MessageHandler:
             if outputs.token != self._token or t_ns != step * self._step_ns:
                 raise self._broken(participant, f"sent a wrong token or time (t_ns = {t_ns})")
             if problem := wrong(outputs):
+                raise self._broken(participant, problem)
+            # Once its outputs are reported, a participant may use their slots again.
+            if outputs.slots and (problem := self._take_slots(name, outputs, offer_bulk)):
                 raise self._broken(participant, problem)
             if not report(name, step):
                 reached("a log is out of order")
@@ -268,7 +291,11 @@ class MessageHandler:
             participant, fault = sent
             blamed = self._state.participants.get(fault.blames or fault.name, participant)
             seen = "" if blamed is participant else f" (seen by {participant.who()})"
-            failed = StartFailed if participant.phase < Phase.READY else ParticipantFault
+            failed: type[RunFailure] = ParticipantFault
+            if participant.phase < Phase.READY:
+                failed = StartFailed
+            elif fault.type == "bus":
+                failed = BusFailed
             when, prints = self._state.at(fault.step), blamed.where_it_prints()
             failure = failed(
                 f"{when}: {blamed.who()}: {indented(fault.message)}{seen}; {prints}",

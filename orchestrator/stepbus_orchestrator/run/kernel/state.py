@@ -1,6 +1,6 @@
 """The state of a run: its phase, how far it is, when it ends, who takes part."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, TypeVar
@@ -9,7 +9,7 @@ from stepbus_orchestrator.errors import RunFailure, StartFailed, indented
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier
 from stepbus_orchestrator.run.kernel.participants import Participants, ParticipantState, Phase
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.model import Scenario, low_latency
 from stepbus_participant import suggest
 from stepbus_schemas import Decoder, Message, WiringError, due_step
 
@@ -188,6 +188,25 @@ class RunState:
             raise StartFailed(
                 f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
                 "low-latency transport carries; set bus.low_latency: false"
+            )
+
+    def check_bulk(self, slots: Collection[str]) -> None:
+        """Raise StartFailed for bulk content in messages that the transport may lose (P3.7).
+
+        slots: the outputs, `<participant>.<port>`, whose content is not in messages.
+        """
+        bulk = [
+            f"{spec.name}.{port}"
+            for spec in self.scenario.participants
+            for port, output in spec.outputs.items()
+            if output.bulk
+        ]
+        lost = [output for output in bulk if output not in slots]
+        if lost and low_latency(self.scenario):
+            raise StartFailed(
+                f"before the first step: the content of {', '.join(lost)} travels in messages "
+                "here, of which the low-latency transport loses those over 64 KiB; set "
+                "bus.low_latency: false"
             )
 
     def newest_message(self, output: str) -> Message | None:

@@ -10,6 +10,7 @@ from stepbus_tools.conformance.check import Check, check
 from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
 from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 from .noise import bulk_inputs
@@ -40,19 +41,24 @@ def _fatal(
     """Return the check of an input that is fatal: each source publishes it in turn."""
 
     def run(kit: Kit) -> str:
-        reports = (_blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
+        reports = (blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
         return "; ".join(reports)
 
     return Check(name=name, clause=clause, summary=summary, run=run, inputs=True, plain=True)
 
 
-def _blames(kit: Kit, source: str, spoil: Spoil, ports: Collection[str]) -> str:
-    """Spoil a step in the middle at which a source publishes one of some ports."""
+def blames(
+    kit: Kit, source: str, spoil: Spoil, ports: Collection[str], setup: Setup | None = None
+) -> str:
+    """Spoil a step in the middle at which a source publishes one of some ports.
+
+    Return the fault that the participant reports; raises Failed where it does not blame the source.
+    """
     steps = [s for s, row in kit.feed[source].items() if any(port in row for port in ports)]
     if not steps:
         raise Skipped(f"{source} publishes nothing that it reads")
     at = steps[len(steps) // 2]
-    with kit.running(at) as harness:
+    with kit.running(at, setup) as harness:
         try:
             _walk_to_fault(kit, harness, source, at, spoil)
         except Failed:

@@ -1,0 +1,152 @@
+"""Bulk content in files that the participants of a run share, instead of in messages (P17).
+
+The limit of the steps says when a slot is free: the orchestrator has made a ring so long that
+whoever may publish step k knows that all have taken what its slot held. So nothing is counted, and
+nothing can be lost. Files are written and read by calls, not mapped: a file that somebody cuts is
+a short read, not a SIGBUS, and no view outlives its step.
+"""
+
+import contextlib
+import os
+import struct
+from collections.abc import Iterable
+from pathlib import Path
+
+from stepbus_participant.disk import write_at
+from stepbus_schemas import RunError, Welcome, reached
+
+from . import BusError
+
+_HEADER = struct.Struct("<qq")
+"""Step and length of the content behind it."""
+_PAGE = 4096
+
+
+class SlotError(RunError):
+    """A slot does not hold what was announced."""
+
+
+def file_name(participant: str, port: str) -> str:
+    """Return the name of the file for a bulk output, `<participant>.<port>`."""
+    return f"{participant}.{port}"
+
+
+def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
+    """Return the content of a slot; raises SlotError where it is not that of this step.
+
+    Its header is read before and behind the content: it would differ, had the slot been reused.
+    """
+    try:
+        stamp = _HEADER.pack(step, length)
+        found = os.pread(fd, _HEADER.size, offset)
+        if found == stamp:
+            content = os.pread(fd, length, offset + _HEADER.size)
+            found = os.pread(fd, _HEADER.size, offset)
+            if found == stamp and len(content) == length:
+                return content
+    except (OSError, OverflowError, MemoryError, struct.error) as exc:
+        reached("a slot cannot be read")
+        raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
+    reached("a slot holds something else")
+    raise SlotError(f"its slot of {length} bytes holds {_shown(found)}; was its file changed?")
+
+
+def _shown(header: bytes) -> str:
+    if len(header) < _HEADER.size:
+        return "nothing"
+    step, length = _HEADER.unpack(header)
+    return f"step {step} with {length} bytes, or less"
+
+
+class SlotWriter:
+    """Writes the content of one bulk output into its slots, one after the other.
+
+    fd: of its file. count: how many slots it has.
+    """
+
+    def __init__(self, fd: int, count: int, path: Path) -> None:
+        self._fd = fd
+        self._count = count
+        self._path = path
+        self._base = self._end = self._stride = self._next = 0
+
+    def write(self, step: int, content: bytes) -> int:
+        """Write the content of a step; return where its slot begins in the file.
+
+        Raises BusError where there is no room for the slots.
+        """
+        size = _HEADER.size + len(content)
+        try:
+            if size > self._stride:
+                self._grow(size)
+            offset = self._base + self._next * self._stride
+            self._next = (self._next + 1) % self._count
+            # The header first: whoever still read the slot would find that it has changed.
+            parts = [_HEADER.pack(step, len(content)), content]
+            written = os.pwritev(self._fd, parts, offset)
+            if written < size:
+                rest = content[written - _HEADER.size :]
+                write_at(os, self._fd, rest, offset + written)
+        except OSError as exc:
+            reached("there is no room for slots")
+            raise BusError(
+                f"no room for {self._count} slots of {size * 1e-6:.3g} MB in {self._path}: "
+                f"{exc.strerror}; free some there, or let fewer steps be in flight (`window`)"
+            ) from exc
+        return offset
+
+    def _grow(self, size: int) -> None:
+        """Set aside slots that hold content of this size; those before stay until they are read."""
+        # A number in the next message may take some bytes more.
+        stride = -(-max(size + _PAGE // 2, 2 * self._stride) // _PAGE) * _PAGE
+        # All at once: a write into what is set aside finds its room.
+        os.posix_fallocate(self._fd, self._end, self._count * stride)
+        self._base, self._stride = self._end, stride
+        self._end += self._count * stride
+
+
+class Slots:
+    """The files of slots that a participant has opened: of its bulk outputs and inputs.
+
+    folder: of the ticket; empty: none. It opens what it can; who cannot, gets and sends its content
+    in messages.
+    """
+
+    def __init__(self, folder: str, welcome: Welcome) -> None:
+        self._files: dict[str, int] = {}
+        self._name = welcome.name
+        self._folder = Path(folder)
+        if folder:
+            own = (port for port, output in welcome.outputs.items() if output.bulk)
+            self._open((file_name(self._name, port) for port in own), os.O_RDWR)
+            read = (item for item in welcome.inputs.values() if item.bulk)
+            self._open((file_name(item.source, item.port) for item in read), os.O_RDONLY)
+
+    def _open(self, names: Iterable[str], mode: int) -> None:
+        for name in names:
+            if name not in self._files:
+                with contextlib.suppress(OSError):
+                    flags = mode | os.O_CLOEXEC | os.O_NOFOLLOW
+                    self._files[name] = os.open(self._folder / name, flags)
+
+    @property
+    def names(self) -> list[str]:
+        """Return the outputs whose slots this participant can use, `<participant>.<port>`."""
+        return list(self._files)
+
+    def writer(self, port: str, count: int) -> SlotWriter:
+        """Return what writes a bulk output of its own into so many slots."""
+        name = file_name(self._name, port)
+        return SlotWriter(self._files[name], count, self._folder / name)
+
+    def read(self, source: str, port: str, *, offset: int, step: int, length: int) -> bytes:
+        """Return what a source has written; raises SlotError."""
+        fd = self._files.get(file_name(source, port))
+        if fd is None:
+            raise SlotError("it is in a slot, and no slots were agreed on")
+        return read_slot(fd, offset, step, length)
+
+    def close(self) -> None:
+        """Close the files; harmless when repeated."""
+        while self._files:
+            os.close(self._files.popitem()[1])

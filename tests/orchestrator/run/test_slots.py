@@ -1,0 +1,179 @@
+"""Bulk content that goes through slots is recorded as the same run records that of messages."""
+
+from pathlib import Path
+
+import pytest
+from support.runs.joints import write_scenario
+
+from stepbus_orchestrator.replay.execute import replay
+from stepbus_orchestrator.run.hosts import InProcess, Processes
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario.load import load
+
+PROGRAM = '''
+import os
+import resource
+from pathlib import Path
+
+import stepbus
+from stepbus.messages import BytesMessage, Scalars
+from stepbus_participant.bus import slots
+
+KIND = ""
+
+
+class Camera(stepbus.Participant):
+    """Publishes more and more, and nothing at every third step."""
+
+    def output(self, step):
+        if step.index % 3 == 2:
+            return {}
+        return {"frame": BytesMessage(data=bytes([step.index]) * (1000 + step.index**3))}
+
+
+class Viewer(stepbus.Participant):
+    def update(self, step):
+        names = (f"/proc/self/fd/{number}" for number in os.listdir("/proc/self/fd"))
+        links = [os.readlink(name) for name in names if os.path.exists(name)]
+        frames = [link for link in links if link.endswith("/camera.frame")]
+        used = [name for name in frames if os.stat(name).st_size]
+        Path(f"{self.config.name}.used").write_text("".join(used))
+        frame = step.get("frame")
+        if "seen" in self.config.outputs:
+            return {"seen": Scalars(values=[float(sum(frame.data)) if frame else -1.0])}
+
+
+write = slots.SlotWriter.write
+
+
+def write_wrongly(self, step, content):
+    offset = write(self, step, content)
+    if step == 12:
+        if KIND == "cut":
+            os.ftruncate(self._fd, offset + 100)
+        elif KIND == "earlier":
+            os.pwrite(self._fd, bytes([11]), offset)
+        elif KIND == "elsewhere":
+            return offset + 4096
+    return offset
+
+
+if KIND == "cannot":
+    slots.Slots._open = lambda self, names, mode: None
+elif KIND == "full":
+    resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+elif KIND:
+    slots.SlotWriter.write = write_wrongly
+'''
+
+SCENARIO = """
+name: frames
+step: 5ms
+duration: 200ms
+window: 8
+participants:
+  camera:
+    participant: camera.py:Camera
+    publishes: first
+    outputs: {frame: {type: Bytes/1, bulk: true}}
+  viewer:
+    participant: viewer.py:Viewer
+    inputs: {frame: camera.frame}
+    outputs: {seen: Scalars/1}
+  slow:
+    participant: slow.py:Viewer
+    every: 3
+    publishes: last
+    inputs: {frame: {from: camera.frame, delay: 2}}
+"""
+
+
+def record(folder, *overrides, host=None, faults=(), **kinds):
+    """Run the scenario; return its result, and the file of slots that each viewer has seen used."""
+    path = write_scenario(folder / "source", SCENARIO)
+    for name in ("camera", "viewer", "slow"):
+        kind = f'KIND = "{kinds.get(name, "")}"'
+        (folder / "source" / f"{name}.py").write_text(PROGRAM.replace('KIND = ""', kind))
+    scenario = load(path, overrides, faults=faults)
+    result = run(scenario, Options(out=folder / "out", host=host or Processes()))
+    used = {
+        p.stem: Path(p.read_text()) for p in (folder / "source").glob("*.used") if p.read_text()
+    }
+    return result, used
+
+
+@pytest.fixture(scope="module")
+def in_messages(tmp_path_factory):
+    result, used = record(tmp_path_factory.mktemp("messages"), host=Processes(has_slots=False))
+    assert (result.exit_code, used) == (0, {}), result.reason
+    return result.messages_sha256
+
+
+def test_the_recording_is_that_of_content_in_messages_and_no_file_is_left(tmp_path, in_messages):
+    result, used = record(tmp_path)
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert (used.keys(), used["slow"].parent.exists()) == ({"viewer", "slow"}, False)
+
+
+@pytest.mark.parametrize("window", [1, 3, 64])
+def test_with_any_window_it_is_the_same(tmp_path, in_messages, window):
+    result, used = record(tmp_path, f"window={window}")
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
+
+
+def test_in_one_process_over_tcp_and_with_a_program_that_cannot_there_are_none(
+    tmp_path, in_messages
+):
+    runs = {
+        "in one process": record(tmp_path / "1", host=InProcess()),
+        "tcp": record(tmp_path / "2", "bus.transport=tcp"),
+        "a reader cannot": record(tmp_path / "3", slow="cannot"),
+        "the source cannot": record(tmp_path / "4", camera="cannot"),
+    }
+    found = {name: (result.messages_sha256, used) for name, (result, used) in runs.items()}
+    assert found == dict.fromkeys(runs, (in_messages, {}))
+
+
+def test_on_the_quick_transport_content_has_to_be_in_slots(tmp_path, in_messages):
+    result, used = record(tmp_path / "1", "bus.low_latency=true")
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
+    assert replay(result.recording, "viewer").equal
+    result, _ = record(tmp_path / "2", "bus.low_latency=true", slow="cannot")
+    assert result.exit_code == 3
+    assert "the content of camera.frame travels in messages here" in result.reason
+
+
+def test_a_reader_that_is_stopped_for_a_second_finds_all(tmp_path, in_messages):
+    result, used = record(tmp_path, faults=["freeze slow at 12 for 1s"])
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
+
+
+def test_a_source_that_is_killed_ends_the_run_and_leaves_no_file(tmp_path):
+    result, used = record(tmp_path, faults=["kill camera at 12"])
+    assert (result.exit_code, result.participant) == (5, "camera"), result.reason
+    assert not used["viewer"].parent.exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "found"),
+    [
+        ("cut", "bytes, or less"),
+        ("earlier", "holds step 11 with"),
+        ("elsewhere", "holds "),
+    ],
+)
+def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_path, kind, found):
+    result, _ = record(tmp_path, "window=1", camera=kind)
+    assert (result.exit_code, result.participant) == (4, "camera"), result.reason
+    assert "step 12" in result.reason
+    assert "frame" in result.reason
+    assert found in result.reason
+
+
+def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):
+    result, _ = record(tmp_path, camera="full")
+    assert (result.exit_code, result.participant) == (7, "camera"), result.reason
+    assert "no room for 12 slots of 0.00102 MB in " in result.reason

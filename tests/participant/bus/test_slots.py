@@ -1,0 +1,97 @@
+"""Slots of a file hold bulk content until they are due again; a wrong one is found."""
+
+import os
+import resource
+
+import pytest
+
+from stepbus_participant import BusError, SlotError
+from stepbus_participant.bus.slots import Slots, SlotWriter, read_slot
+from stepbus_schemas import InputConfig, OutputConfig, Welcome
+
+
+@pytest.fixture
+def file(tmp_path):
+    fd = os.open(tmp_path / "camera.image", os.O_RDWR | os.O_CREAT)
+    yield fd, tmp_path / "camera.image"
+    os.close(fd)
+
+
+def content(step):
+    return bytes([step % 251]) * (1000 + 10 * step * step)
+
+
+def test_as_many_steps_as_there_are_slots_can_be_read_while_the_content_grows(file):
+    fd, path = file
+    writer, offsets = SlotWriter(fd, 7, path), {}
+    for step in range(100):
+        offsets[step] = writer.write(step, content(step))
+        for held in range(max(0, step - 6), step + 1):
+            assert read_slot(fd, offsets[held], held, len(content(held))) == content(held)
+    assert path.stat().st_size < 4 * 7 * len(content(99))
+
+
+def test_a_slot_that_was_used_again_is_found(file):
+    fd, path = file
+    writer = SlotWriter(fd, 2, path)
+    offsets = [writer.write(step, b"content") for step in range(3)]
+    assert offsets[0] == offsets[2] != offsets[1]
+    with pytest.raises(SlotError, match="holds step 2 with 7 bytes"):
+        read_slot(fd, offsets[0], 0, 7)
+
+
+@pytest.mark.parametrize(
+    ("offset", "length", "found"),
+    [
+        (0, 6, "holds step 5 with 7 bytes"),
+        (1, 7, "holds step"),
+        (1 << 40, 7, "holds nothing"),
+        (1 << 63, 7, "cannot be read"),
+        (0, 1 << 63, "cannot be read"),
+    ],
+)
+def test_whatever_is_announced_it_is_found_where_it_is_not_so(file, offset, length, found):
+    fd, path = file
+    SlotWriter(fd, 2, path).write(5, b"content")
+    with pytest.raises(SlotError, match=found):
+        read_slot(fd, offset, 5, length)
+
+
+def test_a_file_that_was_cut_or_claims_too_much_is_found(file):
+    fd, path = file
+    offset = SlotWriter(fd, 2, path).write(5, b"content")
+    os.ftruncate(fd, offset + 20)
+    with pytest.raises(SlotError, match="holds step 5 with 7 bytes, or less"):
+        read_slot(fd, offset, 5, 7)
+    os.pwrite(fd, (5).to_bytes(8, "little") + (1 << 62).to_bytes(8, "little"), 0)
+    with pytest.raises(SlotError, match="its slot of 4611686018427387904 bytes cannot be read"):
+        read_slot(fd, 0, 5, 1 << 62)
+
+
+def test_there_is_room_for_all_slots_or_a_sentence_at_the_first(file):
+    fd, path = file
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
+    try:
+        with pytest.raises(BusError, match=r"no room for 20 slots of 0.1 MB in .*camera.image: "):
+            SlotWriter(fd, 20, path).write(0, bytes(100_000))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+
+
+def test_a_participant_opens_what_it_can_and_reads_nothing_else(tmp_path):
+    (tmp_path / "camera.image").touch()
+    (tmp_path / "eye.copy").symlink_to(tmp_path / "camera.image")
+    welcome = Welcome(
+        protocol=2, name="eye", token="00", step_ns=1, every=1, publishes="last", window=1, batch=1,
+        seed=0, params={}, folder="/",
+        inputs={port: InputConfig(source="camera", port=port, type="Image/1", bulk=port != "small")
+                for port in ("image", "depth", "small")},
+        outputs={"copy": OutputConfig(type="Image/1", bulk=True)},
+    )  # fmt: skip
+    assert Slots("", welcome).names == []
+    slots = Slots(str(tmp_path), welcome)
+    assert slots.names == ["camera.image"]
+    with pytest.raises(SlotError, match="no slots were agreed on"):
+        slots.read("camera", "depth", offset=0, step=0, length=1)
+    slots.close()
