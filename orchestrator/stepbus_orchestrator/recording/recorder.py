@@ -12,7 +12,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import HashChain, ThreadedChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.sink import Descriptions, Published, Sink
-from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec, partly_recorded
 from stepbus_schemas import (
     SHIPPED,
     UNDECODABLE,
@@ -58,7 +58,7 @@ class Recorder(Sink):
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
     ) -> None:
-        super().__init__({spec.name: spec.outputs for spec in order})
+        super().__init__({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         self._types = types
         self._file = file
         self._add = file.add_all
@@ -69,7 +69,12 @@ class Recorder(Sink):
             spec.name: ThreadedChain() if _has_bulk(spec) else HashChain() for spec in order
         }
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
-        self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
+        self._silent = {
+            (spec.name, port)
+            for spec in order
+            for port in spec.outputs
+            if port not in self._partly.get(spec.name, ())
+        }
         self._missing = dict.fromkeys(self._specs, 0)
         self._chain_channel: int | None = None
         self._last_chain = b""
@@ -92,7 +97,12 @@ class Recorder(Sink):
                 channel = self._file.add_channel(
                     layout.topic_of(name, port),
                     output.type,
-                    layout.channel_metadata(name, port, msgspec.json.encode(description).decode()),
+                    layout.channel_metadata(
+                        name,
+                        port,
+                        msgspec.json.encode(description).decode(),
+                        output.record if output.record_every != 1 else "",
+                    ),
                     partial(json_schema, types=self._types),
                 )
                 cls = self._types[output.type]
@@ -117,7 +127,7 @@ class Recorder(Sink):
 
     @property
     def silent(self) -> frozenset[tuple[str, str]]:
-        """Return the ports without a message, as (participant, port)."""
+        """Return the ports without a message, as (participant, port), of those recorded whole."""
         return frozenset(self._silent)
 
     def flush(self) -> None:
