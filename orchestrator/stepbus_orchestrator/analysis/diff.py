@@ -17,6 +17,7 @@ from stepbus_orchestrator.analysis.divergence import (
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.recording import Entry, Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, Source
+from stepbus_orchestrator.scenario.model import RECORD_ALL
 from stepbus_schemas import SHIPPED
 
 T = TypeVar("T")
@@ -118,8 +119,10 @@ def _compare(
     # Types that differ are compared as plain MessagePack.
     types = SHIPPED if _misfits(topic, one, other) else one.types
     comparison = PortComparison(topic, one.ports[topic].type, tolerance, types)
+    are_alike = one.ports[topic].record == other.ports[topic].record
     for step, first, second in merged(one[topic].entries(), other[topic].entries()):
-        if first is not None or reach is None or step < reach:
+        is_in_both = first is not None and second is not None
+        if is_in_both or (are_alike and (first is not None or reach is None or step < reach)):
             comparison.take(step, first, second)
     return comparison.result()
 
@@ -153,6 +156,9 @@ def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[
         if a.type != b.type:
             yield f"{topic}: the first is {a.type}, the second {b.type}"
         yield from (f"{topic}: {text.partition(';')[0]}" for text in _misfits(topic, one, other))
+        if a.record != RECORD_ALL or b.record != RECORD_ALL:
+            how = f"{a.record} in the first, {b.record} in the second"
+            yield f"{topic}: compared where both have it recorded ({how})"
         if a.description != b.description:
             yield f"{topic}: the descriptions differ (names, units or limits)"
     yield from _contents("attachment", one.attachments, other.attachments)

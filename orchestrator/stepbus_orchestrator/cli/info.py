@@ -14,6 +14,7 @@ from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
+from stepbus_orchestrator.scenario.model import RECORD_ALL
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 
@@ -39,7 +40,8 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
 
     outcome, reason, wall_s: of the result.json of this run, if it is there. planned_steps: of the
     scenario; None: no fixed end. steps: with messages. cut_short: why it ends where it does.
-    incomplete: participant → first step whose outputs are missing. programs: what was started.
+    incomplete: participant → first step whose outputs are missing. partly: topic that is not
+    recorded whole → how it is. programs: what was started.
     versions: name → library → version. events: level → how many. size: of the recording [bytes];
     folder_size: with all that is beside it, where it is in the folder of a run.
     """
@@ -56,6 +58,7 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
     incomplete: Mapping[str, int]
     programs: Mapping[str, str]
     ports: Sequence[TypeCount]
+    partly: Mapping[str, str]
     events: Mapping[str, int]
     faults: Sequence[str]
     size: int
@@ -109,6 +112,7 @@ def _info(recording: Recording) -> Info:
         incomplete=missing,
         programs=_programs(scenario),
         ports=_ports(recording),
+        partly={t: p.record for t, p in recording.ports.items() if p.record != RECORD_ALL},
         events=_events(recording),
         faults=list(faults.values()),
         size=recording.path.stat().st_size,
@@ -246,6 +250,9 @@ def _messages(info: Info) -> Iterator[str]:
     more = [f"{left} more (--json)"] if left else []
     if shown:
         yield f"types     {', '.join([*shown, *more])}"
+    if info.partly:
+        rows = [f"{topic} {record}" for topic, record in info.partly.items()]
+        yield f"recorded  all but {', '.join(rows)}"
 
 
 def _per_s(count: int, duration_s: float | None) -> str:

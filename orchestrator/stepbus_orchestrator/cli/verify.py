@@ -1,5 +1,6 @@
 """`stepbus verify`: the same result under different conditions, or the first step that differs."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
 from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.model import partly_recorded
 
 _SHOWN_HASH = 12
 
@@ -54,7 +56,7 @@ def verify_command(
             interrupt=interrupt,
             owns_descriptors=can_host(),
         )
-    return _answer(verification, given["out"])
+    return _answer(verification, given["out"], partly_recorded(loaded.participants))
 
 
 class _Trials(Observer):
@@ -73,7 +75,9 @@ class _Trials(Observer):
         self._display.next_run()
 
 
-def _answer(verification: Verification, out: Path | None) -> Answer:
+def _answer(
+    verification: Verification, out: Path | None, partly: Mapping[str, Mapping[str, int]]
+) -> Answer:
     first, code = verification.results[0].result, ExitCode.FINISHED
     difference, error = None, ""
     lines = [f"{len(verification.results)} runs of {first.steps} steps, one result", first.hashes()]
@@ -88,6 +92,9 @@ def _answer(verification: Verification, out: Path | None) -> Answer:
             "gave two results"
         )
         lines, code = [difference.text()], ExitCode.DIFFERENT
+    if partly:
+        names = [f"{name}.{port}" for name, ports in partly.items() for port in ports]
+        lines.append(f"compared only where they are recorded: {', '.join(names)}")
     if out or code:
         lines.append(f"the runs are in {verification.folder}")
     value = {"equal": not code, "diff": difference, "runs": verification.results}

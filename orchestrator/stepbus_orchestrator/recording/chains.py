@@ -5,13 +5,19 @@ P13.2 and P13.3 of docs/protocol.md.
 
 import contextlib
 import hashlib
-from collections.abc import Iterable, Mapping
+import re
+from collections.abc import Collection, Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.chunk import BIG_BYTES
+from stepbus_orchestrator.recording.workers import Workers
 from stepbus_schemas import CHAIN_EVERY, Chain, Decoder, MessageError
 
 _decode_chain = Decoder(Chain)
+_ROWS = "participants"
+_RARELY = re.compile("every ([0-9]+)")
 _REGULAR = 20
 """Behind the last chain, a port that spoke so often without a pause was not silent: it lacks it."""
 
@@ -25,13 +31,53 @@ class HashChain:
     def __init__(self) -> None:
         self.value = bytes(32)
 
-    def extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
+    def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
         """Add one step. published: (port, recorded bytes), in the order of the scenario."""
         parts = [self.value, step.to_bytes(8, "little", signed=True)]
         for port, data in published:
             parts += (port.encode(), data)
         # One call of the hash for all parts: of few bytes, each takes longer than the hashing.
         self.value = hashlib.sha256(b"".join(parts)).digest()
+
+    def close(self) -> None:
+        """Add nothing more."""
+
+
+class ThreadedChain(HashChain):
+    """The chain of a participant with bulk ports: big messages are hashed in a thread."""
+
+    def __init__(self) -> None:
+        self._workers: Workers[None] = Workers(lambda _none: None, threads=1)
+        super().__init__()
+
+    @property
+    def value(self) -> bytes:
+        """Return it, once all steps that were added are in it."""
+        self._workers.drain()
+        return self._value
+
+    @value.setter
+    def value(self, value: bytes) -> None:
+        self._value = value
+
+    def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
+        """Add one step."""
+        if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
+            self._workers.give(partial(self._extend, step, published))
+        else:
+            super().extend(step, published)
+
+    def close(self) -> None:
+        """End the thread."""
+        self._workers.close()
+
+    def _extend(self, step: int, published: Iterable[tuple[str, bytes]]) -> None:
+        """Add one step without copying it, in the thread."""
+        digest = hashlib.sha256(self._value + step.to_bytes(8, "little", signed=True))
+        for port, data in published:
+            digest.update(port.encode())
+            digest.update(data)
+        self._value = digest.digest()
 
 
 def messages_sha256(last_chain: bytes) -> str:
@@ -50,7 +96,7 @@ class Holes:
     """
 
     def __init__(self, scenario: Mapping[str, Any]) -> None:
-        self._participants = {name: _Participant(name, n) for name, n in _every(scenario)}
+        self._participants = {row[0]: _Participant(*row) for row in _every(scenario)}
         self._last_chain = -1
         self._gaps: list[str] = []
 
@@ -93,9 +139,10 @@ class Holes:
 class _Participant:
     """One participant: its hash chain, and what it published since that was last confirmed."""
 
-    def __init__(self, name: str, every: int) -> None:
+    def __init__(self, name: str, every: int, ports: Mapping[str, int]) -> None:
         self._name = name
         self._every = every
+        self._every_of = ports
         self._chain = HashChain()
         self._next = 0
         self._steps: dict[int, list[tuple[str, bytes]]] = {}
@@ -104,8 +151,9 @@ class _Participant:
 
     def add(self, port: str, step: int, data: bytes) -> None:
         self._steps.setdefault(step, []).append((port, data))
-        last, count = self._ports.get(port, (step - self._every, 0))
-        if step != last + self._every:
+        every = self._every_of.get(port, self._every)
+        last, count = self._ports.get(port, (step - every, 0))
+        if step != last + every:
             self._gaps.append((port, last, step, count))
             count = 0
         self._ports[port] = (step, count + 1)
@@ -139,9 +187,18 @@ class _Participant:
         ]
 
 
-def _every(scenario: Mapping[str, Any]) -> list[tuple[str, int]]:
-    """Return each participant with its `every`, as far as a resolved scenario says it."""
+def _every(scenario: Mapping[str, Any]) -> list[tuple[str, int, dict[str, int]]]:
+    """Return each participant with its `every`, and those of ports that are recorded more rarely.
+
+    As far as a resolved scenario says it.
+    """
     with contextlib.suppress(KeyError, TypeError, AttributeError, ValueError):
-        rows = scenario["participants"].items()
-        return [(name, max(1, int(row.get("every", 1)))) for name, row in rows]
+        rows = {name: (row, int(row.get("every", 1))) for name, row in scenario[_ROWS].items()}
+        return [(name, max(1, every), _rarer(row, every)) for name, (row, every) in rows.items()]
     return []
+
+
+def _rarer(row: Mapping[str, Any], every: int) -> dict[str, int]:
+    outputs = {k: v for k, v in row.get("outputs", {}).items() if isinstance(v, dict)}
+    found = ((port, _RARELY.fullmatch(str(o.get("record")))) for port, o in outputs.items())
+    return {port: every * int(match[1]) for port, match in found if match}

@@ -40,6 +40,8 @@ INCOMPLETE_METADATA = "incomplete"
 """Participant → the first step whose outputs are not all recorded, where the run failed."""
 DESCRIPTION_KEY = "description"
 """Metadata of a channel: its `Description` as JSON."""
+RECORD_KEY = "record"
+"""Metadata of a channel that is not recorded whole: `every 10`, or `off`."""
 
 _SCHEMA_PREFIX = "stepbus."
 _FILES = "files/"
@@ -109,9 +111,12 @@ def versions_of(metadata: Mapping[str, Mapping[str, str]]) -> dict[str, Mapping[
     }
 
 
-def channel_metadata(participant: str, port: str, description: str) -> dict[str, str]:
-    """Return the metadata of a port's channel. description: as JSON."""
-    return {"participant": participant, "port": port, DESCRIPTION_KEY: description}
+def channel_metadata(
+    participant: str, port: str, description: str, record: str = ""
+) -> dict[str, str]:
+    """Return the metadata of a port's channel. description: as JSON. record: if it is not whole."""
+    whole = {"participant": participant, "port": port, DESCRIPTION_KEY: description}
+    return {**whole, RECORD_KEY: record} if record else whole
 
 
 def incomplete(step: int) -> str:

@@ -33,6 +33,7 @@ class McapFile:
         self._schemas: dict[str, int] = {}
         self._refusal: RecordingFailed | None = None
         """Why nothing can be added: the first failure, or that the file is closed."""
+        self._unreported: RecordingFailed | None = None
         with self._translated():
             self._file = ReservedFile(path, disk)
             self._writer = MessageWriter(self._file, keep_room=self._file.keep_room)
@@ -96,7 +97,11 @@ class McapFile:
         To be called between steps, whose end it marks. The bytes of the closed file stay the same.
         """
         if self._refusal is None:
-            self._writer.write_unfinished()
+            try:
+                self._writer.write_unfinished()
+            except OSError as exc:
+                # Of a chunk that was being compressed: whatever comes next is refused.
+                self._unreported = self._refuse(exc)
 
     def close(self, name: str = "", content: Mapping[str, str] | None = None) -> None:
         """Write what is left, a last metadata record and the index; harmless when repeated.
@@ -108,11 +113,16 @@ class McapFile:
         if self.closed:
             return
         self.closed = True
+        if self._refusal is None:
+            try:
+                self._writer.settle()
+            except OSError as exc:
+                self._unreported = self._refuse(exc)
         self._file.release()
         try:
             last = None if content is None else mcap.Metadata(name, dict(content))
             if self._refusal is not None:
-                self._writer.drop_chunk()
+                self._writer.drop_chunks()
                 last = None
             self._writer.finish(last)
         except OSError as exc:
@@ -121,11 +131,13 @@ class McapFile:
             self._file.close()
             closed = f"the recording {self.path} is closed; nothing can be added to it"
             self._refusal = self._refusal or RecordingFailed(closed)
+        if self._unreported is not None:
+            raise self._unreported
 
     def check(self) -> None:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
-            changed = self._file.changed()
+            changed = self._file.changed(self._writer.crc)
         except OSError as exc:
             raise self._failure(exc) from exc
         if changed:

@@ -4,20 +4,22 @@ import dataclasses
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterable
+from functools import partial
 from struct import Struct
 from typing import Any
 
-import zstandard
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.recording.checksum import crc32_of_both
+from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
 from stepbus_orchestrator.recording.records import CRC_BYTES, HEAD, MAGIC, STEP_END
+from stepbus_orchestrator.recording.workers import Workers
 
 _MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
 _FIELDS_BYTES = _MESSAGE.size - HEAD.size
-_INDEX = Struct("<BQHI")  # opcode, length, channel, length of the entries
 _STEP_END = HEAD.pack(STEP_END, 0)
 _GROUPS = (
     Opcode.SCHEMA,
@@ -30,28 +32,11 @@ _GROUPS = (
 """What the summary section consists of, in its order."""
 
 
-class _Chunk:
-    """The chunk that is being filled; the builder of mcap calls four functions for each message.
-
-    records: what it holds, in order. size: of these [bytes]. indexes: channel → log time and
-    offset of each of its messages, one behind the other. earliest, latest: log times.
-    """
-
-    def __init__(self) -> None:
-        self.records: list[bytes] = []
-        self.size = 0
-        self.indexes: dict[int, list[int]] = {}
-        self.earliest = self.latest = 0
-
-    def content(self) -> bytes:
-        """Return all records, one behind the other."""
-        whole = b"".join(self.records)
-        self.records = [whole]
-        return whole
-
-
 class MessageWriter:
     """Writes the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps.
+
+    Chunks with big messages are compressed in threads, and written in their order a few chunks
+    later. crc: of all that is in the file.
 
     output: takes each write as a whole, or raises OSError and has nothing of it; what it refused is
     not in the index either. keep_room: is told the size of the index [bytes] before a chunk adds to
@@ -70,14 +55,15 @@ class MessageWriter:
         self._output = output
         self._chunk_size = chunk_size
         self._keep_room = keep_room
-        self._compressor = zstandard.ZstdCompressor()
-        self._crc = 0
+        self.crc = 0
         self._summary = {opcode: bytearray() for opcode in _GROUPS}
         self._counts: Counter[Opcode] = Counter()
         # The index records of all chunks are packed: the memory of a run must not grow with it.
         self._index_packer = zlib.compressobj()
         self._index_bytes = 0
-        self._chunk = _Chunk()
+        self._chunk = Chunk()
+        self._compressor = self._chunk.compressor()
+        self._workers: Workers[Encoded] | None = None
         self._message_counts: Counter[int] = Counter()
         self._earliest = self._latest = 0
         self._step = (0, 0)  # time and sequence of the newest message
@@ -98,12 +84,13 @@ class MessageWriter:
 
     def add(self, record: mcap.Attachment | mcap.Metadata) -> None:
         """Write an attachment or a metadata record."""
+        self._drain()
         offset, data = self._output.tell(), _bytes_of(record)
         at, known = self._unfinished
         if at == offset and known:
             # Behind it stands again what it replaces: a kill loses nothing.
             self._output.write(data, self._chunk.content()[:known] + _STEP_END)
-            self._crc = zlib.crc32(data, self._crc)
+            self.crc = zlib.crc32(data, self.crc)
             self._unfinished = (self._output.tell(), known)
         else:
             self._write(data)
@@ -158,7 +145,11 @@ class MessageWriter:
             index += (log_time, size)
             length = _FIELDS_BYTES + len(data)
             head = pack(Opcode.MESSAGE, length, channel, sequence, log_time, publish_time)
-            records.append(head + data)
+            if length > BIG_BYTES:
+                chunk.is_big = True
+                records += (head, data)
+            else:
+                records.append(head + data)
             size += HEAD.size + length
         chunk.size = size
 
@@ -168,24 +159,35 @@ class MessageWriter:
         The records stand there one by one, not compressed: a file that is cut off behind them has
         them, and one that is closed has the same bytes as without. To be called between steps.
         """
+        self._drain()
         chunk, offset = self._chunk, self._output.tell()
         if not chunk.indexes:
             return
         known = self._unfinished[1] if self._unfinished[0] == offset else 0
+        new = memoryview(chunk.content())[known:]
         # Where there is no room now, the next try begins with what is missing: no hole stays.
-        if self._output.write_ahead(chunk.content()[known:] + _STEP_END):
+        if self._output.write_ahead(b"".join((new, _STEP_END))):
             self._unfinished = (offset, chunk.size)
 
-    def drop_chunk(self) -> None:
+    def drop_chunks(self) -> None:
         """Forget the messages that are not in the file yet."""
-        self._chunk = _Chunk()
+        self._chunk = Chunk()
+        self._end_workers()
+
+    def settle(self) -> None:
+        """Write all chunks with big messages, the open one too; raises OSError."""
+        if self._chunk.is_big:
+            self._end_chunk()
+        self._drain()
 
     def finish(self, last: mcap.Metadata | None = None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
+        self._drain()
+        self._end_workers()
         if last is not None:
             self.add(last)
-        self._output.write(_bytes_of(mcap.DataEnd(self._crc)))
+        self._write(_bytes_of(mcap.DataEnd(self.crc)))
         self._summary[Opcode.STATISTICS] += _bytes_of(self._statistics())
         chunk_indexes = self._summary[Opcode.CHUNK_INDEX] + self._index_packer.flush()
         self._summary[Opcode.CHUNK_INDEX] = bytearray(zlib.decompress(chunk_indexes))
@@ -197,7 +199,7 @@ class MessageWriter:
         summary = b"".join((*self._summary.values(), _bytes_of(*offsets)))
         footer = mcap.Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
         footer.summary_crc = zlib.crc32(_bytes_of(footer)[:-CRC_BYTES], zlib.crc32(summary))
-        self._output.write(summary + _bytes_of(footer) + MAGIC)
+        self._write(summary + _bytes_of(footer) + MAGIC)
 
     def _statistics(self) -> mcap.Statistics:
         return mcap.Statistics(
@@ -214,43 +216,43 @@ class MessageWriter:
 
     def _write(self, data: bytes) -> None:
         self._output.write(data)
-        self._crc = zlib.crc32(data, self._crc)
+        self.crc = zlib.crc32(data, self.crc)
+
+    def _drain(self) -> None:
+        if self._workers is not None:
+            self._workers.drain()
+
+    def _end_workers(self) -> None:
+        if self._workers is not None:
+            self._workers.close()
+            self._workers = None
 
     def _end_chunk(self) -> None:
-        """Write the chunk and its message indexes at once; raises OSError, and has lost them."""
+        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be."""
         if not self._chunk.indexes:
             return
-        chunk, self._chunk = self._chunk, _Chunk()
-        content = chunk.content()
-        record = mcap.Chunk(
-            compression="zstd",
-            data=self._compressor.compress(content),
-            message_end_time=chunk.latest,
-            message_start_time=chunk.earliest,
-            uncompressed_crc=zlib.crc32(content),
-            uncompressed_size=len(content),
-        )
-        start, data, offsets = self._output.tell(), bytearray(_bytes_of(record)), {}
-        length = len(data)
-        for channel, entries in chunk.indexes.items():
-            offsets[channel] = start + len(data)
-            data += _message_index(channel, entries)
-        self._keep_room(self._index_bytes)
-        self._write(bytes(data))
-        index = mcap.ChunkIndex(
-            chunk_length=length,
-            chunk_start_offset=start,
-            compression=record.compression,
-            compressed_size=len(record.data),
-            message_end_time=chunk.latest,
-            message_index_length=len(data) - length,
-            message_index_offsets=offsets,
-            message_start_time=chunk.earliest,
-            uncompressed_size=len(content),
-        )
-        self._count(chunk, _bytes_of(index))
+        chunk, self._chunk = self._chunk, Chunk()
+        if chunk.is_big and self._workers is None:
+            self._workers = Workers(self._put)
+        workers = self._workers
+        if workers is not None and (chunk.is_big or workers.are_busy):
+            workers.give(partial(encode_chunk, chunk, chunk.compressor()))
+        else:
+            self._put(encode_chunk(chunk, self._compressor))
 
-    def _count(self, chunk: _Chunk, index: bytes) -> None:
+    def _put(self, encoded: Encoded) -> None:
+        """Write a chunk and its message indexes at once; raises OSError, and has lost them."""
+        start, row = self._output.tell(), encoded.row
+        self._keep_room(self._index_bytes)
+        self._output.write(encoded.data)
+        self.crc = crc32_of_both(self.crc, encoded.crc, len(encoded.data))
+        row.chunk_start_offset = start
+        row.message_index_offsets = {
+            channel: start + offset for channel, offset in row.message_index_offsets.items()
+        }
+        self._count(encoded.chunk, _bytes_of(row))
+
+    def _count(self, chunk: Chunk, index: bytes) -> None:
         """Add a chunk to the summary, once it is in the file."""
         is_first = not self._counts[Opcode.CHUNK_INDEX]
         self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
@@ -268,8 +270,3 @@ def _bytes_of(*records: mcap.McapRecord) -> bytes:
         record.write(builder)
     data: bytes = builder.end()
     return data
-
-
-def _message_index(channel: int, entries: list[int]) -> bytes:
-    numbers = Struct(f"<{len(entries)}Q").pack(*entries)
-    return _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers)) + numbers

@@ -9,10 +9,10 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.chains import HashChain, messages_sha256
+from stepbus_orchestrator.recording.chains import HashChain, ThreadedChain, messages_sha256
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.sink import Descriptions, Published, Sink
-from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec, partly_recorded
 from stepbus_schemas import (
     SHIPPED,
     UNDECODABLE,
@@ -37,6 +37,10 @@ class _Port(NamedTuple):
     on_event: Callable[[str, str, int, Any], None] | None
 
 
+def _has_bulk(spec: ParticipantSpec) -> bool:
+    return any(output.bulk for output in spec.outputs.values())
+
+
 class Recorder(Sink):
     """Writes the outputs of a run, and the hash chains.
 
@@ -54,16 +58,23 @@ class Recorder(Sink):
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
     ) -> None:
-        super().__init__({spec.name: spec.outputs for spec in order})
+        super().__init__({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         self._types = types
         self._file = file
         self._add = file.add_all
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
-        self._chains = {spec.name: HashChain() for spec in order}
+        self._chains = {
+            spec.name: ThreadedChain() if _has_bulk(spec) else HashChain() for spec in order
+        }
         self._ports: dict[str, dict[str, _Port]] = {spec.name: {} for spec in order}
-        self._silent = {(spec.name, port) for spec in order for port in spec.outputs}
+        self._silent = {
+            (spec.name, port)
+            for spec in order
+            for port in spec.outputs
+            if port not in self._partly.get(spec.name, ())
+        }
         self._missing = dict.fromkeys(self._specs, 0)
         self._chain_channel: int | None = None
         self._last_chain = b""
@@ -86,7 +97,12 @@ class Recorder(Sink):
                 channel = self._file.add_channel(
                     layout.topic_of(name, port),
                     output.type,
-                    layout.channel_metadata(name, port, msgspec.json.encode(description).decode()),
+                    layout.channel_metadata(
+                        name,
+                        port,
+                        msgspec.json.encode(description).decode(),
+                        output.record if output.record_every != 1 else "",
+                    ),
                     partial(json_schema, types=self._types),
                 )
                 cls = self._types[output.type]
@@ -111,7 +127,7 @@ class Recorder(Sink):
 
     @property
     def silent(self) -> frozenset[tuple[str, str]]:
-        """Return the ports without a message, as (participant, port)."""
+        """Return the ports without a message, as (participant, port), of those recorded whole."""
         return frozenset(self._silent)
 
     def flush(self) -> None:
@@ -125,7 +141,7 @@ class Recorder(Sink):
         except BaseException:
             self.abort()
             raise
-        self._file.close()
+        self._close()
 
     def abort(self) -> None:
         """Write whatever has arrived, without a hole, and what has not; close the file."""
@@ -140,7 +156,13 @@ class Recorder(Sink):
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
-            self._file.close(layout.INCOMPLETE_METADATA, missing if has_begun else None)
+            self._close(layout.INCOMPLETE_METADATA, missing if has_begun else None)
+
+    def _close(self, name: str = "", last: Mapping[str, str] | None = None) -> None:
+        """Close the file behind a last metadata record, and end all threads."""
+        for chain in self._chains.values():
+            chain.close()
+        self._file.close(name, last)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""

@@ -7,6 +7,7 @@ from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import takewhile
+from types import MappingProxyType
 from typing import Protocol
 
 import msgspec
@@ -49,14 +50,20 @@ class Reviser(Protocol):
 class Sink:
     """Puts the outputs of a run in order, and checks bulk content; a `Recorder` writes them too.
 
-    ports: participant, in schedule order → its ports, in scenario order. reviser: sees each step
-    before it is written.
+    ports: participant, in schedule order → its ports, in scenario order. partly: participant → port
+    that is not recorded whole → every how many steps it is; 0: never. What is left out is neither
+    checked nor waited for. reviser: sees each step before it is written.
 
     Methods that write raise ParticipantFault for bulk content of another length than announced.
     """
 
-    def __init__(self, ports: Mapping[str, Iterable[str]]) -> None:
+    def __init__(
+        self,
+        ports: Mapping[str, Iterable[str]],
+        partly: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
+    ) -> None:
         self.reviser: Reviser | None = None
+        self._partly = partly
         self._ports_of = {name: list(own) for name, own in ports.items()}
         self._waiting: dict[str, deque[Outputs]] = {name: deque() for name in ports}
         self._bulk: dict[tuple[str, int, str], bytes] = {}
@@ -71,7 +78,12 @@ class Sink:
 
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
         """Keep the content of a bulk port, before or after the outputs that announce it."""
-        self._bulk[name, step, port] = content
+        if self._is_recorded(name, port, step):
+            self._bulk[name, step, port] = content
+
+    def _is_recorded(self, name: str, port: str, step: int) -> bool:
+        every = self._partly[name].get(port, 1) if name in self._partly else 1
+        return bool(every) and step % every == 0
 
     def owing_bulk(self) -> dict[str, int]:
         """Return whose announced bulk content has not arrived → the first step of it."""
@@ -83,7 +95,11 @@ class Sink:
         }
 
     def _has_bulk(self, name: str, outputs: Outputs) -> bool:
-        return all((name, outputs.step, port) in self._bulk for port in outputs.bulk)
+        step, bulk = outputs.step, self._bulk
+        return all(
+            (name, step, port) in bulk or not self._is_recorded(name, port, step)
+            for port in outputs.bulk
+        )
 
     # --- in order -------------------------------------------------------------------------
 
@@ -111,7 +127,10 @@ class Sink:
 
     def _published(self, name: str, outputs: Outputs) -> Published:
         step, plain, bulk, content = outputs.step, outputs.ports, self._bulk, []
-        for port in self._ports_of[name]:
+        ports = self._ports_of[name]
+        if name in self._partly:
+            ports = [port for port in ports if self._is_recorded(name, port, step)]
+        for port in ports:
             if port in plain:
                 content.append((port, bytes(plain[port])))
             elif bulk and (name, step, port) in bulk:

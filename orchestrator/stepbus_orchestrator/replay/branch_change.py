@@ -11,6 +11,7 @@ from typing import Any
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import (
+    check_whole,
     counts_from_of,
     recorded_end,
     replayable_steps,
@@ -86,6 +87,7 @@ class Change:
 
     def _check_step(self, recording: Recording) -> None:
         """Raise RecordingFailed where the recording does not have all that is below a step."""
+        check_whole(recording, self._recorded, [s.name for s in self._recorded.participants])
         if holes := recording.holes():
             raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
         end, at = recorded_end(recording), self.at

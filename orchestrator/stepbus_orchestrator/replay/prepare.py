@@ -11,7 +11,7 @@ from msgspec import structs, to_builtins
 from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.recorded import replayable_steps
+from stepbus_orchestrator.replay.recorded import check_whole, replayable_steps
 from stepbus_orchestrator.replay.trust import recorded_programs
 from stepbus_orchestrator.replay.work_tree import WorkTree
 from stepbus_orchestrator.run.folder import read_files
@@ -173,9 +173,10 @@ def _rewired(
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:
     """Return the scenario with the steps that can be replayed, and with another window.
 
-    Raises RecordingFailed when the recording has none, or has a hole: a replayed participant
-    would be blamed for what was not recorded.
+    Raises RecordingFailed when the recording has none, has a hole, or lacks what the participant
+    reads: it would be blamed for what was not recorded.
     """
+    check_whole(recording, scenario, [participant])
     holes = recording.holes()
     if holes:
         raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")

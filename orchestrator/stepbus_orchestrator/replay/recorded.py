@@ -119,6 +119,19 @@ def step_in(recording: Recording, record: str, key: str) -> int | None:
     return None if text is None else int(text)
 
 
+def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) -> None:
+    """Raise RecordingFailed where participants read an output that is not recorded whole."""
+    for name in names:
+        for item in scenario.participant(name).inputs.values():
+            output = scenario.participant(item.source).outputs[item.port]
+            if output.record_every != 1:
+                raise RecordingFailed(
+                    f"{recording.path}: {name} reads {item.from_}, which is not recorded whole "
+                    f"(`record: {output.record}`), so it cannot be repeated from this recording; "
+                    "record a run with `record: all` there"
+                )
+
+
 def replayable_steps(recording: Recording, scenario: Scenario, name: str) -> int:
     """Return how many steps a participant can be replayed for.
 

@@ -8,6 +8,7 @@ from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.recording import Descriptions, McapFile, Recorder, Recording, Sink, layout
 from stepbus_orchestrator.replay.prepare import Prepared
 from stepbus_orchestrator.run.folder import read_files
+from stepbus_orchestrator.scenario.model import partly_recorded
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import irregular
@@ -24,7 +25,7 @@ def new_reference(target: Path | None, old: Recording, prepared: Prepared) -> It
     scenario = prepared.scenario
     order = [scenario.participant(name) for name in Schedule(scenario).order]
     if target is None:
-        yield Sink({spec.name: spec.outputs for spec in order})
+        yield Sink({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         return
     if irregular(target) or target.exists():
         raise OutputExists(

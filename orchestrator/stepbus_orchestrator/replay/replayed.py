@@ -51,6 +51,11 @@ class Replayed(Repetition):
                 f"the recording is a branch: {participant} was changed at step {changed}, "
                 "and is compared from there on"
             )
+        self.notes += [
+            f"{participant}/{port} is compared where it is recorded (`record: {output.record}`)"
+            for port, output in self.spec.outputs.items()
+            if output.record_every != 1
+        ]
         self._folder = folder
         self._next = changed
         self._newest = b""

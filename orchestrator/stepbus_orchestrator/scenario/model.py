@@ -4,7 +4,8 @@ From here come reading, the tables of docs/reference/scenario.md and the JSON Sc
 Durations are integers [ns]; deadlines, of the wall clock, [s].
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import re
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +16,22 @@ from msgspec import structs
 
 from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
 from stepbus_participant.parameters import Keys, Pause
-from stepbus_schemas import SHIPPED, BridgeFormat, Description, Types, explained
+from stepbus_schemas import (
+    SHIPPED,
+    BridgeFormat,
+    Description,
+    Event,
+    Types,
+    explained,
+    type_name,
+)
 
 LAST_TCP_PORT = 65535
 EXTERNAL_SPAWN_S = 120.0
 """Deadline of a participant that the user starts by hand: until its process is on the bus [s]."""
 Transport = Literal["unix", "tcp"]
+RECORD_ALL, RECORD_OFF, _EVERY = "all", "off", "every "
+_RECORD = re.compile(f"{RECORD_ALL}|{RECORD_OFF}|{_EVERY}[1-9][0-9]{{0,8}}")
 
 
 class InputSpec(Settings, dict=True, omit_defaults=True):
@@ -61,6 +72,26 @@ class OutputSpec(Settings, omit_defaults=True):
     """`Name/major`, one of [messages.md](messages.md) or of the scenario's `types`."""
     bulk: bool = False
     """Large content, which travels on a key of its own."""
+    record: str = RECORD_ALL
+    """What the recording has of it: `all`, `every 10` (of ten steps of the participant the first),
+    or `off`."""
+
+    @property
+    def record_every(self) -> int:
+        """Return of how many steps of its participant the first is recorded; 0: none."""
+        if self.record == RECORD_ALL:
+            return 1
+        return 0 if self.record == RECORD_OFF else int(self.record.removeprefix(_EVERY))
+
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield what cannot be recorded like that."""
+        if not _RECORD.fullmatch(self.record):
+            near = suggest(self.record, (RECORD_ALL, RECORD_OFF, f"{_EVERY}10"))
+            text = f"must be all, off or every N, e.g. every 10, not {self.record!r}"
+            yield ("record",), text + near
+        elif self.record != RECORD_ALL and self.type == type_name(Event):
+            text = f"an output of {self.type} is recorded whole: what it says is shown from there"
+            yield ("record",), text
 
 
 class HoldSpec(Settings):
@@ -362,6 +393,19 @@ class Scenario:
         count = "" if self.steps is None else f"{self.steps} "
         who = ", ".join(spec.name for spec in self.participants)
         return f"<Scenario {self.name}: {count}steps of {self.step_ns * 1e-6:g} ms, {who}>"
+
+
+def partly_recorded(specs: Iterable[ParticipantSpec]) -> dict[str, dict[str, int]]:
+    """Return participant → output that is not recorded whole → every how many steps; 0: never."""
+    every = {
+        spec.name: {
+            port: output.record_every * spec.every
+            for port, output in spec.outputs.items()
+            if output.record_every != 1
+        }
+        for spec in specs
+    }
+    return {name: ports for name, ports in every.items() if ports}
 
 
 def low_latency(scenario: Scenario) -> bool:

@@ -9,6 +9,7 @@ from mcap.records import Channel
 
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Index
+from stepbus_orchestrator.scenario.model import RECORD_ALL
 from stepbus_schemas import (
     ENVELOPE_TYPES,
     MESSAGE_TYPES,
@@ -54,7 +55,8 @@ class PortInfo:
     """What a recording says of a port before its first message.
 
     topic: `participant/port`. type: `Name/major`. description: as its participant gave it.
-    descriptions: of all ports of the recording, by topic, this one included.
+    record: what the recording has of it: `all`, `every 10` (of ten steps of its participant the
+    first), or `off`. descriptions: of all ports of the recording, by topic, this one included.
     """
 
     def __init__(
@@ -64,6 +66,7 @@ class PortInfo:
         self.participant, self.name = layout.split_topic(channel.topic)
         self.type = layout.type_of_schema(index.schemas.get(channel.schema_id, ""))
         self.description = descriptions[channel.topic]
+        self.record = channel.metadata.get(layout.RECORD_KEY, RECORD_ALL)
         self._index = index
         self._descriptions = descriptions
 
