@@ -1,4 +1,4 @@
-"""Where and when the kernel lets the threads of a process run (Linux only); it changes no result."""
+"""Where and when the kernel lets the threads of a process run, on Linux; it changes no result."""
 
 import contextlib
 import os
