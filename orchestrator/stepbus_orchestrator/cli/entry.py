@@ -12,8 +12,8 @@ from types import FrameType
 from stepbus_orchestrator.cli import signals
 from stepbus_orchestrator.processes import PYTHON
 
+from .overview import answer
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed
-from .supervisor import adopt, settle, supervise
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -29,6 +29,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:
         return _main()
+    return _execute(arguments)
+
+
+def _execute(arguments: Sequence[str]) -> int:
+    answer(arguments)
     from .commands import execute  # noqa: PLC0415  (loads everything)
 
     return execute(arguments)
@@ -60,17 +65,19 @@ def _guarded() -> int:
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     retry_swallowed()
-    if _hosts_participants() and not adopt():
-        return supervise(PYTHON)
-    from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
+    is_hosted = _hosts_participants()
+    if is_hosted:
+        from .supervisor import adopt, supervise  # noqa: PLC0415  (see the top)
 
-    from .commands import execute  # noqa: PLC0415  (loads everything)
+        if not adopt():
+            return supervise(PYTHON)
+    from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
 
     with buffered():
         code: int | None = None
         try:
             on_signals(interrupt)
-            code = execute(sys.argv[1:])
+            code = _execute(sys.argv[1:])
             signals.is_settled = True
         except SystemExit as exc:
             signals.is_settled = True
@@ -87,7 +94,10 @@ def _guarded() -> int:
             signals.is_settled = True
             on_signals(signal.SIG_IGN)
             forget_swallowed()
-    settle(code)
+    if is_hosted:
+        from .supervisor import settle  # noqa: PLC0415  (see the top)
+
+        settle(code)
     return code
 
 
