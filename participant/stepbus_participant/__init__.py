@@ -15,7 +15,6 @@ from .calls import *
 from .config import *
 from .disk import *
 from .files import *
-from .last_error import *
 from .packages import *
 from .parameters.durations import *
 from .parameters.problems import *

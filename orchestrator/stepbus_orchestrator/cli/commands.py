@@ -2,7 +2,7 @@
 
 import argparse
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
 from typing import Any, NoReturn
 
@@ -166,13 +166,14 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     return make_parser((first,)).parse_args(arguments)
 
 
-def execute(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code."""
+def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
+    """Run one command and return its exit code. loaded: is called when it is loaded."""
     if odd := not_utf8(arguments):
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
     try:
         args = _parsed(arguments)
+        loaded()
         if args.command.is_run:
             hurry()
         with command_line():
