@@ -1,6 +1,7 @@
 """Packages of Python: imported when they are first used, their versions, how to install them."""
 
 import json
+import os
 import re
 import sys
 from collections.abc import Callable, Mapping
@@ -8,7 +9,6 @@ from functools import cache
 from importlib import import_module
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote, urlparse
 
 from stepbus_schemas import WiringError
 
@@ -52,8 +52,9 @@ def install_command(extra: str) -> str:
 
     That is a clone, a file, an address or an index; a clone where it is not installed at all.
     """
-    # It takes longer to load than all else here, and only a hint needs it.
+    # They take longer to load than all else here, and only a hint needs them.
     from importlib.metadata import PackageNotFoundError, distribution  # noqa: PLC0415
+    from urllib.parse import unquote, urlparse  # noqa: PLC0415
 
     try:
         text = distribution("stepbus").read_text("direct_url.json")
@@ -115,10 +116,10 @@ def installed_version(package: str) -> str:
     """
     name = re.sub(r"[-_.]+", "[-_.]+", package)
     folder = re.compile(rf"{name}-(.+)\.dist-info", re.IGNORECASE)
-    for entry in filter(Path.is_dir, map(Path, sys.path)):
-        for path in entry.iterdir():
-            match = folder.fullmatch(path.name)
-            if match and (path / "METADATA").is_file():
+    for place in filter(Path.is_dir, map(Path, sys.path)):
+        for name in os.listdir(place):  # noqa: PTH208  (of some hundred, five times as quick)
+            match = folder.fullmatch(name)
+            if match and (place / name / "METADATA").is_file():
                 return match[1]
     # In a zip file, or an egg of old.
     from importlib.metadata import version  # noqa: PLC0415  see above

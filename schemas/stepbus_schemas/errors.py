@@ -6,7 +6,6 @@ StepbusError
 └─ RunError (RuntimeError)         something that went wrong during a run
 """
 
-import difflib
 from collections.abc import Iterable, Sequence
 
 
@@ -56,6 +55,8 @@ def nearest(name: object, known: Iterable[object]) -> str:
     short = [one for one in list(map(str, known))[:_MOST_COMPARED] if len(one) <= _LONGEST]
     word = str(name)[:_LONGEST].casefold()
     folded = {one.casefold(): one for one in reversed(short)}
+    import difflib  # noqa: PLC0415  (only a mistake needs it)
+
     near = difflib.get_close_matches(word, folded, n=1)
     if not near and len(word) == _PAIR:
         # One letter of two is too little for difflib, and kq for kp the usual slip.

@@ -1,14 +1,9 @@
 """The parser of the command line: finds the command that is typed, and executes it."""
 
 import argparse
-import ast
-import contextlib
 import re
-import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
-from importlib.util import find_spec
-from pathlib import Path
 from typing import Any, NoReturn
 
 import msgspec
@@ -21,31 +16,8 @@ from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
 
-from .parameters import Command, Outline, outline_in
-
-_MODULES = {
-    "run": "run",
-    "validate": "scenarios",
-    "describe": "scenarios",
-    "new": "new",
-    "info": "info",
-    "types": "scenarios",
-    "recover": "recover",
-    "replay": "compare",
-    "rerun": "rerun",
-    "verify": "verify",
-    "diff": "compare",
-    "branch": "branch",
-    "join": "attach",
-    "bridge": "attach",
-    "call": "attach",
-    "help": "help",
-    "completion": "completion",
-}
-"""Command of the core → its module here, where it is called `<name>_command`.
-
-Only the one that is typed is loaded: all take half a second. The others are entry points, which
-take a while to find."""
+from .overview import MODULES, command_names, not_utf8
+from .parameters import Command
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
 _NOT_TAKEN = ("unrecognized arguments: ", "the following arguments are required: ")
@@ -59,19 +31,23 @@ def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
     """
     if names is not None:
         return tuple(map(_load, names))
-    commands = []
-    for name in command_names():
-        try:
-            commands.append(_load(name))
-        except WiringError as exc:
-            # The others are listed all the same.
-            print_error(str(exc))
-    return tuple(commands)
+    loaded = map(load_or_report, command_names())
+    # The others are listed all the same.
+    return tuple(command for command in loaded if command is not None)
+
+
+def load_or_report(name: str) -> Command | None:
+    """Load a command by name; None, with an error, where it cannot be loaded."""
+    try:
+        return _load(name)
+    except WiringError as exc:
+        print_error(str(exc))
+    return None
 
 
 def _load(name: str) -> Command:
-    if name in _MODULES:
-        module = import_module(f"{__package__}.{_MODULES[name]}")
+    if name in MODULES:
+        module = import_module(f"{__package__}.{MODULES[name]}")
         command: Command = getattr(module, f"{name}_command")
         return command
     point = named_points(COMMANDS)[name]
@@ -86,46 +62,11 @@ def _load(name: str) -> Command:
     return loaded
 
 
-def command_names() -> tuple[str, ...]:
-    """Return the names of all commands, in the order of `load_commands`."""
-    return tuple(dict.fromkeys((*_MODULES, *named_points(COMMANDS))))
-
-
-def outlines() -> dict[str, Outline]:
-    """Return what the overview says of each command, by name; only what has to be is loaded.
-
-    To load them all takes more than a second.
-    """
-    rows = {}
-    for name in command_names():
-        try:
-            rows[name] = _outline(name)
-        except WiringError as exc:
-            # The others are listed all the same.
-            print_error(str(exc))
-    return rows
-
-
-def _outline(name: str) -> Outline:
-    module, attribute = f"{__package__}.{_MODULES.get(name)}", f"{name}_command"
-    if name not in _MODULES:
-        module, _, attribute = named_points(COMMANDS)[name].value.partition(":")
-    with contextlib.suppress(ImportError, OSError, SyntaxError, ValueError):
-        spec = find_spec(module)
-        source = Path(spec.origin or "").read_bytes() if spec else b""
-        for node in ast.parse(source).body:
-            if isinstance(node, ast.FunctionDef) and node.name == attribute:
-                return outline_in(node)
-    loaded = _load(name)
-    return Outline(loaded.summary, loaded.group)
-
-
 def make_parser(names: Iterable[str] | None = None) -> "_Parser":
     """Return the parser of commands by name; default: all."""
     parser = _Parser(prog="stepbus")
-    parser.add_argument(
-        "--version", action=_ShowVersion, nargs=0, help="show program's version number and exit"
-    )
+    # The overview has answered it.
+    parser.add_argument("--version", action="store_true", help="show the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in load_commands(names):
         sub = commands.add_parser(
@@ -214,54 +155,25 @@ def _meant(word: str, known: Sequence[str]) -> str:
     return near if "did you mean" in near else ""
 
 
-class _ShowVersion(argparse.Action):
-    """Shows the version, which takes a search of what is installed."""
-
-    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from importlib.metadata import PackageNotFoundError, version  # noqa: PLC0415
-
-        try:
-            installed = version("stepbus")
-        except PackageNotFoundError:
-            installed = "(not installed, only found)"
-        sys.stdout.write(f"stepbus {installed}\n")
-        parser.exit()
-
-
-def _no_text(arguments: Sequence[str]) -> str:
-    """Return an argument, or the current folder, that cannot be written as UTF-8."""
-    words = list(arguments)
-    with contextlib.suppress(OSError):
-        words.append(str(Path.cwd()))
-    # Python reads bytes that are no text as surrogates.
-    return next((word for word in words if any("\ud800" <= c <= "\udfff" for c in word)), "")
-
-
 def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
-    """Return the command that is typed, with its arguments; or show help, and exit."""
-    first = arguments[0] if arguments else ""
-    if first in {"", "-h", "--help"}:
-        from .help import overview  # noqa: PLC0415  (a run shows none)
-
-        (sys.stdout if first else sys.stderr).write(overview())
-        raise SystemExit(0 if first else int(ExitCode.SCENARIO))
-    if first == "--version":
-        return make_parser(()).parse_args(arguments)
+    """Return the command that is typed, with its arguments; or show its help, and exit."""
+    first = arguments[0]
     if first.startswith("-"):
         _refuse(f"{first} is no option of stepbus itself; options stand behind the command")
     # The core's own first: to find the others takes a while.
-    if first not in _MODULES and first not in named_points(COMMANDS):
+    if first not in MODULES and first not in named_points(COMMANDS):
         _refuse(f"no command {first!r}{_meant(first, command_names())}")
     return make_parser((first,)).parse_args(arguments)
 
 
-def execute(arguments: Sequence[str]) -> int:
-    """Run one command and return its exit code."""
-    if odd := _no_text(arguments):
+def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
+    """Run one command and return its exit code. loaded: is called when it is loaded."""
+    if odd := not_utf8(arguments):
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
     try:
         args = _parsed(arguments)
+        loaded()
         if args.command.is_run:
             hurry()
         with command_line():

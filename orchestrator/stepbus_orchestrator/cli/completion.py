@@ -5,7 +5,8 @@ import sys
 from collections.abc import Iterable
 from typing import Annotated, Literal
 
-from stepbus_orchestrator.cli.commands import command_names, make_parser
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import command_names
 from stepbus_orchestrator.cli.parameters import command
 from stepbus_orchestrator.scenario.locate import builtin_names
 from stepbus_participant import need

@@ -3,17 +3,18 @@
 It loads little but the standard library by itself: the rest takes a second or more.
 """
 
+import gc
 import os
 import signal
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from types import FrameType
 
 from stepbus_orchestrator.cli import signals
 from stepbus_orchestrator.processes import PYTHON
 
+from .overview import answer
 from .signals import SIGNALS, forget_swallowed, interrupt, on_signals, retry_swallowed
-from .supervisor import adopt, settle, supervise
 
 _IN_PROCESS = "--in-process"
 _INTERNAL = 1
@@ -29,9 +30,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     if arguments is None:
         return _main()
+    return _execute(arguments)
+
+
+def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
+    answer(arguments)
     from .commands import execute  # noqa: PLC0415  (loads everything)
 
-    return execute(arguments)
+    return execute(arguments, loaded)
 
 
 def _main() -> int:
@@ -56,21 +62,25 @@ def _lacking(exc: ImportError) -> int:
 
 
 def _guarded() -> int:
+    # What is loaded stays: to look for garbage in it takes a twentieth of a start.
+    gc.disable()
     on_signals(_leave)
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
     retry_swallowed()
-    if _hosts_participants() and not adopt():
-        return supervise(PYTHON)
-    from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
+    is_hosted = _hosts_participants()
+    if is_hosted:
+        from .supervisor import adopt, supervise  # noqa: PLC0415  (see the top)
 
-    from .commands import execute  # noqa: PLC0415  (loads everything)
+        if not adopt():
+            return supervise(PYTHON)
+    from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
 
     with buffered():
         code: int | None = None
         try:
             on_signals(interrupt)
-            code = execute(sys.argv[1:])
+            code = _execute(sys.argv[1:], _collect_garbage)
             signals.is_settled = True
         except SystemExit as exc:
             signals.is_settled = True
@@ -87,8 +97,17 @@ def _guarded() -> int:
             signals.is_settled = True
             on_signals(signal.SIG_IGN)
             forget_swallowed()
-    settle(code)
+    if is_hosted:
+        from .supervisor import settle  # noqa: PLC0415  (see the top)
+
+        settle(code)
     return code
+
+
+def _collect_garbage() -> None:
+    """Look for garbage from now on, in what is not loaded yet."""
+    gc.freeze()
+    gc.enable()
 
 
 def _is_interrupt(exc: BaseException) -> bool:

@@ -1,22 +1,14 @@
-"""`stepbus help`, and the overview of all commands."""
+"""`stepbus help`."""
 
 from typing import Annotated
 
-from stepbus_orchestrator.cli.commands import command_names, make_parser, outlines
-from stepbus_orchestrator.cli.parameters import GROUPS, MORE, command
-from stepbus_orchestrator.cli.terminal.output import columns, fold, say
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import command_names, overview
+from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.cli.terminal.output import say
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-_ABOUT = (
-    "Co-simulation for robotics: plant, controller and mission as separate processes in lockstep "
-    "over Zenoh, recorded to MCAP."
-)
-_ENDING = """stepbus help COMMAND     options and examples of a command
-stepbus help which       replay, rerun, verify, diff, branch: which one?
-stepbus --version        the version
-
-example: stepbus run two_link"""
 _WHICH = (
     (
         "replay",
@@ -50,25 +42,6 @@ _WHICH = (
     ),
 )
 """Command, what you have, what it answers, an example."""
-
-
-def overview() -> str:
-    """Return all commands in their groups, a line each."""
-    rows = outlines()
-    names = max(map(len, rows), default=0)
-    lines: list[str] = []
-    for group in GROUPS:
-        members = {
-            name: row.summary
-            for name, row in rows.items()
-            if (row.group if row.group in GROUPS else MORE) == group
-        }
-        if members:
-            lines += ["", group]
-            lines += [f"  {name:{names}}  {text}" for name, text in members.items()]
-    lines += ["", *_ENDING.splitlines()]
-    folded = [fold(line, columns(), " " * (names + 2)) for line in lines]
-    return "\n".join(["usage: stepbus COMMAND ...", "", fold(_ABOUT, columns()), *folded]) + "\n"
 
 
 @command()

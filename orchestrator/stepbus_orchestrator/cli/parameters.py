@@ -16,8 +16,9 @@ from dataclasses import dataclass, is_dataclass
 from os import PathLike
 from pathlib import Path
 from types import MappingProxyType, UnionType
-from typing import Annotated, Any, Literal, NamedTuple, Union, get_args, get_origin, get_type_hints
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
+from stepbus_orchestrator.cli.overview import MORE, summary_in
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_participant import parse_duration
 from stepbus_schemas import WiringError
@@ -37,18 +38,6 @@ _OF_PYTHON = ("observer", "interrupt")
 _EXAMPLE = "$ "
 _NO_DOCSTRINGS = 2
 """Level of optimisation (`-OO`) from which Python keeps no docstrings."""
-
-
-MORE = "more"
-GROUPS = ("run", "look", "test", "attach", "many", MORE)
-"""Groups of commands in the overview; a command of another package may name one too."""
-
-
-class Outline(NamedTuple):
-    """What the overview says of a command: its summary, and the group that it stands in."""
-
-    summary: str
-    group: str
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,19 +120,6 @@ def command(
         )
 
     return make
-
-
-def outline_in(definition: ast.FunctionDef) -> Outline:
-    """Return the outline of a command whose function is not loaded."""
-    keywords = [row for call in definition.decorator_list for row in getattr(call, "keywords", ())]
-    groups = [row.value for row in keywords if row.arg == "group"]
-    group = next((str(ast.literal_eval(value)) for value in groups), MORE)
-    first = (ast.get_docstring(definition) or "").split("\n\n")[0]
-    return Outline(_summary(" ".join(first.split())), group)
-
-
-def _summary(first: str) -> str:
-    return first[:1].lower() + first[1:].removesuffix(".")
 
 
 def _rows(
@@ -252,7 +228,7 @@ def _help(function: Function) -> tuple[str, str, list[str]]:
     texts = [p for p in others if not (p.startswith(_EXAMPLE) or start.match(p))]
     examples = [p for p in others if p.startswith(_EXAMPLE)]
     lines = [line for p in examples for line in f" {p}".split(f" {_EXAMPLE}")[1:]]
-    return _summary(summary), "\n\n".join(texts), lines
+    return summary_in(summary), "\n\n".join(texts), lines
 
 
 def _paragraphs(function: Function) -> list[str]:

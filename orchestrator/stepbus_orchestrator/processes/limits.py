@@ -18,14 +18,19 @@ def check_limits(participants: int) -> None:
     _check_memory()
 
 
+def is_memory_limited() -> bool:
+    """Return whether the address space of this process has a limit."""
+    return resource.getrlimit(resource.RLIMIT_AS)[0] not in {resource.RLIM_INFINITY, -1}
+
+
 def _check_memory() -> None:
     """Raise StartFailed when the limit of address space is too low for a run.
 
     Libraries end the process without a word to us when they get no memory, also after the run.
     """
-    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
-    if allowed in {resource.RLIM_INFINITY, -1}:
+    if not is_memory_limited():
         return
+    allowed, _ = resource.getrlimit(resource.RLIMIT_AS)
     try:
         mmap.mmap(-1, _OWN_MEMORY_BYTES).close()
     except (OSError, MemoryError, ValueError) as exc:

@@ -14,13 +14,14 @@ import msgspec
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
-from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Disk, installed_version, read_file, write_file
 from stepbus_schemas import UNDECODABLE
 
 if TYPE_CHECKING:
+    from stepbus_orchestrator.recording import Recording
     from stepbus_orchestrator.run.run import Run
 
 RESULT_FILE = "result.json"
@@ -139,7 +140,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
             raise
 
 
-def result_beside(recording: Recording) -> Result | None:
+def result_beside(recording: "Recording") -> Result | None:
     """Return the result of a run beside its recording; None where there is none of this one."""
     if recording.path.name != layout.RUN_FILE:
         return None

@@ -1,7 +1,6 @@
 """Durations as a scenario has them: `5ms`, `0.005s`, `1/200s`, as whole nanoseconds."""
 
 import re
-from fractions import Fraction
 
 from stepbus_schemas import WiringError
 
@@ -43,6 +42,9 @@ def parse_duration(text: str) -> int:
         )
     if form[2] is not None and int(form[2]) == 0:
         raise WiringError(f"{text!r} divides by zero")
+    # Most participants read none.
+    from fractions import Fraction  # noqa: PLC0415
+
     exact = Fraction(form[1]) / int(form[2] or 1) * _UNITS_NS[form[3]]
     if exact > LONGEST_NS:
         raise WiringError(f"{text!r} is longer than 2^63 − 1 ns (292 years)")

@@ -1,6 +1,5 @@
 """Saves the state of a participant between two steps, and starts from a saved one (P16)."""
 
-import logging
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -13,8 +12,6 @@ from stepbus_schemas import UNDECODABLE, RunError, Welcome, error_text, explaine
 
 from .inputs import Input, Source
 from .outbox import stamp
-
-_log = logging.getLogger("stepbus_participant")
 
 ENCODING = "application/octet-stream"
 
@@ -91,7 +88,10 @@ class Checkpoints:
         elif not self._is_too_large:
             self._is_too_large = True
             text = "step %d: no checkpoint: %d bytes of state exceed the %d that the bus carries"
-            _log.warning(text, step, len(state), limit)
+            # It takes longer to load than all else here.
+            import logging  # noqa: PLC0415
+
+            logging.getLogger("stepbus_participant").warning(text, step, len(state), limit)
 
     def restore(self) -> int:
         """Take the state of the order, if it has one, and return the first step to do (P16.3).

@@ -24,8 +24,6 @@ from stepbus_schemas import (
     type_name,
 )
 
-from .faulty import FaultyPublisher
-
 
 def stamp(step: int, token: str) -> bytes:
     """Return the attachment: the step as int64 little-endian, then the token."""
@@ -100,6 +98,8 @@ class Outbox:
 
     def inject(self, faults: Sequence[MessageFault]) -> None:
         """Delay, repeat, damage or drop some outputs; the log stays intact."""
+        from .faulty import FaultyPublisher  # noqa: PLC0415  (few runs have faults)
+
         self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
 
     def write_slots(self, slots: Mapping[str, SlotWriter]) -> None:

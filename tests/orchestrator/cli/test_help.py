@@ -9,8 +9,8 @@ import pytest
 from support.runs.terminal import at_terminal
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import command_names, load_commands, make_parser, outlines
-from stepbus_orchestrator.cli.parameters import GROUPS
+from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.overview import GROUPS, command_names, outlines
 from stepbus_orchestrator.cli.terminal.output import fold
 
 ALL = command_names()
@@ -42,7 +42,7 @@ def test_what_the_overview_reads_is_what_the_loaded_commands_say():
 
 
 def test_the_overview_loads_no_command():
-    program = "import sys; from stepbus_orchestrator.cli.help import overview; overview(); "
+    program = "import sys; from stepbus_orchestrator.cli.overview import overview; overview(); "
     program += "print([name for name in ('numpy', 'rich', 'matplotlib') if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, check=True)
     assert done.stdout == b"[]\n"

@@ -6,10 +6,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
-from typing import IO, TYPE_CHECKING
-
-import msgspec
+from typing import IO, TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -103,6 +100,8 @@ def print_error(text: str, who: str = "stepbus") -> None:
 
 def say_json(value: object) -> None:
     """Print a value for programs."""
+    import msgspec  # noqa: PLC0415  (the overview of commands has no need of it)
+
     data = msgspec.json.format(msgspec.json.encode(value, enc_hook=os.fspath), indent=2)
     # JSON has escapes of its own, though not for all that terminals obey.
     text = data.decode().translate({code: f"\\u{code:04x}" for code in _ESCAPES})
@@ -110,8 +109,7 @@ def say_json(value: object) -> None:
     sys.stdout.flush()
 
 
-@dataclass(frozen=True, kw_only=True)
-class Answer:
+class Answer(NamedTuple):
     """What a command has come to.
 
     value: for programs, with `--json`. lines: for people; tables of rich too. error: before them,
