@@ -1,5 +1,7 @@
 """Participants that pass on messages of the size of two_link's and compute nothing."""
 
+import random
+
 import stepbus
 from stepbus_participant import Config, Participant
 from stepbus_schemas import (
@@ -12,6 +14,7 @@ from stepbus_schemas import (
 )
 
 PAIR = [0.25, 0.75]
+_IMAGES = 8
 
 
 def names(config: Config) -> list[str]:
@@ -20,20 +23,27 @@ def names(config: Config) -> list[str]:
 
 
 class Plant(Participant):
-    """Publishes a state first, and an image where it has a size; then takes the command."""
+    """Publishes a state first, and an image where it has a size; then takes the command.
+
+    Images are noise, a few in turn: what sensors see does not compress as constant pixels do.
+    """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         self._values = PAIR[:1] * len(names(config))
         size = config.params.get("image", [])
-        self._image = size and Image(
-            width=size[0],
-            height=size[1],
-            encoding="rgb8",
-            data=bytes(3 * size[0] * size[1]),
-            focal=(300.0, 300.0),
-            centre=(0.0, 0.0),
-        )
+        noise = random.Random(config.seed)
+        self._images = [
+            Image(
+                width=size[0],
+                height=size[1],
+                encoding="rgb8",
+                data=noise.randbytes(3 * size[0] * size[1]),
+                focal=(300.0, 300.0),
+                centre=(0.0, 0.0),
+            )
+            for _ in range(_IMAGES if size else 0)
+        ]
 
     def describe(self) -> dict[str, Description]:
         return {"joint_state": Description(names=names(self.config))}
@@ -41,7 +51,9 @@ class Plant(Participant):
     def output(self, step: stepbus.Step) -> dict[str, Message]:
         values = self._values
         state = JointState(position=values, velocity=values, effort=values)
-        return {"joint_state": state} | ({"image": self._image} if self._image else {})
+        if not self._images:
+            return {"joint_state": state}
+        return {"joint_state": state, "image": self._images[step.index % _IMAGES]}
 
     def update(self, step: stepbus.Step) -> None:
         step.read("command")

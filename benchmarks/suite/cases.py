@@ -80,6 +80,9 @@ def echoes() -> list[Case]:
     cases += [
         _stepbus(f"echo, image of {w}×{h} a step", image=[w, h], steps=steps)
         for w, h, steps in PICTURES
+        _stepbus(f"echo, noise of {w}×{h} a step{word}", image=[w, h], steps=steps, **how)
+        for w, h, steps in ((320, 240, 800), (1280, 720, 120))
+        for word, how in (("", {}), (", not recorded", {"record": "off"}))
     ]
     if CONTROLLER_C.exists() or shutil.which("gcc"):
         cases.append(_stepbus("echo, bridge to C", bridge=True))

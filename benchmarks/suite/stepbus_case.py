@@ -4,6 +4,7 @@
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
 messages: participants, fan_out and fan_in (relays side by side), joints, image, bridge, rust.
+messages: participants, joints, image, record (of the image), bridge, rust.
 """
 
 import json
@@ -47,8 +48,10 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     }
     inputs: dict[str, Any] = {"joint_state": "plant.joint_state"}
     if params["image"]:
-        plant["outputs"] = {"joint_state": "JointState/1",
-                            "image": {"type": "Image/1", "bulk": True}}  # fmt: skip
+        image = {"type": "Image/1", "bulk": True}
+        if "record" in spec:
+            image["record"] = spec["record"]
+        plant["outputs"] = {"joint_state": "JointState/1", "image": image}
         inputs["image"] = "plant.image"
     rows: dict[str, Any] = {"plant": plant}
     before = "plant.joint_state"
