@@ -13,7 +13,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from stepbus_participant.disk import write_at
-from stepbus_schemas import RunError, Welcome, reached
+from stepbus_schemas import RunError, Welcome
 
 from . import BusError
 
@@ -45,9 +45,7 @@ def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
             if found == stamp and len(content) == length:
                 return content
     except (OSError, OverflowError, MemoryError, struct.error) as exc:
-        reached("a slot cannot be read")
         raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
-    reached("a slot holds something else")
     raise SlotError(f"its slot of {length} bytes holds {_shown(found)}; was its file changed?")
 
 
@@ -88,7 +86,6 @@ class SlotWriter:
                 rest = content[written - _HEADER.size :]
                 write_at(os, self._fd, rest, offset + written)
         except OSError as exc:
-            reached("there is no room for slots")
             raise BusError(
                 f"no room for {self._count} slots of {size * 1e-6:.3g} MB in {self._path}: "
                 f"{exc.strerror}; free some there, or let fewer steps be in flight (`window`)"

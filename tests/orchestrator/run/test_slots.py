@@ -7,6 +7,7 @@ from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.replay.execute import replay
 from stepbus_orchestrator.run.hosts import InProcess, Processes
+from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
@@ -88,14 +89,24 @@ participants:
 """
 
 
-def record(folder, *overrides, host=None, faults=(), **kinds):
+class Heard(Observer):
+    """Keeps what an observer is told, as text."""
+
+    def __init__(self):
+        self.text = ""
+
+    def event(self, level, source, step, text):
+        self.text += f"{source}@{step}: {text}\n"
+
+
+def record(folder, *overrides, host=None, faults=(), observer=None, **kinds):
     """Run the scenario; return its result, and the file of slots that each viewer has seen used."""
     path = write_scenario(folder / "source", SCENARIO)
     for name in ("camera", "viewer", "slow"):
         kind = f'KIND = "{kinds.get(name, "")}"'
         (folder / "source" / f"{name}.py").write_text(PROGRAM.replace('KIND = ""', kind))
     scenario = load(path, overrides, faults=faults)
-    result = run(scenario, Options(out=folder / "out", host=host or Processes()))
+    result = run(scenario, Options(out=folder / "out", host=host or Processes()), observer)
     used = {
         p.stem: Path(p.read_text()) for p in (folder / "source").glob("*.used") if p.read_text()
     }
@@ -149,6 +160,15 @@ def test_a_reader_that_is_stopped_for_a_second_finds_all(tmp_path, in_messages):
     result, used = record(tmp_path, faults=["freeze slow at 12 for 1s"])
     assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
     assert used
+
+
+def test_what_is_published_again_finds_its_content(tmp_path, in_messages):
+    heard = Heard()
+    result, used = record(tmp_path, "window=1", faults=["drop camera at 12"], observer=heard)
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
+    assert "camera@12: " in heard.text
+    assert "is published again" in heard.text
 
 
 def test_a_source_that_is_killed_ends_the_run_and_leaves_no_file(tmp_path):
