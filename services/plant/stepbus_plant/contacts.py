@@ -91,6 +91,10 @@ class ContactSensor:
         self.description = Description(names=links)
         self._names = {index: name for name, index in indices.items()}
         self._watched = {indices[link] for link in links}
+        # Query by body: in a store, most contacts are those of items on shelves.
+        watches_all = len(self._watched) == len(self._names)
+        self._bodies = None if watches_all else sorted({body for body, _ in self._watched})
+        self._pairs: dict[tuple[Link, Link], tuple[Pair, bool]] = {}
         self._within = within
         solid = (link for link in links if engine.is_solid(indices[link]))
         self._near = [indices[link] for link in solid] if within > 0.0 else []
@@ -111,9 +115,21 @@ class ContactSensor:
 
     def after_substep(self, seconds: float) -> None:
         """Add up what presses on the watched links; seconds: length of the substep."""
-        for pair, points in _by_pair(map(self._point, self._touching(are_pressed=True))):
-            load = self._loads.setdefault(pair, _Load())
-            load.add(sum(point.force for point in points), seconds, _nearest(points))
+        forces: dict[Pair, float] = {}
+        nearest: dict[Pair, _Point] = {}
+        for point in map(self._point, self._touching(are_pressed=True)):
+            pair = point.pair
+            if pair not in forces:
+                forces[pair], nearest[pair] = point.force, point
+                continue
+            forces[pair] += point.force
+            if point.distance < nearest[pair].distance:
+                nearest[pair] = point
+        for pair, force in forces.items():
+            load = self._loads.get(pair)
+            if load is None:
+                load = self._loads[pair] = _Load()
+            load.add(force, seconds, nearest[pair])
 
     def sense(self, _t_ns: int) -> Contacts:
         """Return the contacts of the watched links.
@@ -145,16 +161,17 @@ class ContactSensor:
             impulse=[loads.get(pair, _NOTHING).impulse for pair in pairs],
         )
 
-    def _touching(self, *, are_pressed: bool = False) -> Iterator[Contact]:
-        if len(self._watched) == len(self._names):
-            yield from self._engine.contacts(are_pressed=are_pressed)
-            return
-        # Query by body: in a store, most contacts are those of items on shelves.
-        for body in sorted({body for body, _ in self._watched}):
+    def _touching(self, *, are_pressed: bool = False) -> list[Contact]:
+        if self._bodies is None:
+            return self._engine.contacts(are_pressed=are_pressed)
+        watched, touching = self._watched, []
+        for body in self._bodies:
             for contact in self._engine.contacts(body, are_pressed=are_pressed):
-                is_reported = contact.other in self._watched and contact.other[0] < body
-                if not is_reported and self._watched & {contact.one, contact.other}:
-                    yield contact
+                other = contact.other
+                # Those of two watched bodies are reported of the first one.
+                if other[0] >= body if other in watched else contact.one in watched:
+                    touching.append(contact)
+        return touching
 
     def _nearby(self) -> Iterator[tuple[Link, _Point]]:
         """Yield links farther apart than about 1 mm, which are not among the engine's contacts.
@@ -187,10 +204,16 @@ class ContactSensor:
             yield point._replace(distance=distance, force=0.0)
 
     def _point(self, contact: Contact) -> _Point:
-        first, second = self._names[contact.one], self._names[contact.other]
-        if second < first:
-            return _Point((second, first), contact.distance, contact.force, contact.on_one)
-        return _Point((first, second), contact.distance, contact.force, contact.on_other)
+        key = contact.one, contact.other
+        known = self._pairs.get(key)
+        if known is None:
+            first, second = self._names[contact.one], self._names[contact.other]
+            is_swapped = second < first
+            known = (second, first) if is_swapped else (first, second), is_swapped
+            self._pairs[key] = known
+        pair, is_swapped = known
+        position = contact.on_one if is_swapped else contact.on_other
+        return _Point(pair, contact.distance, contact.force, position)
 
     def press(self, forces: Mapping[tuple[Link, Link], float], seconds: float) -> None:
         """Report these forces [N], and no others: the engine computes none; seconds: how long."""

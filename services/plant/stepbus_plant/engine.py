@@ -89,6 +89,7 @@ class Engine:
         self.client: int = bullet.connect(bullet.DIRECT)
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
+        self._frames: dict[int, tuple[Pose, Pose]] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1, numSolverIterations=solver_iterations, **self._here
@@ -325,7 +326,12 @@ class Engine:
         if index == BASE:
             if body not in self._to_frame:
                 self._to_frame[body] = inverse(self.inertial(link))
-            return compose(self.centre(body), self._to_frame[body])
+            centre = self.centre(body)
+            # Most bodies stand: then the frame is that of the latest time.
+            known = self._frames.get(body)
+            if known is None or known[0] != centre:
+                known = self._frames[body] = centre, compose(centre, self._to_frame[body])
+            return known[1]
         return self.frames(body, [index])[0]
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
@@ -377,7 +383,7 @@ class Engine:
         are_pressed: only those with a force.
         """
         rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
-        return _contacts(row for row in rows if row[9] > 0.0 or not are_pressed)
+        return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
 
     def closest(
         self, link: Link, body: int, within: float, other: int = _ANY_LINK
@@ -397,7 +403,8 @@ class Engine:
         pairs = bullet.getOverlappingObjects(
             [x - within for x in low], [x + within for x in high], **self._here
         )
-        return sorted({(body, index) for body, index in pairs or () if body != link[0]})
+        own = link[0]
+        return sorted({pair for pair in pairs or () if pair[0] != own})
 
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""

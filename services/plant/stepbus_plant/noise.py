@@ -3,6 +3,7 @@
 import hashlib
 import zlib
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -19,14 +20,19 @@ class Noise:
     """
 
     def __init__(self, seed: int, purpose: str, name: str = "") -> None:
-        self._key = np.array(
-            [seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())], dtype=np.uint64
-        )
+        key = [seed & (2**64 - 1), zlib.crc32(f"{purpose}/{name}".encode())]
+        # Made once: a new generator draws entropy first, which takes longer than a few numbers.
+        self._random = np.random.Philox(key=np.array(key, dtype=np.uint64))
+        self._generator = np.random.Generator(self._random)
+        self._start: Any = self._random.state
+        self._counter = self._start["state"]["counter"]
+        self._counter[:] = 0
 
     def at(self, number: int) -> np.random.Generator:
-        """Return the generator of a reading; number: ≥ 0, such as a time [ns]."""
-        counter = np.array([0, 0, number, 0], dtype=np.uint64)
-        return np.random.Generator(np.random.Philox(key=self._key, counter=counter))
+        """Return the generator of a reading, until the next call; number: ≥ 0, as a time [ns]."""
+        self._counter[2] = number
+        self._random.state = self._start
+        return self._generator
 
 
 class Errors:
@@ -41,12 +47,13 @@ class Errors:
         keys = [int.from_bytes(digest[i : i + 4], "little") for i in range(0, 16, 4)]
         self._random = np.random.Generator(np.random.PCG64([seed, *keys]))
         self._bias: Array = bias * self._random.standard_normal(count)
+        self._is_biased = bool(self._bias.any())
         self._noise = noise
 
     def disturb(self, values: Sequence[float] | Array) -> Array:
         """Return a reading of true values, shape (count,)."""
         disturbed: Array = np.asarray(values, dtype=np.float64)
-        if self._bias.any():
+        if self._is_biased:
             disturbed = disturbed + self._bias
         if self._noise:
             disturbed = disturbed + self._noise * self._random.standard_normal(len(disturbed))

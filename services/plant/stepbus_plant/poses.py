@@ -51,6 +51,9 @@ class PoseSensor:
         self._engine = physics.engine
         self._offsets = {name: point.position for name, point in points.items()}
         self._indices = [known[name] for name in self.names]
+        self._moved = [
+            (n, self._offsets[k]) for n, k in enumerate(self.names) if k in self._offsets
+        ]
         self._roots = [index for index in dict.fromkeys(self._indices) if index[1] == BASE]
         self._others: dict[int, list[int]] = {}
         for body, link in self._indices:
@@ -63,13 +66,10 @@ class PoseSensor:
         for body, links in self._others.items():
             poses = zip(links, self._engine.frames(body, links), strict=True)
             frames |= {(body, link): pose for link, pose in poses}
-        position: list[Point] = []
-        orientation: list[Quaternion] = []
-        for name, index in zip(self.names, self._indices, strict=True):
-            frame = frames[index]
-            offset = self._offsets.get(name)
-            position.append(frame[0] if offset is None else out_of(frame, offset))
-            orientation.append(frame[1])
+        position: list[Point] = [frames[index][0] for index in self._indices]
+        orientation: list[Quaternion] = [frames[index][1] for index in self._indices]
+        for number, offset in self._moved:
+            position[number] = out_of(frames[self._indices[number]], offset)
         return Poses(position=position, orientation=orientation)
 
     @cached_property

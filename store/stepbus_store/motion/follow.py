@@ -1,6 +1,7 @@
 """Paths of joints and of the tip, and the motion along them."""
 
 import math
+from bisect import bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,6 +27,12 @@ class JointPath:
     slope: Vector
 
     @cached_property
+    def _knots(self) -> list[float]:
+        """Return u as numbers of Python, which are quicker one by one."""
+        knots: list[float] = self.u.tolist()
+        return knots
+
+    @cached_property
     def _ends(self) -> Vector:
         """Return the ends and the tangents of each piece, shape (k - 1, 4, n)."""
         widths = np.diff(self.u)[:, np.newaxis]
@@ -34,10 +41,10 @@ class JointPath:
 
     def at(self, u: float) -> tuple[Vector, Vector, Vector]:
         """Return q, dq/du and d²q/du² at u, each of shape (n,); u is clipped to the path."""
-        piece = int(np.searchsorted(self.u, u, side="right")) - 1
-        piece = min(max(piece, 0), len(self.u) - 2)
-        width = float(self.u[piece + 1] - self.u[piece])
-        x = min(max((u - float(self.u[piece])) / width, 0.0), 1.0)
+        knots = self._knots
+        piece = min(max(bisect_right(knots, u) - 1, 0), len(knots) - 2)
+        width = knots[piece + 1] - knots[piece]
+        x = min(max((u - knots[piece]) / width, 0.0), 1.0)
         one, two = 6 * x * (x - 1) / width, (12 * x - 6) / width**2
         blend = np.array(
             [

@@ -96,9 +96,15 @@ class Motion:
     def __init__(self, trajectory: Any) -> None:
         self._trajectory = trajectory
         self.duration: float = trajectory.duration
+        self._latest: tuple[float, JointMotion] | None = None
 
     def at(self, t: float) -> JointMotion:
-        """Return the joints at a time since its start [s]."""
+        """Return the joints at a time since its start [s]; a step asks several times for one."""
+        if self._latest is None or self._latest[0] != t:
+            self._latest = t, self._at(t)
+        return self._latest[1]
+
+    def _at(self, t: float) -> JointMotion:
         if t >= self.duration:
             return JointMotion.at_rest(np.array(self._trajectory.at_time(self.duration)[0]))
         rows = self._trajectory.at_time(max(t, 0.0))

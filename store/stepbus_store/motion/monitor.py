@@ -54,6 +54,8 @@ class CollisionMonitor:
         self._settings = settings
         self._ground: set[str] = set()
         self._grasp = Grasp(settings)
+        self._ours = settings.links
+        self._special = settings.ignore.union(settings.pads)
         self._touches: frozenset[str] = frozenset()
         self._grips = False
         self._moves: Moves = "all"
@@ -102,7 +104,12 @@ class CollisionMonitor:
             text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
             raise RunError(f"the contacts have {text}; they need as many of each")
         self._learn_ground(contacts)
+        held = self.held
         self._grasp.update(contacts, holding=holding, grips=self._grips)
+        if self.held != held:
+            own, held = self._settings, self.held
+            self._ours = own.links | {held} if held else own.links
+            self._special = own.ignore.union(own.pads, {held} if held else ())
         self._gaps = {(row.ours, row.other): row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
@@ -242,17 +249,19 @@ class CollisionMonitor:
 
     def _rows(self, contacts: Contacts) -> Iterator[_Row]:
         """Yield the pairs of the robot, or of what it holds, with anything else."""
-        rows = zip(contacts.pairs, contacts.peaks, contacts.distance, strict=True)
+        rows, ours = zip(contacts.pairs, contacts.peaks, contacts.distance, strict=True), self._ours
         for (one, other), force, distance in rows:
-            if self._is_ours(one):
+            if one in ours:
                 yield _Row(one, other, force, distance)
-            elif self._is_ours(other):
+            elif other in ours:
                 yield _Row(other, one, force, distance)
 
     def _is_ours(self, link: str) -> bool:
-        return link in self._settings.links or (bool(self.held) and link == self.held)
+        return link in self._ours
 
     def _is_allowed(self, row: _Row) -> bool:
+        if row.ours not in self._special and row.other not in self._special:
+            return False
         settings, pair = self._settings, {row.ours, row.other}
         if pair & settings.ignore and pair & self._ground:
             return True

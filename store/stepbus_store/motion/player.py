@@ -98,6 +98,7 @@ class MotionPlayer:
         self._tip, self._grip_acceleration = tip, grip_acceleration
         self.clock = MotionClock(limits.acceleration, limits.jerk)
         self._trajectory: Trajectory | None = None
+        self._known: tuple[Trajectory | None, dict[float, JointMotion]] = None, {}
         self.ignores_scale = False
 
     @property
@@ -118,15 +119,26 @@ class MotionPlayer:
         """
         wanted = 1.0 if self.ignores_scale else min(max(scale, 0.0), 1.0)
         self.clock.advance(dt, wanted, self.trajectory)
-        return self.trajectory.at(self.clock.s).position
+        self._known = None, {}
+        return self._at(self.clock.s).position
+
+    def _at(self, s: float) -> JointMotion:
+        """Return the joints at a time of the motion [s]; a step asks for few, each many times."""
+        trajectory = self.trajectory
+        if self._known[0] is not trajectory:
+            self._known = trajectory, {}
+        known = self._known[1]
+        if s not in known:
+            known[s] = trajectory.at(s)
+        return known[s]
 
     def at(self, t: float) -> JointMotion:
         """Return the joints at a time [s]."""
-        return self.trajectory.at(self.clock.time_at(t)).scaled(self.clock.rate)
+        return self._at(self.clock.time_at(t)).scaled(self.clock.rate)
 
     def nominal(self) -> JointMotion:
         """Return the joints now, moving at the full rate."""
-        return self.trajectory.at(self.clock.s)
+        return self._at(self.clock.s)
 
     def command(self, t: float) -> JointMotion:
         """Return what to command at a time [s].

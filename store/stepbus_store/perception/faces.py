@@ -2,12 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_store.perception.images import Pose, Vector, View
+from stepbus_store.perception.images import Pose, Vector, View, median
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -44,10 +45,10 @@ class Scene:
     def __init__(self, view: View, camera: Pose) -> None:
         self._view = view
         self._camera = camera
-        rows, columns = np.meshgrid(*map(np.arange, view.depth.shape), indexing="ij")
+        self._pixel_rays = _pixel_rays(view.depth.shape, view.focal, view.centre)
         self._known = np.isfinite(view.depth) & (view.depth > 0)
         depth = np.where(self._known, view.depth, np.inf)
-        rays_z = self._rays(columns, rows) @ camera.rotation[2]
+        rays_z = self._pixel_rays @ camera.rotation[2]
         with np.errstate(invalid="ignore"):
             self._height: Vector = np.where(
                 self._known, camera.position[2] + depth * rays_z, -np.inf
@@ -67,17 +68,34 @@ class Scene:
         u, v, inside = self._pixels(points)
         inside &= self._known[v, u]
         reach = np.where(inside, view.depth[v, u], 0.0)[:, None]
-        seen: Vector = camera.position + (self._rays(u, v) * reach) @ camera.rotation.T
+        seen: Vector = camera.position + (self._pixel_rays[v, u] * reach) @ camera.rotation.T
         return seen, inside, inside & among[v, u]
 
     def points(self, among: Mask) -> tuple[Indices, Indices, Vector]:
         """Return rows, columns and points, shape (n, 3) [m], of the pixels within a mask."""
         rows, columns = np.nonzero(self._known & among)
         reach = self._view.depth[rows, columns][:, None]
-        seen: Vector = (
-            self._camera.position + (self._rays(columns, rows) * reach) @ self._camera.rotation.T
-        )
+        rays = self._pixel_rays[rows, columns]
+        seen: Vector = self._camera.position + (rays * reach) @ self._camera.rotation.T
         return rows, columns, seen
+
+    @cached_property
+    def _all_points(self) -> tuple[Vector, Vector, Vector]:
+        """x, y and z of each pixel, shape (h, w) each [m]; of unknown depth: anything."""
+        reach = np.where(self._known, self._view.depth, 0.0)[..., None]
+        seen = self._camera.position + (self._pixel_rays * reach) @ self._camera.rotation.T
+        x, y, z = np.ascontiguousarray(np.moveaxis(seen, 2, 0))
+        return x, y, z
+
+    def flat_near(self, among: Mask, place: tuple[float, ...], within: float) -> Vector:
+        """Return the points, shape (n, 3) [m], of flat pixels in a mask in a square around a place.
+
+        within: half its side [m].
+        """
+        x, y, z = self._all_points
+        is_near = (np.abs(x - place[0]) < within) & (np.abs(y - place[1]) < within)
+        chosen = is_near & among & self.flat
+        return np.stack([x[chosen], y[chosen], z[chosen]], axis=1)
 
     def hidden(self, points: Vector) -> float:
         """Return the share of points, shape (n, 3) [m], that higher things hide, 0 to 1.
@@ -88,7 +106,7 @@ class Scene:
         u, v, inside = self._pixels(points)
         known = inside & self._known[v, u]
         reach = np.where(known, self._view.depth[v, u], 0.0)[:, None]
-        seen = self._camera.position + (self._rays(u, v) * reach) @ self._camera.rotation.T
+        seen = self._camera.position + (self._pixel_rays[v, u] * reach) @ self._camera.rotation.T
         hides = inside & (~known | (seen[:, 2] > points[:, 2] + _HIGHER))
         return float(hides.sum() / max(inside.sum(), 1))
 
@@ -102,13 +120,6 @@ class Scene:
         rows, columns = view.depth.shape
         inside = ahead & (u >= 0) & (u < columns) & (v >= 0) & (v < rows)
         return np.where(inside, u, 0), np.where(inside, v, 0), inside
-
-    def _rays(self, u: NDArray[np.generic], v: NDArray[np.generic]) -> Vector:
-        """Return the directions of pixels in the optical frame, with z = 1."""
-        view = self._view
-        x = (np.asarray(u, dtype=np.float64) - view.centre[0]) / view.focal[0]
-        y = (np.asarray(v, dtype=np.float64) - view.centre[1]) / view.focal[1]
-        return np.stack([x, y, np.ones_like(x)], axis=-1)
 
     def _horizontal(self) -> Mask:
         """Return where the height changes little to a neighbour in the row and in the column."""
@@ -141,7 +152,7 @@ class Scene:
 
     def _patch(self, own: Mask, alike: Mask, rows: Indices, columns: Indices) -> Patch:
         """Return a patch; own: its pixels; alike: others of its colour."""
-        height = float(np.median(self._height[rows, columns]))
+        height = median(self._height[rows, columns])
         return Patch(
             height=height,
             points=self._on_plane(columns, rows, height),
@@ -170,10 +181,34 @@ class Scene:
 
     def _on_plane(self, u: NDArray[np.generic], v: NDArray[np.generic], height: float) -> Vector:
         """Return x, y, shape (n, 2) [m], where the rays of pixels reach a height."""
-        rays = self._rays(u, v) @ self._camera.rotation.T
+        rays = _rays(u, v, self._view.focal, self._view.centre) @ self._camera.rotation.T
         reach = (height - self._camera.position[2]) / rays[:, 2]
         points: Vector = self._camera.position[:2] + rays[:, :2] * reach[:, None]
         return points
+
+
+def _rays(
+    u: NDArray[np.generic],
+    v: NDArray[np.generic],
+    focal: tuple[float, float],
+    centre: tuple[float, float],
+) -> Vector:
+    """Return the directions of pixels in the optical frame, with z = 1."""
+    rays = np.ones((*u.shape, 3))
+    rays[..., 0] = (np.asarray(u, dtype=np.float64) - centre[0]) / focal[0]
+    rays[..., 1] = (np.asarray(v, dtype=np.float64) - centre[1]) / focal[1]
+    return rays
+
+
+@lru_cache(maxsize=8)
+def _pixel_rays(
+    shape: tuple[int, int], focal: tuple[float, float], centre: tuple[float, float]
+) -> Vector:
+    """Return the directions of all pixels of a camera, shape (h, w, 3); it is always the same."""
+    v, u = np.meshgrid(*map(np.arange, shape), indexing="ij")
+    rays = _rays(u, v, focal, centre)
+    rays.flags.writeable = False
+    return rays
 
 
 def _levels(heights: Vector) -> list[tuple[float, float]]:

@@ -38,8 +38,7 @@ def is_sunk(scene: Scene, others: Mask, item: Detection, item_type: ItemType) ->
     What lies shows faces that may pass for those of an item that stands, and is too low for that.
     others: pixels of another colour, shape (h, w).
     """
-    _, _, points = scene.points(others & scene.flat)
-    near = points[np.abs(points[:, :2] - item.position[:2]).max(axis=1) < _NEAR]
+    near = scene.flat_near(others, item.position, _NEAR)
     away = _beyond(item, item_type, near)
     around = near[(away > _APART) & (away < _RING)] - item.position
     tall = item_type.faces[0].offset[2] - item_type.centre[2]

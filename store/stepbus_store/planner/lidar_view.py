@@ -78,9 +78,11 @@ class LidarView:
         seen = []
         for things in self._things.values():
             for points, away in things:
-                near = (distances(points, row.corners) for row in mapped)
-                gaps = np.min([np.full(len(points), math.inf), *near], axis=0)
-                is_new = gaps > _MAPPED
+                low, high = points.min(axis=0).tolist(), points.max(axis=0).tolist()
+                is_new = np.ones(len(points), dtype=bool)
+                for row in mapped:
+                    if row.may_be_near(low, high, _MAPPED):
+                        is_new &= distances(points, row.corners) > _MAPPED
                 face = points[is_new]
                 if len(face) >= _FEWEST:
                     behind = face + _DEPTH * away[is_new]

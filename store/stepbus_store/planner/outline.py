@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -14,6 +15,25 @@ class Outline:
 
     link: str
     corners: Vector
+
+    @cached_property
+    def _box(self) -> tuple[float, float, float, float]:
+        """Its least x and y, and its largest [m]."""
+        return (*self.corners.min(axis=0).tolist(), *self.corners.max(axis=0).tolist())
+
+    def may_be_near(self, low: Sequence[float], high: Sequence[float], within: float) -> bool:
+        """Return False if nothing in a box can be that near; low, high: its corners, x and y [m].
+
+        It costs a fraction of `distances`, which rounds: so it leaves a millimetre to that.
+        """
+        left, bottom, right, top = self._box
+        within += 1e-3
+        return (
+            low[0] <= right + within
+            and high[0] >= left - within
+            and low[1] <= top + within
+            and high[1] >= bottom - within
+        )
 
 
 def outermost(outlines: Sequence[Outline]) -> list[Outline]:
@@ -28,14 +48,16 @@ def outermost(outlines: Sequence[Outline]) -> list[Outline]:
 
 def distances(points: Vector, corners: Vector) -> Vector:
     """Return the distance of each point, shape (n, 2), to a convex outline; inside: 0 [m]."""
-    ends = np.roll(corners, -1, axis=0)
-    edges = ends - corners
-    offsets = points[:, None, :] - corners
-    lengths = np.maximum((edges**2).sum(axis=1), 1e-18)
-    shares = np.clip((offsets * edges).sum(axis=2) / lengths, 0.0, 1.0)
-    away: Vector = np.linalg.norm(offsets - shares[..., None] * edges, axis=2).min(axis=1)
-    crosses = edges[:, 0] * offsets[..., 1] - edges[:, 1] * offsets[..., 0]
-    away[(crosses >= 0.0).all(axis=1)] = 0.0
+    # Column by column: NumPy is slow along an axis of two.
+    corner_x, corner_y = corners.T
+    edge_x, edge_y = (np.concatenate((corners[1:], corners[:1])) - corners).T
+    x, y = points[:, :1] - corner_x, points[:, 1:] - corner_y
+    lengths = np.maximum(edge_x * edge_x + edge_y * edge_y, 1e-18)
+    shares = (x * edge_x + y * edge_y) / lengths
+    np.minimum(np.maximum(shares, 0.0, out=shares), 1.0, out=shares)
+    off_x, off_y = x - shares * edge_x, y - shares * edge_y
+    away: Vector = np.sqrt(off_x * off_x + off_y * off_y).min(axis=1)
+    away[(edge_x * y - edge_y * x >= 0.0).all(axis=1)] = 0.0
     return away
 
 

@@ -1,8 +1,8 @@
 """Where the links of a robot are, and how fast they move."""
 
+import math
 from collections.abc import Callable
 
-import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector
@@ -60,4 +60,5 @@ class Links:
 
 
 def _speed(twist: Vector) -> float:
-    return float(np.linalg.norm(twist[:3]) + _LINK_RADIUS * np.linalg.norm(twist[3:]))
+    linear, angular = twist[:3], twist[3:]
+    return math.sqrt(linear.dot(linear)) + _LINK_RADIUS * math.sqrt(angular.dot(angular))

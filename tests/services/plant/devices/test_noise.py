@@ -1,6 +1,7 @@
 """What sensors of the plant disturb: odometry that slips, a lens, and random numbers by counter."""
 
 import math
+import zlib
 
 import numpy as np
 import pytest
@@ -20,6 +21,18 @@ def test_a_reading_has_its_numbers_whatever_was_read_before():
     one, other = Noise(7, "color", "camera"), Noise(7, "color", "camera")
     one.at(0).random(100)
     assert one.at(5).random() == other.at(5).random()
+
+
+@pytest.mark.parametrize("number", [0, 1, 16_000_000, 2**63])
+def test_a_reading_has_the_numbers_of_a_generator_that_begins_at_its_counter(number):
+    noise, counter = Noise(-7, "color", "camera"), np.array([0, 0, number, 0], dtype=np.uint64)
+    key = np.array([2**64 - 7, zlib.crc32(b"color/camera")], dtype=np.uint64)
+    # Leaves half of a number over, which the next reading must not use.
+    noise.at(3).standard_normal(5, dtype=np.float32)
+    expected = np.random.Generator(np.random.Philox(key=key, counter=counter))
+    for _ in range(2):
+        assert np.array_equal(noise.at(number).normal(size=9), expected.normal(size=9))
+        expected = np.random.Generator(np.random.Philox(key=key, counter=counter))
 
 
 @pytest.mark.parametrize(
