@@ -40,7 +40,14 @@ PICTURES = ((320, 240, 800), (1280, 720, 120))
 def picture_peers() -> list[Case]:
     """Return pictures over the shared memory of others."""
     return [
-        _peer(f"{name}, picture of {w}×{h} a step", "pictures", kind, str(w), str(h), steps=steps)
+        _peer(
+            f"{name}, noise of {w}×{h} a step, not recorded",
+            "pictures",
+            kind,
+            str(w),
+            str(h),
+            steps=steps,
+        )
         for w, h, steps in PICTURES
         for name, kind in (("dora-rs", "dora"), ("iceoryx2", "iceoryx2"))
     ]
@@ -78,10 +85,8 @@ def echoes() -> list[Case]:
     cases.append(_stepbus("echo, fan-out 1 → 8, fan-in 8 → 1", fan_in=8))
     cases += [_stepbus(f"echo, {n} joints", joints=n) for n in (14, 100)]
     cases += [
-        _stepbus(f"echo, image of {w}×{h} a step", image=[w, h], steps=steps)
-        for w, h, steps in PICTURES
         _stepbus(f"echo, noise of {w}×{h} a step{word}", image=[w, h], steps=steps, **how)
-        for w, h, steps in ((320, 240, 800), (1280, 720, 120))
+        for w, h, steps in PICTURES
         for word, how in (("", {}), (", not recorded", {"record": "off"}))
     ]
     if CONTROLLER_C.exists() or shutil.which("gcc"):

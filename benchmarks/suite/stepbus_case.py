@@ -3,8 +3,8 @@
 `python -m benchmarks.suite.stepbus_case SPEC STEPS`.
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
-messages: participants, fan_out and fan_in (relays side by side), joints, image, bridge, rust.
-messages: participants, joints, image, record (of the image), bridge, rust.
+messages: participants, fan_out and fan_in (relays side by side), joints, image, record (of the
+image), bridge, rust.
 """
 
 import json
