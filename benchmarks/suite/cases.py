@@ -82,7 +82,7 @@ def echoes() -> list[Case]:
     """Return participants that only pass messages on."""
     cases = [_stepbus(f"echo, {n} participants", participants=n) for n in (2, 3, 6, 12)]
     cases.append(_stepbus("echo, fan-out 1 → 8", fan_out=8))
-    cases.append(_stepbus("echo, fan-out 1 → 8, fan-in 8 → 1", fan_in=8))
+    cases.append(_stepbus("echo, fan-out 1 → 8, fan-in 8 → 1", fan_out=8, fan_in=8))
     cases += [_stepbus(f"echo, {n} joints", joints=n) for n in (14, 100)]
     cases += [
         _stepbus(f"echo, noise of {w}×{h} a step{word}", image=[w, h], steps=steps, **how)

@@ -48,29 +48,20 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     }
     inputs: dict[str, Any] = {"joint_state": "plant.joint_state"}
     if params["image"]:
-        image = {"type": "Image/1", "bulk": True}
-        if "record" in spec:
-            image["record"] = spec["record"]
+        image = {"type": "Image/1", "bulk": True, "record": spec.get("record", "all")}
         plant["outputs"] = {"joint_state": "JointState/1", "image": image}
         inputs["image"] = "plant.image"
     rows: dict[str, Any] = {"plant": plant}
     before = "plant.joint_state"
     for number in range(relays - 1):
-        rows[f"relay{number}"] = {
-            "participant": "echo.py:Relay",
-            "inputs": {"joint_state": before},
-            "outputs": {"joint_state": "JointState/1"},
-        }
+        rows[f"relay{number}"] = _relay(before)
         before = f"relay{number}.joint_state"
     inputs["joint_state"] = before
-    for number in range(max(spec.get("fan_out", 0), spec.get("fan_in", 0))):
-        rows[f"side{number}"] = {
-            "participant": "echo.py:Relay",
-            "inputs": {"joint_state": "plant.joint_state"},
-            "outputs": {"joint_state": "JointState/1"},
-        }
-        if number < spec.get("fan_in", 0):
-            inputs[f"side{number}"] = f"side{number}.joint_state"
+    for number in range(spec.get("fan_out", 0)):
+        rows[f"side{number}"] = _relay("plant.joint_state")
+    inputs |= {
+        f"side{number}": f"side{number}.joint_state" for number in range(spec.get("fan_in", 0))
+    }
     if relays:
         inputs["reference"] = "mission.reference"
         rows["mission"] = {
@@ -100,6 +91,14 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         json.dumps({"name": "echo", "step": "5ms", "duration": "20s", "participants": rows})
     )
     return str(path)
+
+
+def _relay(source: str) -> dict[str, Any]:
+    return {
+        "participant": "echo.py:Relay",
+        "inputs": {"joint_state": source},
+        "outputs": {"joint_state": "JointState/1"},
+    }
 
 
 def _built_in_rust() -> str:
