@@ -15,6 +15,7 @@ from .calls import *
 from .config import *
 from .disk import *
 from .files import *
+from .last_error import *
 from .packages import *
 from .parameters.durations import *
 from .parameters.problems import *

@@ -14,8 +14,7 @@ from pathlib import Path
 
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
-from stepbus_participant import append_to
-from stepbus_participant.last_error import last_error
+from stepbus_participant import append_to, last_error
 
 _LARGEST = 8 * 1024 * 1024
 _HEAD = _TAIL = 1024 * 1024

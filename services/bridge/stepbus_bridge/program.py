@@ -13,8 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from stepbus_participant import HOST, OutputError
-from stepbus_participant.last_error import last_error
+from stepbus_participant import HOST, OutputError, last_error
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
