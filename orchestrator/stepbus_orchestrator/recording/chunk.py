@@ -52,15 +52,21 @@ class Chunk:
 
 
 class Encoded(NamedTuple):
-    """A chunk as it stands in a file: its bytes, with the message indexes behind it, and their CRC.
+    """A chunk as it stands in a file: its bytes, with the message indexes behind it.
 
-    row: of the index, as if the file began with it.
+    crc: of these, where the chunk is big. row: of the index, as if the file began with it.
     """
 
     chunk: Chunk
     data: bytes
     crc: int
     row: mcap.ChunkIndex
+
+    def crc_behind(self, before: int) -> int:
+        """Return the checksum of a file up to the end of it; before: up to its beginning."""
+        if self.chunk.is_big:
+            return crc32_of_both(before, self.crc, len(self.data))
+        return zlib.crc32(self.data, before)
 
 
 def encode_chunk(chunk: Chunk, compressor: zstandard.ZstdCompressor) -> Encoded:
@@ -80,8 +86,12 @@ def encode_chunk(chunk: Chunk, compressor: zstandard.ZstdCompressor) -> Encoded:
         numbers = Struct(f"<{len(entries)}Q").pack(*entries)
         indexes += _INDEX.pack(Opcode.MESSAGE_INDEX, len(numbers) + 6, channel, len(numbers))
         indexes += numbers
-    # The checksum of what is stored as it is has been computed already.
-    packed_crc = zlib.crc32(packed) if compression else crc
+    whole_crc = 0
+    if chunk.is_big:
+        # The checksum of what is stored as it is has been computed already.
+        packed_crc = zlib.crc32(packed) if compression else crc
+        whole_crc = crc32_of_both(zlib.crc32(head), packed_crc, len(packed))
+        whole_crc = zlib.crc32(indexes, whole_crc)
     row = mcap.ChunkIndex(
         chunk_length=len(head) + len(packed),
         chunk_start_offset=0,
@@ -96,6 +106,6 @@ def encode_chunk(chunk: Chunk, compressor: zstandard.ZstdCompressor) -> Encoded:
     return Encoded(
         chunk=chunk,
         data=b"".join((head, packed, indexes)),
-        crc=zlib.crc32(indexes, crc32_of_both(zlib.crc32(head), packed_crc, len(packed))),
+        crc=whole_crc,
         row=row,
     )

@@ -13,7 +13,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.checksum import crc32_of_both
 from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
 from stepbus_orchestrator.recording.records import CRC_BYTES, HEAD, MAGIC, STEP_END
 from stepbus_orchestrator.recording.workers import Workers
@@ -245,7 +244,7 @@ class MessageWriter:
         start, row = self._output.tell(), encoded.row
         self._keep_room(self._index_bytes)
         self._output.write(encoded.data)
-        self.crc = crc32_of_both(self.crc, encoded.crc, len(encoded.data))
+        self.crc = encoded.crc_behind(self.crc)
         row.chunk_start_offset = start
         row.message_index_offsets = {
             channel: start + offset for channel, offset in row.message_index_offsets.items()

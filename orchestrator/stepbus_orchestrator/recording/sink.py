@@ -128,7 +128,7 @@ class Sink:
     def _published(self, name: str, outputs: Outputs) -> Published:
         step, plain, bulk, content = outputs.step, outputs.ports, self._bulk, []
         ports = self._ports_of[name]
-        if name in self._partly:
+        if self._partly and name in self._partly:
             ports = [port for port in ports if self._is_recorded(name, port, step)]
         for port in ports:
             if port in plain:
