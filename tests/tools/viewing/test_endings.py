@@ -116,6 +116,8 @@ def test_the_report_of_half_a_recording_says_so(recording, tmp_path, capsys):
 
 
 _PROGRAM = """
+import sys
+
 import stepbus_orchestrator.cli.commands as commands
 from stepbus_orchestrator.cli.entry import main
 
@@ -127,6 +129,7 @@ def execute(_):
     type("Owner", (), {"field": Field()})
 
 commands.execute = execute
+sys.argv[1:] = ["info"]
 raise SystemExit(main())
 """
 
