@@ -7,6 +7,7 @@ participant in a process of its own would have caused, and leaves no process beh
 import contextlib
 import ctypes
 import os
+import select
 import signal
 import sys
 import threading
@@ -64,7 +65,7 @@ def supervise(environment: Mapping[str, str]) -> int:
     """Start this command again, with a few more variables, as our child; return its exit code."""
     # Those that are ignored, as `nohup` does, stay ignored.
     signals = {number for number in SIGNALS if signal.getsignal(number) != signal.SIG_IGN}
-    signal.pthread_sigmask(signal.SIG_BLOCK, {*signals, signal.SIGCHLD})
+    signal.pthread_sigmask(signal.SIG_BLOCK, signals)
     ctypes.CDLL(None).prctl(_PR_SET_CHILD_SUBREAPER, 1)
     try:
         memory = Turns(turns.make_file())
@@ -83,12 +84,16 @@ def supervise(environment: Mapping[str, str]) -> int:
         return _INTERNAL
     watchdog = TurnWatchdog(memory, pid, is_owner=True)
     code, is_killed = None, False
+    end = os.pidfd_open(pid)
     while code is None:
-        _pass_on(signal.sigtimedwait({*signals, signal.SIGCHLD}, TICK_S), memory, pid)
+        select.select([end], [], [], TICK_S)
+        # With a time to wait, CPython returns rubbish where it is interrupted as that time ends.
+        _pass_on(signal.sigtimedwait(signals, 0), memory, pid)
         code = _reap(pid)
         if code is None and not is_killed and watchdog.is_late():
             is_killed = True
             os.kill(pid, signal.SIGKILL)
+    os.close(end)
     _end_orphans()
     # From here on, Ctrl-C ends it at once.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, signals)
@@ -96,7 +101,7 @@ def supervise(environment: Mapping[str, str]) -> int:
 
 
 def _pass_on(info: signal.struct_siginfo | None, memory: Turns, pid: int) -> None:
-    if info is None or info.si_signo == signal.SIGCHLD:
+    if info is None:
         return
     memory.words[INTERRUPTED] = 1
     if info.si_code != _FROM_KERNEL:

@@ -125,7 +125,7 @@ class Field:
     def __set_name__(self, owner, name):
         raise KeyboardInterrupt
 
-def execute(_):
+def execute(*_):
     type("Owner", (), {"field": Field()})
 
 commands.execute = execute
