@@ -23,13 +23,16 @@ class Place:
 
 
 def core_of(pid: int) -> int | None:
-    """Return the core a process has run on last; None with one core only, or cores of its own."""
+    """Return the core a process has run on last.
+
+    None where it is not to be moved: there is one core only, or it has chosen cores or a policy.
+    """
     if sys.platform != "linux":
         return None
     ours = os.sched_getaffinity(0)
     try:
         fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        is_free = os.sched_getaffinity(pid) == ours
+        is_free = os.sched_getaffinity(pid) == ours and _is_common(pid)
     except OSError:
         return None
     return int(fields[_CORE]) if is_free and len(ours) > 1 else None
@@ -43,6 +46,13 @@ def place_threads(pid: int, place: Place) -> None:
     policy = os.SCHED_BATCH if place.yields else os.SCHED_OTHER
     # Each thread may have ended meanwhile, and so may the process.
     with contextlib.suppress(OSError):
-        for thread in Path(f"/proc/{pid}/task").iterdir():
-            os.sched_setaffinity(int(thread.name), cores)
-            os.sched_setscheduler(int(thread.name), policy, os.sched_param(0))
+        for name in os.listdir(f"/proc/{pid}/task"):  # noqa: PTH208  (a path each takes longer)
+            thread = int(name)
+            if _is_common(thread):
+                os.sched_setaffinity(thread, cores)
+                os.sched_setscheduler(thread, policy, os.sched_param(0))
+
+
+def _is_common(thread: int) -> bool:
+    """Return whether a thread has the policy of all, and not one for real time, for example."""
+    return os.sched_getscheduler(thread) in {os.SCHED_OTHER, os.SCHED_BATCH}

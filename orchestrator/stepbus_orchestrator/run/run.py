@@ -46,7 +46,8 @@ class Run:
     state: how far it is. messages: takes what participants send. gates: hold steps. descriptions:
     of all outputs, from the end of the start-up on. killed: those that read nothing, and blocked
     all others. ended_at: when the stop was sent, by the monotonic clock [s]. is_recorded: whether
-    the recorder has been asked to finish, so that it must not be asked to abort.
+    the recorder has been asked to finish, so that it must not be asked to abort. is_timed: whether
+    the clock says when steps begin.
     """
 
     def __init__(
@@ -91,7 +92,7 @@ class Run:
         self._completions = overriding(extensions, "completed")
         self._releases = overriding(extensions, "released")
         self._waits = overriding(extensions, "wait_s")
-        self._is_timed = False
+        self.is_timed = False
         self._completed = 0
         self._looked_at = 0
         self._began = self.clock.monotonic()
@@ -114,7 +115,7 @@ class Run:
         last = self.state.barrier.last() if self.state.phase.is_stepping else ()
         self.session.inbox.wake_for(last)
         self.session.inbox.receive(wait_s)
-        self.release(always=self._is_timed)
+        self.release(always=self.is_timed)
         for turn in self._turns:
             turn()
         if self.interrupt.is_set():
@@ -138,7 +139,7 @@ class Run:
         """Return how long to wait for messages, where the clock may release a step [s]."""
         waits = [wait(self.state.released, TICK_S) for wait in self._waits]
         timed = [wait_s for wait_s in waits if wait_s is not None]
-        self._is_timed = bool(timed)
+        self.is_timed = bool(timed)
         return min(timed, default=TICK_S)
 
     def receive_for(self, duration_s: float) -> None:
@@ -267,6 +268,6 @@ class Run:
     def progress(self) -> Progress:
         """Return how far the run is."""
         # Until the next step is due by the clock, a run is held too.
-        is_held = not self._is_timed or any(item.is_holding() for item in self.extensions)
+        is_held = not self.is_timed or any(item.is_holding() for item in self.extensions)
         elapsed_s = self.clock.monotonic() - (self.state.started_at or self._began)
         return progress_of(self.state, self.descriptions, elapsed_s, is_held=is_held)

@@ -66,6 +66,10 @@ class Placement(RunExtension):
 
     def turn(self) -> None:
         """Go on with the plan, when it is time to."""
+        if self.run.is_timed:
+            # The clock says when a step begins; a trial would only make some late.
+            self._put(Place())
+            return
         now = self.run.clock.monotonic()
         if now >= self._due_s and self.run.state.phase.is_stepping:
             self._due_s = now + next(self._plan, float("inf"))
@@ -74,6 +78,10 @@ class Placement(RunExtension):
         """Let all end wherever they like."""
         self._put(Place())
         self._due_s = float("inf")
+
+    def close(self) -> None:
+        """Leave this process as it was, also where a run has failed."""
+        self._put(Place())
 
     def _trials(self) -> Iterator[float]:
         """Yield how long to leave everything as it is [s]."""

@@ -20,6 +20,7 @@ class Machine:
         self.rates = {True: together, False: apart}
         self.cores = cores
         self.now = 0.0
+        self.is_timed = False
         self.kept = {"plant": None, "controller": None}
         self.done = 0.0
         self.placement = Placement()
@@ -101,6 +102,13 @@ def test_at_its_end_a_run_lets_all_go():
     assert machine.run_for(5) == 0
 
 
+def test_a_run_by_the_clock_is_left_alone():
+    machine = Machine(apart=3000, together=4500)
+    machine.run_for(5)
+    machine.is_timed = True
+    assert machine.run_for(5) == 0
+
+
 def test_only_those_that_wait_for_themselves_take_turns():
     assert in_cycles(load("two_link")) == ["plant", "controller"]
 
@@ -119,10 +127,17 @@ def test_a_process_is_kept_with_all_its_threads(tmp_path):
         (kept,) = {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)}
         assert len(kept) == 1
         assert child.core() is None  # it is on one core already, for whatever reason
+        assert {os.sched_getscheduler(thread) for thread in threads(child)} == {os.SCHED_BATCH}
         child.place(Place())
         assert {frozenset(os.sched_getaffinity(thread)) for thread in threads(child)} == {
             frozenset(os.sched_getaffinity(0))
         }
+        assert {os.sched_getscheduler(thread) for thread in threads(child)} == {os.SCHED_OTHER}
+        (chosen, *_) = threads(child)
+        os.sched_setscheduler(chosen, os.SCHED_IDLE, os.sched_param(0))
+        assert child.core() is None
+        child.place(Place(yields=True))
+        assert os.sched_getscheduler(chosen) == os.SCHED_IDLE
     finally:
         child.end(0.0)
     child.place(Place())
