@@ -3,13 +3,14 @@
 import contextlib
 import os
 import tempfile
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Protocol
 
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.slots import slot_counts
-from stepbus_participant import SlotError, file_name, read_slot
+from stepbus_participant import SlotError, file_name, keep_memory, read_slot
 from stepbus_schemas import Outputs, Ready
 
 _MEMORY = Path("/dev/shm")  # noqa: S108
@@ -17,18 +18,24 @@ _LEAST_ROOM = 1 << 28
 """Where there is less, as by default in a container, slots are with the run's other files [B]."""
 
 
+class BulkSink(Protocol):
+    """What takes the content of bulk outputs: the sink of a run."""
+
+    def is_recorded(self, name: str, port: str, step: int) -> bool:
+        """Return whether it takes what a port publishes at a step."""
+
+    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
+        """Take it."""
+
+
 class RunSlots:
     """The slots of a run; without a scenario, none.
 
-    folder: has a file for each bulk output; empty: there are none. is_kept: whether the
-    orchestrator takes their content.
+    folder: has a file for each bulk output; empty: there are none.
     """
 
-    def __init__(
-        self, scenario: Scenario | None = None, folder: str = "", *, is_kept: bool = True
-    ) -> None:
+    def __init__(self, scenario: Scenario | None = None, folder: str = "") -> None:
         self.folder = folder
-        self._is_kept = is_kept
         self._counts = {} if scenario is None else slot_counts(scenario)
         self._users: dict[str, set[str]] = {name: set() for name in self._counts}
         self._files: dict[str, int] = {}
@@ -57,9 +64,7 @@ class RunSlots:
         }
         return self._agreed
 
-    def take(
-        self, name: str, outputs: Outputs, offer: Callable[[str, str, int, bytes], None]
-    ) -> str | None:
+    def take(self, name: str, outputs: Outputs, sink: BulkSink) -> str | None:
         """Hand on the content that is in slots; return what is wrong with it, or None.
 
         To be called before the outputs count as reported: then their slots may be reused.
@@ -69,12 +74,12 @@ class RunSlots:
             length = outputs.bulk.get(port)
             if output not in self._agreed or length is None:
                 return f"announced {port!r} in a slot, where no slots were agreed on"
-            if self._is_kept:
+            if sink.is_recorded(name, port, outputs.step):
                 try:
                     content = read_slot(self._files[output], offset, outputs.step, length)
                 except SlotError as exc:
                     return f"announced {port!r}, and {exc}"
-                offer(name, port, outputs.step, content)
+                sink.offer_bulk(name, port, outputs.step, content)
         return None
 
     def close(self) -> None:
@@ -83,7 +88,7 @@ class RunSlots:
             os.close(self._files.popitem()[1])
 
 
-def make_slots(scenario: Scenario, launcher: Launcher, *, is_kept: bool) -> RunSlots:
+def make_slots(scenario: Scenario, launcher: Launcher) -> RunSlots:
     """Make the files for the bulk outputs of a scenario, which go with the private folder.
 
     They are in memory, where there is room. Where none can be made, there are no slots.
@@ -91,9 +96,11 @@ def make_slots(scenario: Scenario, launcher: Launcher, *, is_kept: bool) -> RunS
     if not slot_counts(scenario):
         return RunSlots()
     try:
-        return RunSlots(scenario, str(_folder(launcher)), is_kept=is_kept)
+        slots = RunSlots(scenario, str(_folder(launcher)))
     except OSError:
         return RunSlots()
+    keep_memory()
+    return slots
 
 
 def _folder(launcher: Launcher) -> Path:

@@ -78,10 +78,11 @@ class Sink:
 
     def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
         """Keep the content of a bulk port, before or after the outputs that announce it."""
-        if self._is_recorded(name, port, step):
+        if self.is_recorded(name, port, step):
             self._bulk[name, step, port] = content
 
-    def _is_recorded(self, name: str, port: str, step: int) -> bool:
+    def is_recorded(self, name: str, port: str, step: int) -> bool:
+        """Return whether the recording gets what a port publishes at a step."""
         every = self._partly[name].get(port, 1) if name in self._partly else 1
         return bool(every) and step % every == 0
 
@@ -97,7 +98,7 @@ class Sink:
     def _has_bulk(self, name: str, outputs: Outputs) -> bool:
         step, bulk = outputs.step, self._bulk
         return all(
-            (name, step, port) in bulk or not self._is_recorded(name, port, step)
+            (name, step, port) in bulk or not self.is_recorded(name, port, step)
             for port in outputs.bulk
         )
 
@@ -129,7 +130,7 @@ class Sink:
         step, plain, bulk, content = outputs.step, outputs.ports, self._bulk, []
         ports = self._ports_of[name]
         if self._partly and name in self._partly:
-            ports = [port for port in ports if self._is_recorded(name, port, step)]
+            ports = [port for port in ports if self.is_recorded(name, port, step)]
         for port in ports:
             if port in plain:
                 content.append((port, bytes(plain[port])))

@@ -45,7 +45,7 @@ class Opening:
     scenario: checked. out: folder of the run, an absolute path. logs: folder of the participants'
     logs. run, token: its key space and its secret. extensions: its features. interrupt: ends it
     when it is set. warn: takes a participant and what it has left behind. result: returns what
-    result.json would hold, were the run over. is_recorded: whether anything takes bulk content.
+    result.json would hold, were the run over.
     """
 
     scenario: Scenario
@@ -57,7 +57,6 @@ class Opening:
     interrupt: threading.Event
     warn: Callable[[str, str], None]
     result: Callable[[], bytes]
-    is_recorded: bool = True
 
     @property
     def is_star(self) -> bool:

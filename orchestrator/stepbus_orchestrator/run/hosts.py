@@ -52,7 +52,7 @@ class Processes:
             slots = RunSlots()
             # The orchestrator passes on what it plays.
             if self.has_slots and not opening.is_star:
-                slots = make_slots(opening.scenario, launcher, is_kept=opening.is_recorded)
+                slots = make_slots(opening.scenario, launcher)
             with self.around(launcher.children), contextlib.ExitStack() as stack:
                 bus = open_bus(mesh.orchestrator, opening.run)
                 stack.callback(bus.close)

@@ -170,7 +170,6 @@ class _Execution:
             interrupt=self._interrupt,
             warn=self._events.add_warning,
             result=lambda: msgspec.json.encode(self._result("")),
-            is_recorded=self._options.is_recorded,
         )
         adapted = self._scenario
         for extension in self._options.extensions:
@@ -249,6 +248,10 @@ class _NoRecorder(Sink):
             spec.name: [port for port, row in spec.outputs.items() if row.type == type_name(Event)]
             for spec in order
         }
+
+    def is_recorded(self, name: str, port: str, step: int) -> bool:
+        """Return that it is not."""
+        return False
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Report the events among the outputs of one participant."""

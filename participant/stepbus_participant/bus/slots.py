@@ -7,6 +7,7 @@ a short read, not a SIGBUS, and no view outlives its step.
 """
 
 import contextlib
+import ctypes
 import os
 import struct
 from collections.abc import Iterable
@@ -54,6 +55,23 @@ def _shown(header: bytes) -> str:
         return "nothing"
     step, length = _HEADER.unpack(header)
     return f"step {step} with {length} bytes, or less"
+
+
+_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
+"""Parameters of mallopt(3)."""
+
+
+def keep_memory() -> None:
+    """Let the C library keep up to 128 MB of what this process frees, where it is glibc.
+
+    Otherwise it gives the memory of each picture back to the kernel, and each page of the next one
+    is a page fault: half the time of a step with pictures of 2.76 MB.
+    """
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is not None:
+        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
+        mallopt(_M_TRIM_THRESHOLD, 128 << 20)
+        mallopt(_M_TOP_PAD, 16 << 20)
 
 
 class SlotWriter:
@@ -118,6 +136,8 @@ class Slots:
             self._open((file_name(self._name, port) for port in own), os.O_RDWR)
             read = (item for item in welcome.inputs.values() if item.bulk)
             self._open((file_name(item.source, item.port) for item in read), os.O_RDONLY)
+        if self._files:
+            keep_memory()
 
     def _open(self, names: Iterable[str], mode: int) -> None:
         for name in names:

@@ -11,6 +11,7 @@ from support.surroundings import comes_true
 
 from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.slots import RunSlots
+from stepbus_orchestrator.recording import Sink
 from stepbus_orchestrator.run.kernel.barrier import Barrier
 from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_orchestrator.scenario.slots import slot_counts
@@ -74,7 +75,7 @@ def test_all_that_use_an_output_have_to_have_its_file_open(tmp_path):
     assert slots.agree({"source": able, "reader": Ready(name="", token="")}) == {}
     assert slots.agree({"reader": able}) == {}
     outputs = Outputs(token="", step=0, t_ns=0, bulk={"state": 3}, slots={"state": 0})
-    assert "no slots were agreed on" in slots.take("source", outputs, lambda *_: None)
+    assert "no slots were agreed on" in slots.take("source", outputs, Sink({}))
     slots.close()
 
 

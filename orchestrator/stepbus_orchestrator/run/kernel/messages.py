@@ -47,7 +47,7 @@ _decode_outputs = Decoder(Outputs)
 _decode_fault = Decoder(Fault)
 
 
-TakeSlots = Callable[[str, Outputs, Callable[[str, str, int, bytes], None]], str | None]
+TakeSlots = Callable[[str, Outputs, Sink], str | None]
 """Hands on what is in slots; returns what is wrong with it."""
 
 
@@ -98,7 +98,7 @@ class MessageHandler:
         recorder: Sink,
         timing: TimingRecorder,
         *,
-        take_slots: TakeSlots = lambda _name, _outputs, _offer: "has no slots",
+        take_slots: TakeSlots = lambda _name, _outputs, _sink: "has no slots",
     ) -> None:
         self._state = state
         self._token = token
@@ -233,7 +233,6 @@ class MessageHandler:
         """Take outputs of one participant, in the order of their steps."""
         state, name = self._state, participant.name
         wrong, report, offer = self._wrong_ports[name], state.barrier.report, self._recorder.offer
-        offer_bulk = self._recorder.offer_bulk
         for outputs in batch:
             if not state.started_at:
                 raise self._broken(participant, "logged outputs before the start")
@@ -243,7 +242,7 @@ class MessageHandler:
             if problem := wrong(outputs):
                 raise self._broken(participant, problem)
             # Once its outputs are reported, a participant may use their slots again.
-            if outputs.slots and (problem := self._take_slots(name, outputs, offer_bulk)):
+            if outputs.slots and (problem := self._take_slots(name, outputs, self._recorder)):
                 raise self._broken(participant, problem)
             if not report(name, step):
                 reached("a log is out of order")
