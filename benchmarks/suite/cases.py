@@ -46,7 +46,7 @@ def picture_peers() -> list[Case]:
             kind,
             str(w),
             str(h),
-            steps=steps,
+            steps=5 * steps,
         )
         for w, h, steps in PICTURES
         for name, kind in (("dora-rs", "dora"), ("iceoryx2", "iceoryx2"))
