@@ -17,7 +17,7 @@ from stepbus_orchestrator.analysis.divergence import (
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
 from stepbus_orchestrator.recording import Entry, Recording
 from stepbus_orchestrator.recording.layout import CHAIN_TOPIC, Source
-from stepbus_orchestrator.scenario.model import RECORD_ALL
+from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_schemas import SHIPPED
 
 T = TypeVar("T")

@@ -14,7 +14,7 @@ from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.result import RESULT_FILE, result_beside
-from stepbus_orchestrator.scenario.model import RECORD_ALL
+from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 

@@ -9,7 +9,8 @@ import subprocess
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
-from stepbus_orchestrator.scenario.model import InputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.program import PYTHON, check_program
 from stepbus_orchestrator.scenario.schedule import sort
 from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest

@@ -4,7 +4,6 @@ From here come reading, the tables of docs/reference/scenario.md and the JSON Sc
 Durations are integers [ns]; deadlines, of the wall clock, [s].
 """
 
-import re
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -20,78 +19,16 @@ from stepbus_schemas import (
     SHIPPED,
     BridgeFormat,
     Description,
-    Event,
     Types,
     explained,
-    type_name,
 )
+
+from .ports import InputSpec, OutputSpec
 
 LAST_TCP_PORT = 65535
 EXTERNAL_SPAWN_S = 120.0
 """Deadline of a participant that the user starts by hand: until its process is on the bus [s]."""
 Transport = Literal["unix", "tcp"]
-RECORD_ALL, RECORD_OFF, _EVERY = "all", "off", "every "
-_RECORD = re.compile(f"{RECORD_ALL}|{RECORD_OFF}|{_EVERY}[1-9][0-9]{{0,8}}")
-
-
-class InputSpec(Settings, dict=True, omit_defaults=True):
-    """Where an input comes from."""
-
-    short = "from"
-
-    from_: str
-    """`participant.output`; not an output of the participant itself."""
-    delay: Whole = 0
-    """How many steps old it is at least."""
-    type: str | None = None
-    """A message type this participant insists on; it is checked against the output's."""
-
-    @cached_property
-    def source(self) -> str:
-        """Return the participant that publishes it."""
-        return self.from_.partition(".")[0]
-
-    @cached_property
-    def port(self) -> str:
-        """Return the output of that."""
-        return self.from_.partition(".")[2]
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what cannot be an output."""
-        if not (self.source and self.port) or "." in self.port:
-            text = f"must be PARTICIPANT.OUTPUT, e.g. plant.joint_state, not {self.from_!r}"
-            yield ("from",), text
-
-
-class OutputSpec(Settings, omit_defaults=True):
-    """What an output carries."""
-
-    short = "type"
-
-    type: str
-    """`Name/major`, one of [messages.md](messages.md) or of the scenario's `types`."""
-    bulk: bool = False
-    """Large content, which travels on a key of its own."""
-    record: str = RECORD_ALL
-    """What the recording has of it: `all`, `every 10` (of ten steps of the participant the first),
-    or `off`."""
-
-    @property
-    def record_every(self) -> int:
-        """Return of how many steps of its participant the first is recorded; 0: none."""
-        if self.record == RECORD_ALL:
-            return 1
-        return 0 if self.record == RECORD_OFF else int(self.record.removeprefix(_EVERY))
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield what cannot be recorded like that."""
-        if not _RECORD.fullmatch(self.record):
-            near = suggest(self.record, (RECORD_ALL, RECORD_OFF, f"{_EVERY}10"))
-            text = f"must be all, off or every N, e.g. every 10, not {self.record!r}"
-            yield ("record",), text + near
-        elif self.record != RECORD_ALL and self.type == type_name(Event):
-            text = f"an output of {self.type} is recorded whole: what it says is shown from there"
-            yield ("record",), text
 
 
 class HoldSpec(Settings):

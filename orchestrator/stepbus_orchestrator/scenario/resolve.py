@@ -13,7 +13,8 @@ from ruamel.yaml.representer import SafeRepresenter
 from stepbus_participant import format_duration
 
 from .faults import format_fault
-from .model import BridgeSpec, HoldSpec, InputSpec, OutputSpec, ParticipantSpec, Scenario
+from .model import BridgeSpec, HoldSpec, ParticipantSpec, Scenario
+from .ports import InputSpec, OutputSpec
 
 _HARMLESS = re.compile(r"(?:--?|\.{0,2}/)?[A-Za-z0-9_][A-Za-z0-9_./+-]*")
 

@@ -6,7 +6,8 @@ from functools import cached_property
 
 from stepbus_schemas import due_step
 
-from .model import InputSpec, ParticipantSpec, Scenario
+from .model import ParticipantSpec, Scenario
+from .ports import InputSpec
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.recording import Sink
 from stepbus_orchestrator.run.kernel.barrier import Barrier
-from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_schemas import Outputs, Ready, due_step
 

@@ -17,7 +17,8 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout
 from stepbus_orchestrator.recording.checksum import crc32_of_both
 from stepbus_orchestrator.recording.reader.tail import Tail
 from stepbus_orchestrator.recording.workers import Workers
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Image, JointState, Outputs, encode
 
 STEPS, STEP_NS = 70, 5_000_000

@@ -7,7 +7,8 @@ import pytest
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.recording.reader.descriptions import recorded_types
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode
 from stepbus_tools.report import write_report
 from stepbus_tools.viewing.page import write_page

@@ -7,7 +7,8 @@ from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Event, JointCommand, Outputs, encode
 
 STEP_NS = 1_000_000

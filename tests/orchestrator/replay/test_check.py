@@ -8,7 +8,8 @@ from stepbus_orchestrator.analysis.tolerance import Tolerance
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Recording, Sink
 from stepbus_orchestrator.replay.replayed import Replayed
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import BytesMessage, Outputs, Scalars, encode
 
 STEP_NS = 10_000_000

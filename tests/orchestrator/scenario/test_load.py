@@ -7,7 +7,8 @@ from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.plugins import all_points
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import builtin_names, locate, package_url
-from stepbus_orchestrator.scenario.model import BusSpec, Deadlines, InputSpec, OutputSpec
+from stepbus_orchestrator.scenario.model import BusSpec, Deadlines
+from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_participant import is_installed
 
 

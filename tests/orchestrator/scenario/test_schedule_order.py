@@ -3,7 +3,7 @@ from __future__ import annotations
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problems_of, wiring
 
-from stepbus_orchestrator.scenario.model import InputSpec
+from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant.session.inputs import Input, make_sources
 from stepbus_schemas import InputConfig

@@ -14,7 +14,8 @@ from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario.model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import Sample, every_on_a_thread
 from stepbus_schemas import Decoder, JointState, Log, Outputs, Ready, Stop, Trigger, encode

@@ -6,7 +6,8 @@ import msgspec
 import pytest
 
 from stepbus_orchestrator.recording import McapFile, Recorder
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, JointReference, JointState, Outputs, encode
 from stepbus_tools.report import write_report
 

@@ -8,7 +8,8 @@ import pytest
 from support.browser import Curves, needs_chromium, opened
 
 from stepbus_orchestrator.recording import McapFile, Recorder, Tail
-from stepbus_orchestrator.scenario.model import OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
 from stepbus_tools.viewing.stage.curves import Signal, _curve, _rows, time_span, value_span

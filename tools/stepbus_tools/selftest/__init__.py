@@ -14,7 +14,8 @@ from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario.model import InputSpec, OutputSpec, ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_schemas import Description, WiringError
 from stepbus_tools.selftest.judge import Verdict, best, judge
 from stepbus_tools.selftest.tester import by_mode, make_plan, read_joints

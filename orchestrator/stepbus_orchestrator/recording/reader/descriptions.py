@@ -9,7 +9,7 @@ from mcap.records import Channel
 
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.scenario.model import RECORD_ALL
+from stepbus_orchestrator.scenario.ports import RECORD_ALL
 from stepbus_schemas import (
     ENVELOPE_TYPES,
     MESSAGE_TYPES,

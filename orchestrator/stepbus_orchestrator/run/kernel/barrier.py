@@ -3,7 +3,8 @@
 from collections.abc import Callable, Iterable
 from operator import add
 
-from stepbus_orchestrator.scenario.model import InputSpec, Scenario
+from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_schemas import due_step
 
 FAR = 1 << 62

@@ -4,7 +4,8 @@ import msgspec
 import pytest
 
 from stepbus_orchestrator.run.safe_stop import Substitute
-from stepbus_orchestrator.scenario.model import HoldSpec, OutputSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.model import HoldSpec, ParticipantSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import (
     SHIPPED,
     BaseCommand,

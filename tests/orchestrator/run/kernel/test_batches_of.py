@@ -6,7 +6,8 @@ from msgspec import structs
 from support.runs.kernel import CONTROLLER, PLANT, participant, scenario
 
 from stepbus_orchestrator.run.kernel.admission import batches_of
-from stepbus_orchestrator.scenario.model import FaultSpec, HoldSpec, OutputSpec
+from stepbus_orchestrator.scenario.model import FaultSpec, HoldSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 
 MISSION = participant("mission")
 ALL = {"plant": True, "mission": True, "controller": True}

@@ -4,7 +4,7 @@ import pytest
 from support.runs.kernel import MISSION, PLANT, scenario
 
 from stepbus_orchestrator.run.safe_messages import motion_at_end
-from stepbus_orchestrator.scenario.model import OutputSpec
+from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import BaseState, Description, JointState, encode
 
 PORTS = {"state": OutputSpec(type="JointState/1"), "base": OutputSpec(type="BaseState/1")}
