@@ -112,6 +112,7 @@ def test_spans_of_time_are_words(seconds, text):
     assert span(seconds) == text
 
 
+@pytest.mark.slow
 def test_a_terminal_shows_one_bar_and_nothing_of_it_stays(tmp_path):
     # In real time it lasts long enough for a rate on every machine.
     words = [*RUN, "duration=2500ms", "--real-time", "--out", tmp_path / "out"]
