@@ -42,6 +42,7 @@ def test_undisturbed_runs_cost_what_they_did():
     assert costs() == json.loads((CHECKOUT / "tests/simulation/costs.json").read_text())
 
 
+@pytest.mark.slow
 def test_what_is_drawn_holds():
     total = run_numbers(2, 0, 40)
     assert [failure.problem for failure in total.failures] == []

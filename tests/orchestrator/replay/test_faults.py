@@ -105,6 +105,7 @@ def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow
 def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_path, own_temp):
     recording = run(
         load(write_large(tmp_path)), Options(out=tmp_path / "out", host=InProcess())

@@ -156,6 +156,7 @@ def test_on_the_quick_transport_content_has_to_be_in_slots(tmp_path, in_messages
     assert "the content of camera.frame travels in messages here" in result.reason
 
 
+@pytest.mark.slow
 def test_a_reader_that_is_stopped_for_a_second_finds_all(tmp_path, in_messages):
     result, used = record(tmp_path, faults=["freeze slow at 12 for 1s"])
     assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason

@@ -37,6 +37,7 @@ def inputs(tmp_path_factory):
     return record(load(folder), "eye", folder / "run")
 
 
+@pytest.mark.slow
 def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
     names = [
         "handshake", "content", "encodings", "duplicate", "wrong-message", "bulk-late",

@@ -37,6 +37,7 @@ def links_of(folder):
     return links - {link for ticket in tickets if ticket.name == "controller" for link in ticket.endpoint.listen}  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("transport", TRANSPORTS)
 def test_without_credentials_there_is_no_link(tmp_path, own_temp, reference, transport):
     heard, peers = [], []
@@ -56,6 +57,7 @@ def test_without_credentials_there_is_no_link(tmp_path, own_temp, reference, tra
     assert set(result.drops.values()) == {0}
 
 
+@pytest.mark.slow
 def test_a_certificate_of_another_authority_gets_no_link(tmp_path, own_temp, reference):
     (tmp_path / "keys").mkdir()
     forged = certificates(["controller"], tmp_path / "keys")["controller"]

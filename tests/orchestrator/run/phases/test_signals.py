@@ -92,6 +92,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_pa
     assert len(recording["plant/joint_state"]) > 1000
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ending", [[], [signal.SIGINT]])
 def test_nobody_waits_for_those_that_are_stopped_once_the_run_has_failed(tmp_path, start, ending):
     stop = [f"{name}.stop_timeout=10min" for name in ("plant", "controller", "mission")]

@@ -112,6 +112,7 @@ def strip(pixels):
     return dark.sum(), dark[:, -110:]
 
 
+@pytest.mark.slow
 def test_a_caption_says_whose_run_it_is_and_a_clock_runs(moving, tmp_path):
     assert main(["export", str(moving), "--video", str(tmp_path / "a.mp4")]) == 0
     frames = [pixels for _, pixels in decoded(tmp_path / "a.mp4")]
