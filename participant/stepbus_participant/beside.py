@@ -98,7 +98,7 @@ class Copy:
         # no time-out: each look waits for one, and a copy that works is bounded by who waits
         while not poll.poll(_LOOK_MS):
             before, seen = seen, _activity(self.pid)
-            looks = 0 if seen[0] != before[0] or seen[1] == "R" else looks + 1
+            looks = 0 if seen[0] != before[0] or seen[1] in "RD" else looks + 1
             if looks == _LOOKS:
                 state = "has been stopped" if seen[1] == "T" else "does not go on"
                 raise RunError(f"{self._what}: process {self.pid}, which works on it, {state}")
