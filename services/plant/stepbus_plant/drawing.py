@@ -7,10 +7,8 @@ where is decided by what it takes, and changes no result.
 
 import contextlib
 import os
-from collections import deque
 from collections.abc import Collection
 from functools import cached_property, partial
-from itertools import chain
 from time import perf_counter
 
 from stepbus_participant.beside import Copy
@@ -23,31 +21,27 @@ _WORTH_S = 0.01
 class _Picture:
     """A picture that a camera takes now.
 
-    due_ns: when it is put out [ns]. cores: a copy may run on; none: it is drawn here, when it is
-    asked for.
+    due_ns: when it is put out [ns]. cores: a copy may run on; none: it is drawn here. is_beside:
+    whether it is drawn in a copy.
     """
 
     def __init__(self, camera: Camera, t_ns: int, cores: Collection[int]) -> None:
-        self.due_ns = t_ns + camera.latency_ns
-        self._camera, self._t_ns = camera, t_ns
+        self.camera, self.due_ns = camera, t_ns + camera.latency_ns
+        self._t_ns = t_ns
         self._copy: Copy | None = None
         if cores:
             what = f"camera {camera.name!r}, image of {t_ns / 1e9:g} s"
             # Where there can be no further process, it is drawn here.
             with contextlib.suppress(OSError):
                 self._copy = Copy(partial(camera.pixels, t_ns), camera.size, what, cores)
-
-    @property
-    def is_beside(self) -> bool:
-        """Return whether it is drawn in a copy."""
-        return self._copy is not None
+        self.is_beside = self._copy is not None
 
     @cached_property
     def rendering(self) -> Rendering:
-        """Colours and depth; raises RunError where its copy has failed."""
+        """Colours and depth, once they are drawn; raises RunError where a copy has failed."""
         if self._copy is None:
-            return self._camera.render(self._t_ns)
-        return self._camera.rendering(self._copy.result())
+            return self.camera.render(self._t_ns)
+        return self.camera.rendering(self._copy.result())
 
     def end(self) -> None:
         """Draw no further."""
@@ -65,7 +59,7 @@ class Drawing:
         self._t_ns = -1
         self._cameras: list[Camera] = []
         self._took_s: dict[str, float] = {}
-        self._under_way: dict[str, deque[_Picture]] = {}
+        self._under_way: list[_Picture] = []
         self._shown: dict[str, _Picture] = {}
 
     @property
@@ -77,41 +71,33 @@ class Drawing:
         """Draw the pictures of one more camera, once."""
         if camera not in self._cameras:
             self._cameras.append(camera)
-            self._under_way[camera.name] = deque()
 
     def images(self, camera: Camera, t_ns: int) -> Rendering | None:
         """Return what a camera puts out at a time [ns], drawn once for all ports; None: nothing."""
         if t_ns != self._t_ns:
+            self._t_ns = t_ns
             self._take(t_ns)
         picture = self._shown.get(camera.name)
-        if picture is None:
-            return None
-        began = perf_counter()
-        rendering = picture.rendering
-        if not picture.is_beside:
-            self._took_s.setdefault(camera.name, perf_counter() - began)
-        return rendering
+        return None if picture is None else picture.rendering
 
     def _take(self, t_ns: int) -> None:
-        """Take the pictures of a time; those that are shown now are drawn at once."""
-        self._t_ns = t_ns
+        """Take the pictures of a time; what no copy draws is drawn before it returns."""
         taking = [camera for camera in self._cameras if camera.takes(t_ns)]
         now = [camera for camera in taking if not camera.latency_ns]
         # This process draws the last of them itself.
-        slow = [camera for camera in now if self._took_s.get(camera.name, 0.0) > _WORTH_S][:-1]
-        for camera in taking:
-            is_beside = bool(camera.latency_ns) or camera in slow
-            picture = _Picture(camera, t_ns, self._cores if is_beside else ())
-            if camera.latency_ns and not picture.is_beside:
+        beside = [c for c in now if self._took_s.get(c.name, 0.0) > _WORTH_S][:-1]
+        beside += [camera for camera in taking if camera.latency_ns]
+        pictures = [_Picture(c, t_ns, self._cores if c in beside else ()) for c in taking]
+        for picture in pictures:
+            if not picture.is_beside:
+                began = perf_counter()
                 _ = picture.rendering
-            self._under_way[camera.name].append(picture)
-        self._shown = {
-            name: pictures.popleft()
-            for name, pictures in self._under_way.items()
-            if pictures and pictures[0].due_ns == t_ns
-        }
+                self._took_s[picture.camera.name] = perf_counter() - began
+        self._under_way += pictures
+        self._shown = {p.camera.name: p for p in self._under_way if p.due_ns == t_ns}
+        self._under_way = [p for p in self._under_way if p.due_ns > t_ns]
 
     def close(self) -> None:
         """Draw no further."""
-        for picture in chain(self._shown.values(), *self._under_way.values()):
+        for picture in (*self._shown.values(), *self._under_way):
             picture.end()
