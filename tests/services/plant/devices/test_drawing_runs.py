@@ -1,6 +1,5 @@
 """Runs in which a camera's images are drawn beside the steps."""
 
-
 import psutil
 import pytest
 from support.services.camera import WORLD, write_scene
