@@ -14,6 +14,7 @@ import select
 import signal
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
+from typing import Any
 
 from stepbus_schemas import RunError
 
@@ -29,7 +30,8 @@ is 3 s: who waits too long for a copy says so himself.
 _TEXT = 1000
 _DONE, _FAILED = 1, 2
 
-_prctl = ctypes.CDLL(None).prctl
+_prctl: Any = getattr(ctypes.CDLL(None), "prctl", None)
+"""Of Linux; elsewhere nobody makes a copy."""
 _making: list[bool] = []
 
 

@@ -129,8 +129,9 @@ class Devices:
                 raise WiringError(f"has type {port_type}; {known}")
             camera = self._views[port].camera
             self.drawing.add(camera)
-            is_seldom = camera.period_ns and not camera.latency_ns
-            return self._views[port], camera.period_ns if is_seldom else self._period_ns
+            # One with a latency puts its images out at other steps than it takes them.
+            period_ns = None if camera.latency_ns else camera.period_ns
+            return self._views[port], period_ns or self._period_ns
         section = STATES[port_type]
         name, row = self._choose(section, port, port_type)
         if (section, name) not in self._sensors:

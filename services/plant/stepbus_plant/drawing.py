@@ -7,6 +7,7 @@ where is decided by what it takes, and changes no result.
 
 import contextlib
 import os
+import sys
 from collections.abc import Collection
 from functools import cached_property, partial
 from time import perf_counter
@@ -54,7 +55,7 @@ class Drawing:
 
     def __init__(self) -> None:
         # As the process is started: while it runs, it may be kept on one of them.
-        cores = os.sched_getaffinity(0)
+        cores = os.sched_getaffinity(0) if sys.platform == "linux" else ()
         self._cores: Collection[int] = cores if len(cores) > 1 else ()
         self._t_ns = -1
         self._cameras: list[Camera] = []
