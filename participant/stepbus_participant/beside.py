@@ -124,9 +124,8 @@ class Copy:
         handle, self._handle = self._handle, -1
         with contextlib.suppress(ProcessLookupError):
             signal.pidfd_send_signal(handle, signal.SIGKILL)
-        # no time-out: it was killed
         with contextlib.suppress(ChildProcessError):
-            os.waitpid(self.pid, 0)
+            os.waitpid(self.pid, 0)  # no time-out: it was killed
         os.close(handle)
         self._memory.close()
 

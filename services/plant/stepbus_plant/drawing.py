@@ -18,6 +18,9 @@ from stepbus_plant.camera import Camera, Rendering
 _WORTH_S = 0.01
 """What a picture has to take for a copy to be faster, which takes 2 ms, and 8 of another core."""
 
+_MOST = 2
+"""Processes under way, for each core: however long the latency, the plant gets no further ahead."""
+
 
 class _Picture:
     """A picture that a camera takes now.
@@ -43,6 +46,11 @@ class _Picture:
         if self._copy is None:
             return self.camera.render(self._t_ns)
         return self.camera.rendering(self._copy.result())
+
+    @property
+    def is_process(self) -> bool:
+        """Return whether it has a process yet, which may have ended."""
+        return self.is_beside and "rendering" not in self.__dict__
 
     def end(self) -> None:
         """Draw no further."""
@@ -95,6 +103,9 @@ class Drawing:
                 _ = picture.rendering
                 self._took_s[picture.camera.name] = perf_counter() - began
         self._under_way += pictures
+        processes = [picture for picture in self._under_way if picture.is_process]
+        for picture in processes[: -_MOST * max(len(self._cores), 1)]:
+            _ = picture.rendering
         self._shown = {p.camera.name: p for p in self._under_way if p.due_ns == t_ns}
         self._under_way = [p for p in self._under_way if p.due_ns > t_ns]
 

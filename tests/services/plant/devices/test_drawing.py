@@ -138,6 +138,18 @@ def test_a_plant_leaves_no_copy_behind(tmp_path):
         assert len(copies()) == 1
 
 
+def test_however_long_the_latency_there_are_few_copies(tmp_path):
+    late = FALLING.replace("period: 10ms", "period: 5ms, latency: 100ms")
+    now = shown(tmp_path, FALLING.replace("period: 10ms", "period: 5ms"), steps=4)
+    with standing(tmp_path, late) as stand:
+        counts = []
+        for step in range(20):
+            assert "rgb" not in stand.update(step)
+            counts.append(len(copies()))
+        assert max(counts) == counts[-1] == 4
+        assert [stand.update(step)["rgb"] for step in range(20, 24)] == [row["rgb"] for row in now]
+
+
 def test_the_renderer_is_known(tmp_path):
     with standing(tmp_path, WORLD) as stand:
         versions = stand.participant.versions()
