@@ -33,7 +33,7 @@ class Disturber(stepbus.Participant):
     def update(self, step):
         if step.index == 1:
             mine = psutil.Process()
-            plants = {mine, *mine.parent().children()}
+            plants = [mine] if self.config.params["shared"] else mine.parent().children()
             (copy,) = [c for p in plants for c in p.children() if c.cmdline() == p.cmdline()]
             target, number = self.config.params["who"], self.config.params["signal"]
             Path(self.config.folder, "pid").write_text(str(copy.pid))
@@ -65,7 +65,7 @@ DISTURBER = """
     participant: program.py:Disturber
     inputs: {joint_state: plant.joint_state}
     outputs: {camera: CameraTrigger/1}
-    params: {who: WHO, signal: NUMBER}
+    params: {who: WHO, signal: NUMBER, shared: SHARED}
 """
 
 
@@ -74,6 +74,11 @@ def write(folder, camera, rest=VIEWER):
     (folder / "program.py").write_text(PROGRAM)
     (folder / "scenario.yaml").write_text(SCENARIO + rest)
     return load(str(folder / "scenario.yaml"))
+
+
+def disturber(who, number, *, shared):
+    text = DISTURBER.replace("WHO", who).replace("NUMBER", str(number))
+    return text.replace("SHARED", str(shared).lower())
 
 
 def run_in(folder, scenario, *, in_process=False):
@@ -122,9 +127,9 @@ def test_a_run_with_images_under_way_is_verified_and_branched(tmp_path):
 def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(
     tmp_path, number, text, in_process
 ):
-    disturber = DISTURBER.replace("WHO", "copy").replace("NUMBER", str(number))
+    rest = disturber("copy", number, shared=in_process)
     size = "latency: 25ms, width: 3000, height: 3000"
-    result = run_in(tmp_path / "run", write(tmp_path, size, disturber), in_process=in_process)
+    result = run_in(tmp_path / "run", write(tmp_path, size, rest), in_process=in_process)
     pid = (tmp_path / "pid").read_text()
     assert (result.participant, result.at_step) == ("plant", 6)
     assert f"camera 'wrist', image of 0.005 s: process {pid}, which {text}" in result.reason
@@ -132,9 +137,9 @@ def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(
 
 
 def test_a_copy_ends_with_its_plant(tmp_path):
-    disturber = DISTURBER.replace("WHO", "plant").replace("NUMBER", "9")
-    size = "latency: 25ms, width: 4096, height: 4096"
-    result = run_in(tmp_path / "run", write(tmp_path, size, disturber))
+    rest = disturber("plant", 9, shared=False)
+    size = "latency: 25ms, width: 3000, height: 3000"
+    result = run_in(tmp_path / "run", write(tmp_path, size, rest))
     assert (result.participant, result.exit_code) == ("plant", 5)
     pid = int((tmp_path / "pid").read_text())
     assert comes_true(lambda: not psutil.pid_exists(pid))
