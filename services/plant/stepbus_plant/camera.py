@@ -1,7 +1,7 @@
 """Cameras: pinholes, behind a lens that blurs and a sensor with noise of colour and depth."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -104,6 +104,8 @@ TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
 
 Rendering = tuple[Image, Image]
 """Colours and depth."""
+Images = Callable[["Camera", int], Rendering | None]
+"""Returns what a camera puts out at a time [ns]; None: nothing."""
 
 
 class Camera:
@@ -112,6 +114,7 @@ class Camera:
     Its link is the optical frame: z forward, x right, y down. Integer pixel coordinates are pixel
     centres, counted from 0, so the principal point is ((width - 1) / 2, (height - 1) / 2).
     is_on: whether it takes images. period_ns: between two of them [ns]; None: each step.
+    latency_ns: after which they are put out [ns]. size: of what `pixels` returns [bytes].
     """
 
     def __init__(
@@ -121,11 +124,13 @@ class Camera:
         self.row = row
         self.is_on = True
         self.period_ns = row.period_ns
+        self.latency_ns = row.latency_ns or 0
         self._is_triggered = self._is_asked = False
         self._link, self._engine, self._lens = link, engine, lens
         self._focal = row.height / 2 / math.tan(row.fov / 2)
         self._projection = self._project()
-        self._latest: tuple[int, Rendering] | None = None
+        self._color_size = 3 * row.width * row.height
+        self.size = self._color_size + 4 * row.width * row.height
 
     def _project(self) -> Array:
         """Return OpenGL's projection matrix, shape (4, 4)."""
@@ -157,18 +162,20 @@ class Camera:
         """Ask for one image, at the next step."""
         self._is_asked = True
 
-    def images(self, t_ns: int) -> Rendering | None:
-        """Return what it sees at a time [ns], rendered once for all ports.
-
-        None while it is off, and where it waits for a request.
-        """
-        if self._latest is not None and self._latest[0] == t_ns:
-            return self._latest[1] if self.is_on else None
+    def takes(self, t_ns: int) -> bool:
+        """Return whether it takes an image at a time [ns], to be asked once; requests end here."""
         is_asked, self._is_asked = self._is_asked, False
-        if not self.is_on or (self._is_triggered and not is_asked):
-            return None
-        self._latest = t_ns, self.render(t_ns)
-        return self._latest[1]
+        is_due = is_asked if self._is_triggered else t_ns % (self.period_ns or 1) == 0
+        return is_due and self.is_on
+
+    def pixels(self, t_ns: int) -> bytes:
+        """Return what `render` does, for `rendering` to make images of."""
+        return b"".join(image.data for image in self.render(t_ns))
+
+    def rendering(self, pixels: bytes) -> Rendering:
+        """Return colours and depth, of what `pixels` has returned."""
+        colors, depth = pixels[: self._color_size], pixels[self._color_size :]
+        return self._image("rgb8", colors), self._image("32FC1", depth)
 
     def render(self, t_ns: int = 0) -> Rendering:
         """Return the current colour image, and the depth along z [m]; t_ns: of its noise.
@@ -183,8 +190,8 @@ class Camera:
         metres = row.far * row.near / (row.far - (row.far - row.near) * buffer)
         depth = np.where(buffer < 1.0, metres, np.inf).astype("<f4")
         return (
-            self._image("rgb8", self._lens.colors(colours, self.name, t_ns)),
-            self._image("32FC1", self._lens.depth(depth, self.name, t_ns)),
+            self._image("rgb8", self._lens.colors(colours, self.name, t_ns).tobytes()),
+            self._image("32FC1", self._lens.depth(depth, self.name, t_ns).tobytes()),
         )
 
     def cloud(self, rendering: Rendering) -> PointCloud:
@@ -205,12 +212,12 @@ class Camera:
             colours=np.ascontiguousarray(colours[every, every][seen]).tobytes(),
         )
 
-    def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: NDArray[Any]) -> Image:
+    def _image(self, encoding: Literal["rgb8", "32FC1"], pixels: bytes) -> Image:
         return Image(
             width=self.row.width,
             height=self.row.height,
             encoding=encoding,
-            data=pixels.tobytes(),
+            data=pixels,
             focal=(self._focal, self._focal),
             centre=((self.row.width - 1) / 2, (self.row.height - 1) / 2),
         )
@@ -219,13 +226,13 @@ class Camera:
 class View:
     """What one port shows of a camera: a quantity of `TYPES`."""
 
-    def __init__(self, camera: Camera, quantity: str) -> None:
+    def __init__(self, camera: Camera, quantity: str, images: Images) -> None:
         self.camera, self.port_type = camera, TYPES[quantity]
-        self._quantity = quantity
+        self._quantity, self._images = quantity, images
 
     @property
     def description(self) -> Description:
-        """Return its camera and shape; with a period, unless it waits for requests."""
+        """Return camera and shape; with a latency, and a period unless it waits for requests."""
         camera, row = self.camera, self.camera.row
         size = [row.height, row.width]
         shapes = {
@@ -236,11 +243,13 @@ class View:
         details = {"link": [row.link]}
         if camera.period_ns is not None:
             details["period"] = [format_duration(camera.period_ns)]
+        if camera.latency_ns:
+            details["latency"] = [format_duration(camera.latency_ns)]
         return Description(names=[camera.name], shape=shapes[self._quantity], details=details)
 
     def sense(self, t_ns: int) -> Message | None:
-        """Return what the camera sees at a time [ns]; None while it is off."""
-        images = self.camera.images(t_ns)
+        """Return what the camera puts out at a time [ns]; None: nothing."""
+        images = self._images(self.camera, t_ns)
         if images is None or self._quantity == "points":
             return None if images is None else self.camera.cloud(images)
         return images[0] if self._quantity == "rgb" else images[1]
@@ -263,12 +272,12 @@ class TriggerDriver(Commander):
             self._camera.trigger()
 
 
-def views(cameras: Mapping[str, Camera]) -> dict[str, View]:
+def views(cameras: Mapping[str, Camera], images: Images) -> dict[str, View]:
     """Return name of a port → what it shows."""
     named: dict[str, View] = {}
     for quantity in TYPES:
         for name, camera in cameras.items():
-            view = View(camera, quantity)
+            view = View(camera, quantity, images)
             named |= {quantity: view} if len(cameras) == 1 else {}
             named[f"{name}_{quantity}"] = view
     return named

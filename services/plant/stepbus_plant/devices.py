@@ -9,6 +9,7 @@ from stepbus_plant.base import Base, BaseDriver
 from stepbus_plant.camera import TYPES, Camera, Lens, TriggerDriver, views
 from stepbus_plant.commander import Commander
 from stepbus_plant.contacts import ContactSensor
+from stepbus_plant.drawing import Drawing
 from stepbus_plant.drives import Motors
 from stepbus_plant.gripper import Gripper, GripperDriver
 from stepbus_plant.noise import Noise
@@ -94,7 +95,8 @@ class Devices:
         }
         for name in self.cameras:
             self.switch_camera(name, on=True)
-        self._views = views(self.cameras)
+        self.drawing = Drawing()
+        self._views = views(self.cameras, self.drawing.images)
         self._sensors: dict[tuple[str, str], Sensor] = {
             (section, name): device
             for section in ("bases", "grippers", "contacts")
@@ -125,8 +127,11 @@ class Devices:
                 names = f"name it one of {', '.join(fitting)}"
                 known = names if self._views else "the world has no 'cameras'"
                 raise WiringError(f"has type {port_type}; {known}")
-            view = self._views[port]
-            return view, view.camera.period_ns or self._period_ns
+            camera = self._views[port].camera
+            self.drawing.add(camera)
+            # One with a latency puts its images out at other steps than it takes them.
+            period_ns = None if camera.latency_ns else camera.period_ns
+            return self._views[port], period_ns or self._period_ns
         section = STATES[port_type]
         name, row = self._choose(section, port, port_type)
         if (section, name) not in self._sensors:
@@ -189,9 +194,10 @@ def _sensor_mistakes(physics: Physics, period_ns: int) -> Iterator[tuple[Keys, s
                 if link not in known:
                     text = f"link {link!r} is unknown{suggest(link, known)}"
                     yield (section, name, *keys), text
-            text = period_problem(getattr(row, "period_ns", None), period_ns)
-            if text:
-                yield (section, name, "period"), text
+            for key in ("period", "latency"):
+                text = period_problem(getattr(row, f"{key}_ns", None), period_ns)
+                if text:
+                    yield (section, name, key), text
     joints = physics.all_joints()
     for name, sensor in world.wrenches.items():
         if sensor.joint not in joints:

@@ -251,8 +251,11 @@ class Plant(Participant):
         self._report(script.take_events(), self._events, logging.INFO)
 
     def versions(self) -> Mapping[str, str]:
-        """Return the versions of the libraries that the physics depend on."""
-        return {name: installed_version(name) for name in ("numpy", "pybullet", "stepbus")}
+        """Return the versions of the libraries that physics and images depend on."""
+        versions = {name: installed_version(name) for name in ("numpy", "pybullet", "stepbus")}
+        if self.plant.devices.drawing.has_cameras:
+            versions["renderer"] = f"TinyRenderer of pybullet {versions['pybullet']}"
+        return versions
 
     def close(self) -> None:
         """Disconnect from the physics engine."""

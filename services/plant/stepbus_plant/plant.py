@@ -79,7 +79,7 @@ class SimulatedPlant:
         try:
             joints = _checked(physics, params, period_ns, wrong)
         except WiringError:
-            self.close()
+            physics.close()
             raise
         self.names = [joint.name for joint in joints]
         self.devices = Devices(physics, params, period_ns, seed)
@@ -202,7 +202,8 @@ class SimulatedPlant:
         self.warnings.reported, self.warnings.pending = set(saved.reported), saved.pending
 
     def close(self) -> None:
-        """Disconnect from the physics engine."""
+        """Draw no further, and disconnect from the physics engine."""
+        self.devices.drawing.close()
         self.physics.close()
 
 

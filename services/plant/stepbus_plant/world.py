@@ -163,6 +163,10 @@ class CameraSettings(Settings):
     period_ns: Duration | None = None
     """Between two images, a multiple of the plant's step. Default: each step. An input of the plant
     that triggers the camera takes its place."""
+    latency_ns: Duration | None = None
+    """Between an image and its message, a multiple of the plant's step, as real cameras have it for
+    exposure and transfer; the image is then drawn beside the steps, on another core. Default:
+    none."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240

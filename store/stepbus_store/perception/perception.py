@@ -1,10 +1,11 @@
 """Perception: a participant that detects items and their poses."""
 
 import logging
+from collections import deque
 from collections.abc import Mapping
 
 from stepbus_kinematics import JointOrder
-from stepbus_participant import Config, Participant, Step, installed_version
+from stepbus_participant import Config, Participant, Step, installed_version, parse_duration
 from stepbus_schemas import (
     CameraTrigger,
     Description,
@@ -84,7 +85,8 @@ class Perception(Participant):
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
     description lists the types of items, their shapes and colours; where the scenario wires it,
     CameraTrigger/1, which says where something is looked for. Output: one Detections/1.
-    Source camera: for each new pair of images; the true poses are not used. Source truth: all
+    Source camera: for each new pair of images, with the joints at the time when the camera took
+    them, as its description tells its latency; the true poses are not used. Source truth: all
     items, once per period; needs the poses only. Parameters: see `read_settings`.
     """
 
@@ -94,6 +96,8 @@ class Perception(Participant):
         self._last_image_t = 0.0
         self._warned = False
         self._is_periodic = True
+        # Joints and requests from the time on when the camera took what it puts out now.
+        self._since: deque[tuple[JointState | None, CameraTrigger | None]] = deque(maxlen=1)
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the items from the description of the poses.
@@ -108,6 +112,9 @@ class Perception(Participant):
                     radius = settings.source.landmark_radius
                     catalog = with_landmarks(catalog, settings.poses, described, name, radius)
                 joints = inputs[settings.source.joint_state]
+                late = inputs[settings.source.images[0]].details.get("latency")
+                steps = parse_duration(late[0]) // self.config.step_ns if late else 0
+                self._since = deque(maxlen=1 + steps // self.config.every)
                 self._is_periodic = any(
                     inputs[port].details.get("period") for port in settings.source.images
                 )
@@ -140,13 +147,17 @@ class Perception(Participant):
         return self._truth.detections(poses) if due and poses is not None else None
 
     def _from_images(self, step: Step, source: CameraSettings) -> Detections | None:
+        port = source.request
+        request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
+        self._since.append((step.get(source.joint_state, JointState), request))
         if not all(step.is_new(port) for port in source.images):
             self._warn_if_late(step, source)
             return None
         self._last_image_t, self._warned = step.t, False
         images = {port: step.read(port, Image) for port in source.images}
-        state, port = step.read(source.joint_state, JointState), source.request
-        request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
+        state, request = self._since[0]
+        if state is None:
+            state = step.read(source.joint_state, JointState)
         return self._camera.detections(make_view(images), state, request)
 
     def _warn_if_late(self, step: Step, source: CameraSettings) -> None:

@@ -89,10 +89,10 @@ def seen(tmp_path_factory):
         )
 
 
-def start(given, described, period="16ms"):
+def start(given, described, period="16ms", **details):
     participant = Perception(given)
     names = Description(names=["wheel", *JOINTS[::-1]])
-    image = Description(names=["camera"], details={"period": [period] if period else []})
+    image = Description(names=["camera"], details={"period": [period] if period else [], **details})
     ports = {**dict.fromkeys(TYPES, image), "joint_state": names, "poses": described}
     participant.start(ports)
     return Stand(participant)
@@ -108,6 +108,16 @@ def test_detections_are_in_the_frame_of_the_chassis(tmp_path, seen):
     assert found.orientation[1] == pytest.approx(true.orientation[1], abs=0.01)
     assert found.orientation[0] == (0.0, 0.0, 0.0, 1.0)
     assert min(found.confidence) > 0.8
+
+
+def test_late_images_belong_to_the_joints_of_when_they_were_taken(tmp_path, seen):
+    messages, described = seen
+    at_once = start(config(tmp_path), described).update(0, **messages)
+    late = start(config(tmp_path), described, latency=["16ms"])
+    state, elsewhere = messages["joint_state"], JointState(position=[9.0, *[0.0] * 6])
+    assert late.update(0, joint_state=state) == {}
+    assert late.update(1, joint_state=elsewhere) == {}
+    assert late.update(2, **{**messages, "joint_state": elsewhere}) == at_once
 
 
 def test_truth_is_what_the_plant_says_seen_from_the_chassis(tmp_path, seen):

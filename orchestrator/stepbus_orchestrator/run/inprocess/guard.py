@@ -1,7 +1,8 @@
 """Keeps what a participant does to its process from the others, which share it.
 
 Python tells audit hooks of forks, signals and programs before they happen. A fork is
-refused: its child would be a second orchestrator, with the same open files.
+refused: its child would be a second orchestrator, with the same open files; but for a copy that
+closes these and never comes back (`stepbus_participant.beside`).
 """
 
 import os
@@ -9,6 +10,8 @@ import signal
 import sys
 from collections.abc import Callable
 from typing import Any, Protocol
+
+from stepbus_participant.beside import makes_copy
 
 _CAUGHT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """A process of a participant's own ends by these."""
@@ -69,6 +72,8 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
 
 
 def _on_fork(guarded: Guarded) -> None:
+    if makes_copy():
+        return
     raise RuntimeError(
         f"{guarded.name} forks the process that it shares with the orchestrator and all other "
         "participants; leave out --in-process, or use `subprocess`, or "

@@ -66,6 +66,7 @@ def recording(tmp_path_factory):
         joint_state=("JointState/1", ["hip", "knee"], [joints(step) for step in range(STEPS)]),
         odometry=("BaseState/1", [], [base] * STEPS),
         camera=("Image/1", [], [image] * 3),
+        late=("Image/1", Description(details={"latency": ["5ms"]}), [None, image]),
         imu=("Imu/1", [], [imu] * 3),
         poses=(
             "Poses/1", Description(names=["crate"], details=SHAPES),
@@ -108,6 +109,8 @@ def test_rosbags_reads_images_inertial_units_and_texts(bag):
     (_, image), *_ = bag["/plant/camera/image_raw", "sensor_msgs/msg/Image"]
     assert (image.encoding, image.step) == ("rgb8", 12)
     assert image.data.tobytes() == PIXELS.tobytes()
+    ((t_ns, late),) = bag["/plant/late/image_raw", "sensor_msgs/msg/Image"]
+    assert (t_ns, late.header.stamp.nanosec) == (5_000_000, 0)
     (_, jpeg), *_ = bag["/plant/camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage"]
     assert Pillow.open(io.BytesIO(jpeg.data.tobytes())).size == (4, 2)
     (_, info), *_ = bag["/plant/camera/camera_info", "sensor_msgs/msg/CameraInfo"]

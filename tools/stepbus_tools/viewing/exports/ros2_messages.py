@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from stepbus_participant import need
+from stepbus_participant import need, parse_duration
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.viewing.scene.bodies import positions_in
 from stepbus_tools.viewing.scene.pose import about
@@ -58,8 +58,10 @@ def header(t_ns: int, frame: str) -> Fields:
 
 
 def _measured_by(tree: FrameTree, instant: Instant) -> Fields:
-    """Return the header of what a sensor measures."""
-    return header(instant.t_ns, tree.sensor_frame(instant.port))
+    """Return the header of what a sensor measures, with the time when it has done so."""
+    latency = instant.port.description.details.get("latency")
+    measured_ns = instant.t_ns - (parse_duration(latency[0]) if latency else 0)
+    return header(measured_ns, tree.sensor_frame(instant.port))
 
 
 def named(names: str, values: Iterable[float]) -> Fields:

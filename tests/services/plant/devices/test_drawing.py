@@ -1,0 +1,163 @@
+import os
+import signal
+from contextlib import contextmanager
+
+import psutil
+import pytest
+from support.services.camera import IMAGES, WORLD, make_plant, write_scene
+from support.services.control import Stand
+
+from stepbus_plant import drawing
+from stepbus_plant.camera import Camera
+from stepbus_schemas import CameraTrigger, RunError
+
+FALLING = WORLD.replace("0.05], fixed_base: true", "0.4]")
+SLOW = FALLING.replace("period: 10ms", "period: 10ms, latency: 15ms")
+TWO = FALLING.replace(
+    "fov: 1.0}", "fov: 1.0}\n  other: {link: lens, period: 10ms, near: 0.1, far: 1.5, fov: 0.5}"
+)
+ERRORS = {"color": 4, "depth": 0.004, "blur": 0.7, "light": "lamp"}
+
+
+KNOWN = set()
+"""Processes that were there before the test."""
+
+
+@pytest.fixture(autouse=True)
+def _several_cores(monkeypatch):
+    KNOWN.clear()
+    KNOWN.update(copies())
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0, 1})
+
+
+@contextmanager
+def standing(folder, world, outputs=IMAGES, *more, **params):
+    """Yield a plant that is closed in the end."""
+    write_scene(folder, world)
+    stand = Stand(make_plant(folder, outputs, *more, **params))
+    try:
+        yield stand
+    finally:
+        stand.participant.close()
+    assert copies() == []
+
+
+def shown(folder, world, outputs=IMAGES, steps=12, **params):
+    """Return the messages of each step."""
+    with standing(folder, world, outputs, **params) as stand:
+        return [stand.update(step) for step in range(steps)]
+
+
+def copies():
+    """Return the processes that the test has started and not waited for."""
+    return sorted({child.pid for child in psutil.Process().children()} - KNOWN)
+
+
+def test_images_with_a_latency_are_those_without_but_later(tmp_path):
+    now = shown(tmp_path, FALLING, camera=ERRORS)
+    late = shown(tmp_path, SLOW, camera=ERRORS)
+    assert [step for step, row in enumerate(late) if "rgb" in row] == [3, 5, 7, 9, 11]
+    for step in range(0, 9, 2):
+        assert (late[step + 3]["rgb"], late[step + 3]["depth"]) == (
+            now[step]["rgb"],
+            now[step]["depth"],
+        )
+    assert now[0]["depth"] != now[8]["depth"]
+
+
+def test_on_one_core_they_are_the_same(tmp_path, monkeypatch):
+    world = SLOW
+    two = shown(tmp_path, world)
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _pid: {0})
+    monkeypatch.setattr(os, "fork", None)
+    assert shown(tmp_path, world) == two
+
+
+def test_where_no_further_process_may_be_started_they_are_the_same(tmp_path, monkeypatch):
+    def refuse():
+        raise BlockingIOError("Resource temporarily unavailable")
+
+    world = SLOW
+    two = shown(tmp_path, world)
+    monkeypatch.setattr(os, "fork", refuse)
+    assert shown(tmp_path, world) == two
+
+
+def test_cameras_drawn_at_once_see_what_they_see_one_by_one(tmp_path, monkeypatch):
+    ports = {"wrist_rgb": "Image/1", "other_depth": "Image/1", "other_points": "PointCloud/1"}
+    forks, fork = [], os.fork
+    monkeypatch.setattr(os, "fork", lambda: forks.append(1) or fork())
+    monkeypatch.setattr(drawing, "_WORTH_S", 0.0)
+    at_once = shown(tmp_path, TWO, ports)
+    assert len(forks) == 5  # the first images say how long it takes
+    monkeypatch.setattr(drawing, "_WORTH_S", 10.0)
+    assert shown(tmp_path, TWO, ports) == at_once
+    assert len(forks) == 5
+
+
+def test_an_image_on_request_has_its_latency_too(tmp_path):
+    with standing(tmp_path, SLOW, IMAGES, {"wrist": "CameraTrigger/1"}) as stand:
+        stand.update(0, wrist=CameraTrigger(id=1))
+        assert [step for step in range(1, 8) if "rgb" in stand.update(step)] == [4]
+
+
+def test_readers_are_told_the_latency(tmp_path):
+    with standing(tmp_path, SLOW) as stand:
+        details = stand.participant.describe()["rgb"].details
+    assert details == {"link": ["lens"], "period": ["10ms"], "latency": ["15ms"]}
+
+
+LARGE = FALLING.replace("fov: 1.0", "fov: 1.0, latency: 5ms, width: 3000, height: 3000")
+
+
+@pytest.mark.parametrize(
+    ("number", "what"),
+    [
+        (signal.SIGKILL, "worked on it, was ended by SIGKILL"),
+        (signal.SIGSTOP, "works on it, has been stopped"),
+    ],
+)
+def test_a_copy_that_does_not_finish_is_one_error(tmp_path, number, what):
+    with standing(tmp_path, LARGE) as stand:
+        stand.update(0)
+        (pid,) = copies()
+        os.kill(pid, number)
+        with pytest.raises(RunError) as caught:
+            stand.update(1)
+        assert copies() == []
+    assert str(caught.value) == f"camera 'wrist', image of 0 s: process {pid}, which {what}"
+
+
+def test_an_error_in_a_copy_is_one_error(tmp_path, monkeypatch):
+    monkeypatch.setattr(Camera, "pixels", lambda *_: 1 / 0)
+    with standing(tmp_path, SLOW) as stand:
+        for step in range(3):
+            stand.update(step)
+        with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError: division by zero"):
+            stand.update(3)
+
+
+def test_a_plant_leaves_no_copy_behind(tmp_path):
+    with standing(tmp_path, LARGE.replace("latency: 5ms", "latency: 50ms")) as stand:
+        stand.update(0)
+        assert len(copies()) == 1
+
+
+def test_however_long_the_latency_there_are_few_copies(tmp_path):
+    late = FALLING.replace("period: 10ms", "period: 5ms, latency: 100ms")
+    now = shown(tmp_path, FALLING.replace("period: 10ms", "period: 5ms"), steps=4)
+    with standing(tmp_path, late) as stand:
+        counts = []
+        for step in range(20):
+            assert "rgb" not in stand.update(step)
+            counts.append(len(copies()))
+        assert max(counts) == counts[-1] == 4
+        assert [stand.update(step)["rgb"] for step in range(20, 24)] == [row["rgb"] for row in now]
+
+
+def test_the_renderer_is_known(tmp_path):
+    with standing(tmp_path, WORLD) as stand:
+        versions = stand.participant.versions()
+    assert versions["renderer"] == f"TinyRenderer of pybullet {versions['pybullet']}"
+    with standing(tmp_path, WORLD, {"state": "JointState/1"}) as stand:
+        assert "renderer" not in stand.participant.versions()
