@@ -27,16 +27,16 @@ class Display(Observer):
     """Shows progress and sentences from a thread of its own.
 
     A terminal that is not read, or that Ctrl-S holds, blocks its writer; the run must continue.
-    When there is no time, progress is left out, sentences are not. say: prints a line. watch: takes
-    the reports. show: shows the progress. clear: removes what is not to stay.
+    When there is no time, progress is left out, sentences are not. say: prints a line. show: shows
+    the progress. clear: removes what is not to stay. watch: takes the reports.
     """
 
     def __init__(
         self,
         say: Callable[[str], object],
-        watch: RunWatch,
         show: Callable[[Reached], None],
         clear: Callable[[], object],
+        watch: RunWatch,
     ) -> None:
         self._say = say
         self._watch = watch
@@ -102,12 +102,12 @@ def displayed(
     # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
     # and what this prints from its own thread would land in that participant's log.
     stream = sys.stderr if quiet else sys.stdout
-    if plain or quiet:
-        say, show, clear = partial(print_line, stream), _do_nothing, _do_nothing
-    else:
-        say, show, clear = shows_progress(stream, (HELP,) if keys else ())
     watch = RunWatch(title, degrees=degrees, runs=runs)
-    with contextlib.closing(Display(say, watch, show, clear)) as display:
+    with contextlib.closing(
+        Display(partial(print_line, stream), _do_nothing, _do_nothing, watch)
+        if plain or quiet
+        else Display(*shows_progress(stream, (HELP,) if keys else ()), watch)
+    ) as display:
         yield display
 
 

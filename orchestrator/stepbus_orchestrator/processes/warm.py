@@ -1,0 +1,164 @@
+"""A process that has loaded what participants need, from which those that are classes are forked.
+
+It is started like any of them, with the same interpreter and the same environment, before anything
+else is loaded here. What it cannot become is started as ever: a program, a class with another
+environment, one in a debugger.
+"""
+
+import contextlib
+import ctypes
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from pathlib import Path
+
+import msgspec
+
+from stepbus_orchestrator.processes import PYTHON
+from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
+from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, is_ours
+from stepbus_participant.warm import REFUSED, WARM, Birth
+
+_COMMAND = (*INTERPRETER, "-m", "stepbus_participant")
+_PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
+_ANSWER_S = 10.0
+"""How long it may take to load what it has to, and to fork [s]; it may have been stopped."""
+_PAUSE_S = 0.001
+_ROOM = " " * 250
+_TICKET_ROOM = " " * 4095
+"""What the command of a participant, and the path of its ticket, take the place of."""
+_COVERAGE = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
+"""It measures a process from its start on."""
+
+
+class Forked:
+    """A child of ours that another process has forked, as far as `subprocess.Popen` is needed."""
+
+    def __init__(self, pid: int) -> None:
+        self.pid = pid
+        self.returncode: int | None = None
+
+    def wait(self, timeout: float) -> int:
+        """Return its exit code, and reap it; raises TimeoutExpired."""
+        give_up = time.monotonic() + timeout
+        while self.returncode is None:
+            pid, status = os.waitpid(self.pid, os.WNOHANG)
+            if pid:
+                self.returncode = os.waitstatus_to_exitcode(status)
+            elif time.monotonic() > give_up:
+                raise subprocess.TimeoutExpired(str(self.pid), timeout)
+            else:
+                time.sleep(_PAUSE_S)
+        return self.returncode
+
+
+def participant_environment(ticket: str) -> Mapping[str, str]:
+    """Return the environment of a participant: ours, the path of its ticket, unbuffered prints."""
+    return {**ONE_THREAD, **os.environ, **PYTHON, TICKET_VARIABLE: ticket}
+
+
+class _Parent:
+    """The process. names: modules and classes that it loads; raises OSError when there is none."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._lock = threading.Lock()
+        self._is_able = True
+        self._environment = participant_environment(_TICKET_ROOM)
+        self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        self._channel.settimeout(_ANSWER_S)
+        with theirs, open(os.devnull, "r+b") as null:  # noqa: PTH123  (as it is written for `os`)
+            places = ((theirs, 0), (null, 1), (null, 2))
+            self._pid = os.posix_spawn(
+                _COMMAND[0],
+                [*_COMMAND, WARM + _ROOM, *names],
+                self._environment,
+                file_actions=[(os.POSIX_SPAWN_DUP2, one.fileno(), at) for one, at in places],
+                setsid=True,
+            )
+
+    def fork(
+        self, command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int
+    ) -> Forked | None:
+        is_alike = {**environment, TICKET_VARIABLE: _TICKET_ROOM} == self._environment
+        if tuple(command[:-1]) != _COMMAND or not is_alike or not cwd.is_dir():
+            return None
+        birth = Birth(list(command), str(cwd), environment[TICKET_VARIABLE])
+        with self._lock:
+            if not self._is_able:
+                return None
+            with _subreaper(), contextlib.suppress(OSError):
+                socket.send_fds(self._channel, [msgspec.json.encode(birth)], [log])
+                if (pid := int(self._channel.recv(32) or REFUSED)) != REFUSED:
+                    return Forked(pid)
+            # It is stopped or killed, or short of something, and must not fork later on.
+            self._kill()
+        return None
+
+    def end(self) -> None:
+        with self._lock:
+            self._kill()
+        self._channel.close()
+        os.waitpid(self._pid, 0)
+
+    def _kill(self) -> None:
+        self._is_able = False
+        os.kill(self._pid, signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def _subreaper() -> Iterator[None]:
+    """Become the parent of those whose own one ends, for the moment of a fork."""
+    call, was = ctypes.CDLL(None).prctl, ctypes.c_int()
+    call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
+    call(_PR_SET_CHILD_SUBREAPER, 1)
+    try:
+        yield
+    finally:
+        call(_PR_SET_CHILD_SUBREAPER, was.value)
+
+
+_parent: _Parent | None = None
+
+
+@contextlib.contextmanager
+def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Iterator[None]:
+    """Fork the participants of all runs in this context, where they are classes.
+
+    classes: those of a run, which need it where there are two; None: they are not known yet. runs:
+    how many there are; where several have them, those of our packages are loaded once.
+    """
+    global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
+    is_needed = classes is None or len(classes) > 1
+    if (
+        _parent is not None
+        or not is_needed
+        or sys.platform != "linux"
+        or any(name in os.environ for name in _COVERAGE)
+    ):
+        yield
+        return
+    ours = sorted(set(filter(is_ours, classes or ())))
+    names = ["zenoh", *(["numpy"] if ours or classes is None else []), *(ours if runs > 1 else [])]
+    with contextlib.suppress(OSError):
+        _parent = _Parent(names)
+    try:
+        yield
+    finally:
+        made, _parent = _parent, None
+        if made is not None:
+            made.end()
+
+
+def fork(
+    command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int
+) -> Forked | None:
+    """Return the process of a participant; None where it has to be started.
+
+    cwd: its folder. log: descriptor of where it prints.
+    """
+    return None if _parent is None else _parent.fork(command, cwd, environment, log)
