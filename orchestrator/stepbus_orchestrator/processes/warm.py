@@ -67,11 +67,12 @@ class _Parent:
 
     def __init__(self, names: Sequence[str]) -> None:
         self._lock = threading.Lock()
-        self._is_able = True
+        self._is_there = False
         self._environment = participant_environment(_TICKET_ROOM)
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.settimeout(_ANSWER_S)
-        with theirs, open(os.devnull, "r+b") as null:  # noqa: PTH123  (as it is written for `os`)
+        with theirs, Path(os.devnull).open("r+b") as null, contextlib.ExitStack() as stack:
+            stack.callback(self._channel.close)
             places = ((theirs, 0), (null, 1), (null, 2))
             self._pid = os.posix_spawn(
                 _COMMAND[0],
@@ -80,6 +81,8 @@ class _Parent:
                 file_actions=[(os.POSIX_SPAWN_DUP2, one.fileno(), at) for one, at in places],
                 setsid=True,
             )
+            stack.pop_all()
+        self._is_there = True
 
     def fork(
         self, command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int
@@ -89,25 +92,28 @@ class _Parent:
             return None
         birth = Birth(list(command), str(cwd), environment[TICKET_VARIABLE])
         with self._lock:
-            if not self._is_able:
+            if not self._is_there:
                 return None
             with _subreaper(), contextlib.suppress(OSError):
                 socket.send_fds(self._channel, [msgspec.json.encode(birth)], [log])
                 if (pid := int(self._channel.recv(32) or REFUSED)) != REFUSED:
                     return Forked(pid)
             # It is stopped or killed, or short of something, and must not fork later on.
-            self._kill()
+            self._end()
         return None
 
     def end(self) -> None:
         with self._lock:
-            self._kill()
-        self._channel.close()
-        os.waitpid(self._pid, 0)
+            self._end()
 
-    def _kill(self) -> None:
-        self._is_able = False
-        os.kill(self._pid, signal.SIGKILL)
+    def _end(self) -> None:
+        if self._is_there:
+            self._is_there = False
+            self._channel.close()
+            # A program of the user's may have reaped it.
+            with contextlib.suppress(ProcessLookupError, ChildProcessError):
+                os.kill(self._pid, signal.SIGKILL)
+                os.waitpid(self._pid, 0)
 
 
 @contextlib.contextmanager
@@ -129,29 +135,32 @@ _parent: _Parent | None = None
 def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Iterator[None]:
     """Fork the participants of all runs in this context, where they are classes.
 
-    classes: those of a run, which need it where there are two; None: they are not known yet. runs:
-    how many there are; where several have them, those of our packages are loaded once.
+    classes: those of a run; None: they are not known yet. It takes two for a warm parent to be
+    worth its start, and it ends where there turns out to be none. runs: how many there are; where
+    several have these classes, those of our packages are loaded once.
     """
     global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
-    is_needed = classes is None or len(classes) > 1
-    if (
-        _parent is not None
-        or not is_needed
-        or sys.platform != "linux"
-        or any(name in os.environ for name in _COVERAGE)
-    ):
-        yield
-        return
-    ours = sorted(set(filter(is_ours, classes or ())))
-    names = ["zenoh", *(["numpy"] if ours or classes is None else []), *(ours if runs > 1 else [])]
-    with contextlib.suppress(OSError):
-        _parent = _Parent(names)
+    is_able = sys.platform == "linux" and not any(name in os.environ for name in _COVERAGE)
+    made = None
+    if _parent is not None:
+        if classes is not None and not classes:
+            _parent.end()
+    elif is_able and (classes is None or len(classes) > 1):
+        with contextlib.suppress(OSError):
+            made = _parent = _Parent(_names(classes, runs))
     try:
         yield
     finally:
-        made, _parent = _parent, None
         if made is not None:
             made.end()
+            _parent = None
+
+
+def _names(classes: Collection[str] | None, runs: int) -> list[str]:
+    """Return what it loads, as of `warm_parent`."""
+    ours = sorted(set(filter(is_ours, classes or ())))
+    numbers = ["numpy"] if ours or classes is None else []
+    return ["zenoh", *numbers, *(ours if runs > 1 else [])]
 
 
 def fork(
