@@ -63,9 +63,13 @@ def participant_environment(ticket: str) -> Mapping[str, str]:
 
 
 class _Parent:
-    """The process. names: modules and classes that it loads; raises OSError when there is none."""
+    """The process. names: modules and classes that it loads; raises OSError when there is none.
 
-    def __init__(self, names: Sequence[str]) -> None:
+    is_kept: several runs have it.
+    """
+
+    def __init__(self, names: Sequence[str], *, is_kept: bool) -> None:
+        self.is_kept = is_kept
         self._lock = threading.Lock()
         self._is_there = False
         self._environment = participant_environment(_TICKET_ROOM)
@@ -136,18 +140,15 @@ def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Ite
     """Fork the participants of all runs in this context, where they are classes.
 
     classes: those of a run; None: they are not known yet. It takes two for a warm parent to be
-    worth its start, and it ends where there turns out to be none. runs: how many there are; where
-    several have these classes, those of our packages are loaded once.
+    worth its start. runs: how many there are; where several have these classes, those of our
+    packages are loaded once.
     """
     global _parent  # noqa: PLW0603  (a run knows nothing of those that follow)
     is_able = sys.platform == "linux" and not any(name in os.environ for name in _COVERAGE)
     made = None
-    if _parent is not None:
-        if classes is not None and not classes:
-            _parent.end()
-    elif is_able and (classes is None or len(classes) > 1):
+    if _parent is None and is_able and (classes is None or len(classes) > 1):
         with contextlib.suppress(OSError):
-            made = _parent = _Parent(_names(classes, runs))
+            made = _parent = _Parent(_names(classes, runs), is_kept=runs > 1)
     try:
         yield
     finally:
@@ -161,6 +162,12 @@ def _names(classes: Collection[str] | None, runs: int) -> list[str]:
     ours = sorted(set(filter(is_ours, classes or ())))
     numbers = ["numpy"] if ours or classes is None else []
     return ["zenoh", *numbers, *(ours if runs > 1 else [])]
+
+
+def all_started() -> None:
+    """End the warm parent of a run whose participants have all been started."""
+    if _parent is not None and not _parent.is_kept:
+        _parent.end()
 
 
 def fork(

@@ -12,7 +12,7 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
-from stepbus_orchestrator.processes.warm import warm_parent
+from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
@@ -88,6 +88,7 @@ class _Launch(Strategy):
         scenario = run.state.scenario
         for name in self._start_order or [spec.name for spec in scenario.participants]:
             run.started(self._start(scenario.participant(name), run))
+        all_started()
 
     def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
         options = run.start_options(spec) | {"slots": self.slots.folder}

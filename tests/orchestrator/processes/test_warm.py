@@ -11,6 +11,7 @@ from support.runs.joints import leftovers, run_joints, write_scenario
 from support.surroundings import comes_true, has_ended, living_children
 
 from stepbus_orchestrator.processes import child, warm
+from stepbus_orchestrator.run.extension import RunExtension
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 FACTS = """
@@ -134,16 +135,34 @@ def test_without_its_warm_parent_a_participant_is_started(tmp_path, forked, monk
     assert has_ended(parent)
 
 
-def test_a_warm_parent_ends_with_a_killed_command(tmp_path):
-    words = ["run", "two_link", "--set", "duration=1h", "--real-time", "--out", tmp_path / "run"]
+def test_one_run_has_its_warm_parent_until_all_have_started(tmp_path, forked):
+    seen = []
+
+    class Looks(RunExtension):
+        def ready(self):
+            seen.append(warm_ones(living_children() - before))
+
+    before = living_children()
+    result = run_joints(tmp_path, "duration=50ms", extensions=[Looks()])
+    assert (result.exit_code, len(forked), seen) == (0, 3, [[]])
+
+
+def test_a_warm_parent_ends_with_its_command(tmp_path):
+    (tmp_path / "slow.py").write_text("import time; time.sleep(1000)")
+    words = ["run", "two_link", "--with", "slow.py:Extension", "--out", "run"]
     with subprocess.Popen(
-        [*STEPBUS, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        [*STEPBUS, *words], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
     ) as process:
         command = psutil.Process(process.pid)
         try:
-            assert comes_true(lambda: len(command.children()) == 5)
-            below = command.children()
-            assert len(warm_ones(below)) == 1
+            assert comes_true(command.children)
+            (parent,) = command.children()
+            # It has told the kernel before it loads this.
+            assert comes_true(lambda: any("numpy" in row.path for row in parent.memory_maps()))
+            parent.suspend()
         finally:
             process.kill()
-    assert comes_true(lambda: all(map(has_ended, below)))
+    try:
+        assert comes_true(lambda: has_ended(parent))
+    finally:
+        parent.kill()
