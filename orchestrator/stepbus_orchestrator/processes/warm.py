@@ -94,12 +94,18 @@ class _Parent:
         is_alike = {**environment, TICKET_VARIABLE: _TICKET_ROOM} == self._environment
         if tuple(command[:-1]) != _COMMAND or not is_alike or not cwd.is_dir():
             return None
-        birth = Birth(list(command), str(cwd), environment[TICKET_VARIABLE])
+        try:
+            birth = msgspec.json.encode(
+                Birth(list(command), str(cwd), environment[TICKET_VARIABLE])
+            )
+        except UnicodeEncodeError:
+            # A folder may have a name that is no text.
+            return None
         with self._lock:
             if not self._is_there:
                 return None
             with _subreaper(), contextlib.suppress(OSError):
-                socket.send_fds(self._channel, [msgspec.json.encode(birth)], [log])
+                socket.send_fds(self._channel, [birth], [log])
                 if (pid := int(self._channel.recv(32) or REFUSED)) != REFUSED:
                     return Forked(pid)
             # It is stopped or killed, or short of something, and must not fork later on.
