@@ -18,6 +18,7 @@ from .parameters.problems import Keys
 from .parameters.read import find_problems
 from .process import main
 from .user_classes import declared_parameters, import_participant, is_installed
+from .warm import WARM, become_participants
 
 
 def _take_part(name: str, folder: Path) -> int:
@@ -69,6 +70,8 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
 if __name__ == "__main__":
     if sys.argv[1:] == ["--check"]:
         sys.exit(_check(json.load(sys.stdin), Path.cwd()))
+    if sys.argv[1:] and sys.argv[1].rstrip() == WARM:
+        sys.argv[1:] = [become_participants(sys.argv[2:])]
     if len(sys.argv) != 2:
         sys.exit("usage: python -P -m stepbus_participant my_file.py:Class")
     sys.exit(_take_part(sys.argv[1], Path.cwd()))

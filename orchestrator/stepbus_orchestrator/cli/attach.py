@@ -13,7 +13,7 @@ from rich.table import Table
 from stepbus_orchestrator.cli.parameters import DURATION, command
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, table, visible
 from stepbus_orchestrator.processes.external import await_ticket
-from stepbus_orchestrator.processes.launcher import participant_environment
+from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.run.live_file import call
 from stepbus_orchestrator.scenario.model import BridgeSpec, ParticipantSpec
 from stepbus_orchestrator.scenario.program import command as program_command
@@ -57,7 +57,7 @@ def join_command(
     spec = ParticipantSpec(name=awaited.name, exec=tuple(program or awaited.exec), bridge=bridge)
     argv = start_command(spec, folder)
     _notify(f"{awaited.name} of run {awaited.run}: {' '.join(argv)}")
-    _become(argv, folder, participant_environment(ticket.absolute()))
+    _become(argv, folder, participant_environment(str(ticket.absolute())))
 
 
 def _notify(sentence: str) -> None:

@@ -1,6 +1,7 @@
 """The parser of the command line: finds the command that is typed, and executes it."""
 
 import argparse
+import contextlib
 import re
 from collections.abc import Callable, Iterable, Sequence
 from importlib import import_module
@@ -12,6 +13,7 @@ from stepbus_orchestrator.cli.terminal.output import fold, print_error
 from stepbus_orchestrator.cli.terminal.stdout_buffer import hurry
 from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
+from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import suggest
 from stepbus_schemas import StepbusError, WiringError
@@ -172,12 +174,15 @@ def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None)
         print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
         return ExitCode.SCENARIO
     try:
-        args = _parsed(arguments)
-        loaded()
-        if args.command.is_run:
-            hurry()
-        with command_line():
-            code: int = args.command.execute(args)
+        # From the start on: it loads on a core of its own what participants need.
+        is_forking = arguments[0] == "run" and "--in-process" not in arguments
+        with warm_parent() if is_forking else contextlib.nullcontext():
+            args = _parsed(arguments)
+            loaded()
+            if args.command.is_run:
+                hurry()
+            with command_line():
+                code: int = args.command.execute(args)
     except RunFailure as exc:
         print_error(str(exc))
         return exc.code

@@ -64,6 +64,8 @@ def _lacking(exc: ImportError) -> int:
 def _guarded() -> int:
     # What is loaded stays: to look for garbage in it takes a twentieth of a start.
     gc.disable()
+    # A command needs no further thread for its few numbers; to start them takes longer.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     on_signals(_leave)
     # Those that came while this program was replaced by itself, see `_set_environment`.
     signal.pthread_sigmask(signal.SIG_UNBLOCK, SIGNALS)
@@ -76,7 +78,7 @@ def _guarded() -> int:
             return supervise(PYTHON)
     from stepbus_orchestrator.cli.terminal.stdout_buffer import buffered  # noqa: PLC0415
 
-    with buffered():
+    with buffered() as output:
         code: int | None = None
         try:
             on_signals(interrupt)
@@ -97,6 +99,10 @@ def _guarded() -> int:
             signals.is_settled = True
             on_signals(signal.SIG_IGN)
             forget_swallowed()
+            # To look for garbage once more, as Python does at its end, takes longer than most here.
+            gc.freeze()
+    if code == 0 and output.is_needed and output.is_incomplete:
+        code = _INTERNAL
     if is_hosted:
         from .supervisor import settle  # noqa: PLC0415  (see the top)
 

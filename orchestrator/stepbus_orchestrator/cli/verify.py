@@ -12,6 +12,7 @@ from stepbus_orchestrator.cli.terminal.live import Display, displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import can_host
+from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_orchestrator.run.reports import Observer, Progress
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import partly_recorded
@@ -46,6 +47,7 @@ def verify_command(
     with (
         displayed(f"verify {loaded.name}", quiet=json, runs=count) as display,
         interruptible() as interrupt,
+        warm_parent([spec.participant for spec in loaded.participants], runs=count),
     ):
         watcher = None if display is None else _Trials(display)
         verification = verify(

@@ -15,6 +15,7 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
 from stepbus_orchestrator.processes.place import Place, core_of, place_threads
+from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_error
 
 _LARGEST = 8 * 1024 * 1024
@@ -167,7 +168,8 @@ class Child(Process):
             with os.fdopen(append_to(log), "ab") as file:
                 if has_terminal:
                     file.write(b"its output went to the terminal (--debug)\n")
-                self._process = subprocess.Popen(
+                forked = None if has_terminal else fork(command, cwd, environment, file.fileno())
+                self._process = forked or subprocess.Popen(
                     command,
                     cwd=cwd,
                     env=environment,

@@ -1,23 +1,23 @@
 """Starts and ends the processes of a run, and lets others start some."""
 
 import contextlib
-import os
 import shutil
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from msgspec.structs import asdict
 
 from stepbus_orchestrator.errors import StartFailed
-from stepbus_orchestrator.processes import PYTHON, reaper
+from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.external import External, JoinTicket, SharedTicket
+from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, Endpoint, Ticket
+from stepbus_participant import Endpoint, Ticket
 
 _END_S = 2.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
@@ -142,7 +142,7 @@ class Launcher:
             command,
             cwd=scenario_folder,
             log=self._logs / f"{spec.name}.log",
-            environment=participant_environment(path),
+            environment=participant_environment(str(path)),
             has_terminal=has_terminal,
         )
         self._reaper.watch(child.pid)
@@ -201,8 +201,3 @@ class Launcher:
             child.end()
             self._reaper.forget(child.pid)
         return self._reaper.end()
-
-
-def participant_environment(ticket: Path) -> Mapping[str, str]:
-    """Return the environment of a participant: ours, the ticket, and unbuffered prints."""
-    return {**ONE_THREAD, **os.environ, **PYTHON, TICKET_VARIABLE: str(ticket)}

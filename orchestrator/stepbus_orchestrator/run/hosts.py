@@ -12,6 +12,7 @@ from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import Mesh, make_mesh
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
+from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
@@ -53,7 +54,12 @@ class Processes:
             # The orchestrator passes on what it plays.
             if self.has_slots and not opening.is_star:
                 slots = make_slots(opening.scenario, launcher)
-            with self.around(launcher.children), contextlib.ExitStack() as stack:
+            classes = [one.participant for one in opening.scenario.participants if one.participant]
+            with (
+                warm_parent(classes),
+                self.around(launcher.children),
+                contextlib.ExitStack() as stack,
+            ):
                 bus = open_bus(mesh.orchestrator, opening.run)
                 stack.callback(bus.close)
                 live = Live(run=opening.run, token=opening.token, endpoint=mesh.caller)
@@ -82,6 +88,7 @@ class _Launch(Strategy):
         scenario = run.state.scenario
         for name in self._start_order or [spec.name for spec in scenario.participants]:
             run.started(self._start(scenario.participant(name), run))
+        all_started()
 
     def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
         options = run.start_options(spec) | {"slots": self.slots.folder}

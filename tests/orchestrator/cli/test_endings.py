@@ -92,6 +92,16 @@ def test_a_run_whose_output_cannot_be_written_keeps_its_code_and_says_so(tmp_pat
     assert (code, errors, result_of(tmp_path)["exit_code"]) == (0, sentence, 0)
 
 
+@pytest.mark.parametrize("word", ["--version", "--help", "types"])
+def test_what_is_only_there_to_be_read_fails_where_it_cannot_be_written(word):
+    with Path("/dev/full").open("wb") as full:
+        code, errors = ended([*STEPBUS, word], full)
+    sentence = "stepbus: stdout: No space left on device; the output is incomplete\n"
+    assert (code, errors) == (ExitCode.INTERNAL, sentence)
+    with closed_pipe() as pipe:
+        assert ended([*STEPBUS, word], pipe) == (ExitCode.FINISHED, "")
+
+
 @pytest.mark.parametrize("pair", [os.pipe, pytest.param(os.openpty, marks=pytest.mark.slow)])
 def test_a_run_whose_output_nobody_reads_ends_by_itself(tmp_path, run_words, pair):
     with unread(pair) as stream:

@@ -24,8 +24,6 @@ import os, shutil, sys
 from pathlib import Path
 
 WHO, NUMBER, WHAT, COUNTS = (os.environ["HOOK_" + n] for n in ("WHO", "NUMBER", "WHAT", "COUNTS"))
-ticket = os.environ.get("STEPBUS_TICKET")
-me = Path(ticket).stem if ticket else "orchestrator"
 count = 0
 busy = False
 
@@ -33,6 +31,10 @@ busy = False
 def hook(event, args):
     global count, busy
     if busy or event == "import" or event.startswith(("object.", "sys.", "code.", "compile")):
+        return
+    # One that is forked gets its ticket later on.
+    ticket = os.environ.get("STEPBUS_TICKET")
+    if WHO != (Path(ticket).stem if ticket else "orchestrator"):
         return
     top = Path(os.environ["TMPDIR"])
     is_private = any(str(top / "stepbus-") in str(arg) for arg in args[:2])
@@ -51,7 +53,7 @@ def hook(event, args):
     busy = False
 
 
-if me == WHO and "reaper.py" not in " ".join(sys.argv):
+if "reaper.py" not in " ".join(sys.argv):
     sys.addaudithook(hook)
 """
 

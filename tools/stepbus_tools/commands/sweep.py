@@ -1,10 +1,9 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
-
-from rich.console import Console
 
 from stepbus import sweep
 from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
@@ -76,7 +75,7 @@ def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
     if quiet:
         yield lambda _progress: None
         return
-    show, clear = shows_progress(Console())
+    _, show, clear = shows_progress(sys.stdout)
     try:
         yield lambda progress: show(_reached(progress))
     finally:

@@ -9,14 +9,13 @@ import threading
 from collections.abc import Callable, Iterator
 from functools import partial
 from queue import SimpleQueue
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
 
 from stepbus_orchestrator.cli.terminal.keys import HELP
-from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible
+from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, print_line, visible
 from stepbus_orchestrator.cli.terminal.progress import Bar, CalmLines, Rate, Reached
 from stepbus_orchestrator.run.reports import Observer, Progress
 
-# With --json, nothing is shown; else rich is imported when there is something to show.
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -28,18 +27,18 @@ class Display(Observer):
     """Shows progress and sentences from a thread of its own.
 
     A terminal that is not read, or that Ctrl-S holds, blocks its writer; the run must continue.
-    When there is no time, progress is left out, sentences are not. watch: takes the reports. show:
-    shows the progress. clear: removes what is not to stay.
+    When there is no time, progress is left out, sentences are not. say: prints a line. show: shows
+    the progress. clear: removes what is not to stay. watch: takes the reports.
     """
 
     def __init__(
         self,
-        console: Console,
-        watch: RunWatch,
+        say: Callable[[str], object],
         show: Callable[[Reached], None],
         clear: Callable[[], object],
+        watch: RunWatch,
     ) -> None:
-        self._console = console
+        self._say = say
         self._watch = watch
         self._show = show
         self._clear = clear
@@ -59,7 +58,7 @@ class Display(Observer):
 
     def say(self, text: str) -> None:
         """Show a line, above the bar if there is one."""
-        self._queue.put(partial(_print, self._console, text))
+        self._queue.put(partial(self._say, text))
 
     def next_run(self) -> None:
         """Take the progress of the next run from now on."""
@@ -77,10 +76,7 @@ class Display(Observer):
 
 
 def _print(console: Console, text: str) -> None:
-    shown = visible(text)
-    if has_screen(console.file):
-        shown = fold(shown, console.width, INDENT)
-    console.print(shown, markup=False, soft_wrap=True)
+    console.print(fold(visible(text), console.width, INDENT), markup=False, soft_wrap=True)
 
 
 @contextlib.contextmanager
@@ -103,18 +99,15 @@ def displayed(
     if quiet and not invites:
         yield None
         return
-    from rich.console import Console  # noqa: PLC0415  see above
-
     # The stream itself: a run in one process replaces `sys.stdout` during a participant's turn,
     # and what this prints from its own thread would land in that participant's log.
-    console = Console(file=sys.stderr if quiet else sys.stdout)
-    show, clear = (
-        (_do_nothing, _do_nothing)
-        if plain or quiet
-        else shows_progress(console, (HELP,) if keys else ())
-    )
+    stream = sys.stderr if quiet else sys.stdout
     watch = RunWatch(title, degrees=degrees, runs=runs)
-    with contextlib.closing(Display(console, watch, show, clear)) as display:
+    with contextlib.closing(
+        Display(partial(print_line, stream), _do_nothing, _do_nothing, watch)
+        if plain or quiet
+        else Display(*shows_progress(stream, (HELP,) if keys else ()), watch)
+    ) as display:
         yield display
 
 
@@ -122,16 +115,20 @@ def _do_nothing(*_: object) -> None: ...
 
 
 def shows_progress(
-    console: Console, below: tuple[str, ...] = ()
-) -> tuple[Callable[[Reached], None], Callable[[], None]]:
-    """Return what shows how far a command is, and what ends that.
+    stream: IO[str], below: tuple[str, ...] = ()
+) -> tuple[Callable[[str], None], Callable[[Reached], None], Callable[[], None]]:
+    """Return what prints a line, what shows how far a command is, and what ends that.
 
     It is a bar, or lines where none can be drawn. below: lines below the bar.
     """
-    if has_screen(console.file) and console.is_terminal:
-        bar = Bar(console, below)
-        return bar.show, bar.close
-    return CalmLines(partial(_print, console)).show, _do_nothing
+    if not has_screen(stream):
+        say = partial(print_line, stream)
+        return say, CalmLines(say).show, _do_nothing
+    from rich.console import Console  # noqa: PLC0415  (there is nothing to draw in a pipe)
+
+    console = Console(file=stream)
+    bar = Bar(console, below)
+    return partial(_print, console), bar.show, bar.close
 
 
 class RunWatch:

@@ -1,7 +1,8 @@
 """Standard output and error that neither fail nor hold up their writer.
 
-A command ends with its own exit code and in its own time, whatever becomes of its output: a pipe
-that its reader has closed, a full disk, a terminal that Ctrl-S holds or that is not read.
+A run ends with its own exit code and in its own time, whatever becomes of its output: a pipe that
+its reader has closed, a full disk, a terminal that Ctrl-S holds or that is not read. A command that
+is there for its output fails without.
 """
 
 import contextlib
@@ -30,8 +31,10 @@ class StdoutBuffer(io.BufferedIOBase):
     patience_s: how long a write waits for a reader that takes nothing [s]; None: for ever, as a
     pager needs. Once a reader has been waited for in vain, no write waits until it reads again,
     and what comes beyond 64 KiB of backlog is left out. failure: why nothing more can be written;
-    0: none. is_incomplete: something was left out.
+    0: none. is_incomplete: something was left out. is_needed: without, the command has failed.
     """
+
+    is_needed = True
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -125,8 +128,8 @@ class StdoutBuffer(io.BufferedIOBase):
 
 
 @contextlib.contextmanager
-def buffered() -> Iterator[None]:
-    """Buffer standard output and error while this is open; report what was lost."""
+def buffered() -> Iterator[StdoutBuffer]:
+    """Yield the buffer of standard output, that of error beside it; report what was lost."""
     # Python has None where a stream is closed, as after `stepbus run … <&-`, and the next file that
     # is opened would get its descriptor.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -140,11 +143,12 @@ def buffered() -> Iterator[None]:
         for buffer, s in zip((output, error), before, strict=True)
     )
     try:
-        yield
+        yield output
     finally:
         output.finish()
         # A closed pipe is how `head` ends, and there is no user at a closed terminal.
         if output.failure not in {0, errno.EPIPE, errno.EIO}:
+            output.is_incomplete = True
             print_error(f"stdout: {os.strerror(output.failure)}; the output is incomplete")
         elif output.is_incomplete:
             print_error("stdout: no process reads it; the output is incomplete")
@@ -153,8 +157,8 @@ def buffered() -> Iterator[None]:
 
 
 def hurry() -> None:
-    """Wait for readers only so long from now on: a run ends in time though none reads."""
+    """Wait for readers only so long from now on: a run ends in time though none reads, and well."""
     for stream in (sys.stdout, sys.stderr):
         buffer = getattr(stream, "buffer", None)
         if isinstance(buffer, StdoutBuffer):
-            buffer.patience_s = _PATIENCE_S
+            buffer.patience_s, buffer.is_needed = _PATIENCE_S, False

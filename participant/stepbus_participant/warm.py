@@ -1,0 +1,129 @@
+"""One process that has loaded what participants need, and becomes each of them by a fork.
+
+`python -P -m stepbus_participant --warm…` is told on its standard input, a socket, which ones are
+wanted. A child goes on in `__main__` as if it had been started for its participant alone.
+"""
+
+import contextlib
+import ctypes
+import gc
+import os
+import signal
+import socket
+import sys
+from pathlib import Path
+from pkgutil import resolve_name
+
+import msgspec
+
+from .bus.ticket import TICKET_VARIABLE
+
+WARM = "--warm"
+REFUSED = -1
+_PR_SET_PDEATHSIG = 1
+_LONGEST = 1 << 16
+_ARGUMENTS, _ENVIRONMENT = 47, 49
+"""Where /proc/self/stat has the addresses of both, counted from 0."""
+
+
+class Birth(msgspec.Struct, frozen=True):
+    """A participant that is wanted. words: its command. folder: where it works."""
+
+    words: list[str]
+    folder: str
+    ticket: str
+
+
+def become_participants(names: list[str]) -> str:
+    """Return in a new process for each participant that is wanted, its class; else never.
+
+    names: of modules and classes, which are loaded before. The first process ends with its parent,
+    or with the socket.
+    """
+    process = ctypes.CDLL(None)
+    process.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
+    # What else our parent has open is not meant for it.
+    for number in map(int, os.listdir("/proc/self/fd")):  # noqa: PTH208  (pathlib is slower)
+        if number > 2:
+            # That of the list itself is closed already.
+            with contextlib.suppress(OSError):
+                os.close(number)
+    gc.disable()
+    for name in names:
+        # Those that need it say what is wrong.
+        with contextlib.suppress(Exception):
+            resolve_name(name)
+    # What libraries in C have printed would come from each child once more.
+    process.fflush(None)
+    # A child that changes the count of references to something copies its page.
+    gc.freeze()
+    with socket.socket(fileno=os.dup(0)) as channel:
+        while True:
+            data, files, _, _ = socket.recv_fds(channel, _LONGEST, 1)
+            if not data:
+                os._exit(0)
+            pid = _fork()
+            if pid == 0:
+                break
+            os.close(files[0])
+            channel.send(str(pid).encode())
+    gc.enable()
+    birth = msgspec.json.decode(data, type=Birth)
+    _settle(birth, files[0])
+    return birth.words[-1]
+
+
+def _fork() -> int:
+    """Return 0 in a new process, and here its process id, or REFUSED: a thread forbids it.
+
+    Its parent has ended, so it is a child of the subreaper above us, the orchestrator.
+    """
+    if len(os.listdir("/proc/self/task")) > 1:  # noqa: PTH208  (pathlib is slower)
+        return REFUSED
+    source, sink = os.pipe()
+    if (between := os.fork()) == 0:
+        if (pid := os.fork()) > 0:
+            os.write(sink, str(pid).encode())
+            os._exit(0)
+        os.close(source)
+        os.close(sink)
+        return 0
+    os.close(sink)
+    os.waitpid(between, 0)
+    with open(source, "rb") as file:  # noqa: PTH123  (no path, but a descriptor)
+        return int(file.read() or REFUSED)
+
+
+def _settle(birth: Birth, log: int) -> None:
+    """Be what `birth` says, as an own start would have made it."""
+    os.setsid()
+    null = os.open(os.devnull, os.O_RDWR)
+    for number, file in enumerate((null, log, log)):
+        os.dup2(file, number)
+    os.close(null)
+    os.close(log)
+    os.chdir(birth.folder)
+    _show(birth)
+    os.environ[TICKET_VARIABLE] = birth.ticket
+    sys.orig_argv[1:] = birth.words[1:]
+    if "numpy.random" in sys.modules:
+        sys.modules["numpy.random"].seed()
+
+
+def _show(birth: Birth) -> None:
+    """Let /proc have its command and its ticket: the reaper knows what it leaves behind by that.
+
+    Both take the room that the command and the environment of the first process have.
+    """
+    stat = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
+    first, end = (int(stat[_ARGUMENTS - 2 + more]) for more in (0, 1))
+    _write(first, end - first, b"\0".join(word.encode() for word in birth.words))
+    first, end = (int(stat[_ENVIRONMENT - 2 + more]) for more in (0, 1))
+    variables = b"\0" + ctypes.string_at(first, end - first)
+    name = f"\0{TICKET_VARIABLE}=".encode()
+    at = variables.index(name) + len(name)
+    _write(first + at - 1, variables.index(b"\0", at) - at, birth.ticket.encode())
+
+
+def _write(address: int, room: int, text: bytes) -> None:
+    ctypes.memmove(address, text[:room].ljust(room, b"\0"), room)
