@@ -6,12 +6,14 @@ import io
 import itertools
 import os
 import stat
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
 _FOLDER_MODE = 0o755
 _FILE_MODE = 0o644
+_MOST_PARTS = 1024
+"""That Linux writes in one go (IOV_MAX)."""
 
 
 class Disk(Protocol):
@@ -23,8 +25,8 @@ class Disk(Protocol):
     def open(self, path: Path, flags: int, mode: int = 0o777) -> int:
         """Return a descriptor."""
 
-    def pwrite(self, fd: int, data: bytes | memoryview, offset: int, /) -> int:
-        """Write at an offset; return how many bytes, which may be fewer."""
+    def pwritev(self, fd: int, parts: Sequence[bytes | memoryview], offset: int, /) -> int:
+        """Write parts at an offset, in one go; return how many bytes, which may be fewer."""
 
     def ftruncate(self, fd: int, length: int, /) -> None:
         """Cut a file [bytes]."""
@@ -112,10 +114,19 @@ def make_file(path: Path, mode: int = _FILE_MODE, disk: Disk = os) -> int:
 
 def write_at(disk: Disk, fd: int, data: bytes, offset: int) -> None:
     """Write all of `data`; raises OSError."""
-    rest = memoryview(data)
+    write_parts_at(disk, fd, [data], offset)
+
+
+def write_parts_at(disk: Disk, fd: int, parts: Iterable[bytes], offset: int) -> None:
+    """Write all parts, one behind the other; raises OSError."""
+    rest = [memoryview(part) for part in parts if part]
     while rest:
-        count = disk.pwrite(fd, rest, offset)
-        rest, offset = rest[count:], offset + count
+        count = disk.pwritev(fd, rest[:_MOST_PARTS], offset)
+        offset += count
+        while rest and count >= len(rest[0]):
+            count -= len(rest.pop(0))
+        if count:
+            rest[0] = rest[0][count:]
 
 
 def write_file(path: Path, data: bytes, mode: int = _FILE_MODE, disk: Disk = os) -> None:
@@ -145,7 +156,7 @@ class NewFile(io.RawIOBase):
 
     def write(self, data: Any) -> int:
         """Append bytes; return how many."""
-        count = self._disk.pwrite(self._fd, data, self._end)
+        count = self._disk.pwritev(self._fd, [data], self._end)
         self._end += count
         return count
 

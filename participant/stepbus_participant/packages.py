@@ -15,6 +15,7 @@ from stepbus_schemas import WiringError
 _EXTRAS = {
     "run": (
         "greenlet",
+        "isal",
         "mcap",
         "msgpack",
         "numpy",

@@ -1,7 +1,7 @@
 """The disk of a simulated run: real files in memory, and what may go wrong with them."""
 
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from .world import Process
@@ -46,10 +46,11 @@ class SimulatedDisk:
         self._open.add(descriptor)
         return descriptor
 
-    def pwrite(self, fd: int, data: bytes | memoryview, offset: int, /) -> int:
-        """Write at an offset; return how many bytes, which may be fewer."""
+    def pwritev(self, fd: int, parts: Sequence[bytes | memoryview], offset: int, /) -> int:
+        """Write parts at an offset; return how many bytes, which may be fewer."""
         if self._process.is_dead:
-            return len(data)
+            return sum(map(len, parts))
+        data = b"".join(parts)
         size = self._do("pwrite", len(data))
         written = os.pwrite(fd, memoryview(data)[:size], offset)
         self.done("pwrite")

@@ -63,7 +63,8 @@ class ThreadedChain(HashChain):
     def extend(self, step: int, published: Collection[tuple[str, bytes]]) -> None:
         """Add one step."""
         if self._workers.are_busy or any(len(data) > BIG_BYTES for _, data in published):
-            self._workers.give(partial(self._extend, step, published))
+            size = sum(len(data) for _, data in published)
+            self._workers.give(partial(self._extend, step, published), size)
         else:
             super().extend(step, published)
 

@@ -7,12 +7,12 @@ is. Any other file is scanned from its beginning (`scanner.py`).
 from __future__ import annotations
 
 import struct
-import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
+from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
@@ -145,7 +145,7 @@ def _section(file: RecordFile) -> bytes | None:
     if opcode != Opcode.FOOTER or length != _FOOTER.size or not 0 < start <= footer or not crc:
         return None
     section = file.read(start, footer - start)
-    return section if zlib.crc32(tail[: HEAD.size + 16], zlib.crc32(section)) == crc else None
+    return section if crc32(tail[: HEAD.size + 16], crc32(section)) == crc else None
 
 
 def _add_at(file: RecordFile, offset: int, index: Index) -> None:

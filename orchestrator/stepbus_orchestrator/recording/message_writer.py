@@ -8,6 +8,7 @@ from functools import partial
 from struct import Struct
 from typing import Any
 
+from isal.isal_zlib import crc32, crc32_combine
 from mcap import records as mcap
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -37,9 +38,9 @@ class MessageWriter:
     Chunks with big messages are compressed in threads, and written in their order a few chunks
     later. crc: of all that is in the file.
 
-    output: takes each write as a whole, or raises OSError and has nothing of it; what it refused is
-    not in the index either. keep_room: is told the size of the index [bytes] before a chunk adds to
-    it; may raise OSError.
+    output: takes each `write` and `writelines` as a whole, or raises OSError and has nothing of it;
+    what it refused is not in the index either. keep_room: is told the size of the index [bytes]
+    before a chunk adds to it; may raise OSError.
     """
 
     def __init__(
@@ -58,10 +59,9 @@ class MessageWriter:
         self._summary = {opcode: bytearray() for opcode in _GROUPS}
         self._counts: Counter[Opcode] = Counter()
         # The index records of all chunks are packed: the memory of a run must not grow with it.
-        self._index_packer = zlib.compressobj()
+        self._index_packer = zlib.compressobj(1)
         self._index_bytes = 0
         self._chunk = Chunk()
-        self._compressor = self._chunk.compressor()
         self._workers: Workers[Encoded] | None = None
         self._message_counts: Counter[int] = Counter()
         self._earliest = self._latest = 0
@@ -89,7 +89,7 @@ class MessageWriter:
         if at == offset and known:
             # Behind it stands again what it replaces: a kill loses nothing.
             self._output.write(data, self._chunk.content()[:known] + _STEP_END)
-            self.crc = zlib.crc32(data, self.crc)
+            self.crc = crc32(data, self.crc)
             self._unfinished = (self._output.tell(), known)
         else:
             self._write(data)
@@ -197,7 +197,7 @@ class MessageWriter:
             end += len(records)
         summary = b"".join((*self._summary.values(), _bytes_of(*offsets)))
         footer = mcap.Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
-        footer.summary_crc = zlib.crc32(_bytes_of(footer)[:-CRC_BYTES], zlib.crc32(summary))
+        footer.summary_crc = crc32(_bytes_of(footer)[:-CRC_BYTES], crc32(summary))
         self._write(summary + _bytes_of(footer) + MAGIC)
 
     def _statistics(self) -> mcap.Statistics:
@@ -215,7 +215,7 @@ class MessageWriter:
 
     def _write(self, data: bytes) -> None:
         self._output.write(data)
-        self.crc = zlib.crc32(data, self.crc)
+        self.crc = crc32(data, self.crc)
 
     def _drain(self) -> None:
         if self._workers is not None:
@@ -235,21 +235,17 @@ class MessageWriter:
             self._workers = Workers(self._put)
         workers = self._workers
         if workers is not None and (chunk.is_big or workers.are_busy):
-            workers.give(partial(encode_chunk, chunk, chunk.compressor()))
+            workers.give(partial(encode_chunk, chunk), chunk.size)
         else:
-            self._put(encode_chunk(chunk, self._compressor))
+            self._put(encode_chunk(chunk))
 
     def _put(self, encoded: Encoded) -> None:
         """Write a chunk and its message indexes at once; raises OSError, and has lost them."""
-        start, row = self._output.tell(), encoded.row
+        start = self._output.tell()
         self._keep_room(self._index_bytes)
-        self._output.write(encoded.data)
-        self.crc = encoded.crc_behind(self.crc)
-        row.chunk_start_offset = start
-        row.message_index_offsets = {
-            channel: start + offset for channel, offset in row.message_index_offsets.items()
-        }
-        self._count(encoded.chunk, _bytes_of(row))
+        self._output.writelines(encoded.parts)
+        self.crc = crc32_combine(self.crc, encoded.crc, encoded.size)
+        self._count(encoded.chunk, encoded.row(start))
 
     def _count(self, chunk: Chunk, index: bytes) -> None:
         """Add a chunk to the summary, once it is in the file."""

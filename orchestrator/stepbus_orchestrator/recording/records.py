@@ -5,13 +5,13 @@ from __future__ import annotations
 import os
 import struct
 import weakref
-import zlib
 from collections.abc import Collection, Iterator, Mapping
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import zstandard
+from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
@@ -197,7 +197,7 @@ def _message(content: bytes) -> mcap.Message:
 
 def _check_crc(data: bytes, expected: int, *, checked: bool) -> None:
     """Raise ValueError when a checksum is wrong; unless `checked`, 0 stands for none."""
-    if (expected or checked) and zlib.crc32(data) != expected:
+    if (expected or checked) and crc32(data) != expected:
         raise ValueError("its checksum is wrong")
 
 

@@ -4,11 +4,13 @@ import contextlib
 import fcntl
 import os
 import struct
-import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
+from isal.isal_zlib import crc32
+
 from stepbus_orchestrator.recording.records import HEAD
-from stepbus_participant import Disk, make_file, write_at
+from stepbus_participant import Disk, make_file, write_at, write_parts_at
 
 _RESERVE_BYTES = 512 * 1024
 _END_BYTES = 256 * 1024
@@ -69,20 +71,24 @@ class ReservedFile:
 
     def write(self, data: bytes, ahead: bytes = b"") -> None:
         """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
-        new = data + ahead
-        over = self._ahead - len(new)
-        # A process that is killed here leaves no rubbish behind `data`, but one private record.
+        self.writelines([data], ahead)
+
+    def writelines(self, parts: Sequence[bytes], ahead: bytes = b"") -> None:
+        """Append all parts, or nothing of them; ahead: what the next `write` replaces."""
+        size = sum(map(len, parts))
+        over = self._ahead - size - len(ahead)
+        # A process that is killed here leaves no rubbish behind them, but one private record.
         cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
         try:
-            write_at(self._disk, self._file, new + cover, self._position)
+            write_parts_at(self._disk, self._file, (*parts, ahead, cover), self._position)
             if cover:
-                self._disk.ftruncate(self._file, self._position + len(new))
+                self._disk.ftruncate(self._file, self._position + size + len(ahead))
         except OSError:
             self._ahead = 0
             self._disk.ftruncate(self._file, self._position)
             raise
         self._ahead = len(ahead)
-        self._position += len(data)
+        self._position += size
 
     def write_ahead(self, data: bytes) -> bool:
         """Append bytes that the next `write` replaces; return whether there was room for them."""
@@ -112,7 +118,7 @@ class ReservedFile:
                     return f"has {size} bytes, not the {self._position} that were written"
                 found = 0
                 while block := file.read(_BLOCK_BYTES):
-                    found = zlib.crc32(block, found)
+                    found = crc32(block, found)
         except (FileNotFoundError, NotADirectoryError):
             return "was removed"
         return "" if found == crc else "has another content than was written"

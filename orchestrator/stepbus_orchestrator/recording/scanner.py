@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Generator, Iterator
 
+from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
@@ -67,7 +67,7 @@ class Scanner:
                 f"{self.file.path} is not an MCAP recording: it does not start with its magic bytes"
             )
         self.intact_bytes = len(MAGIC)
-        self._crc = zlib.crc32(MAGIC)
+        self._crc = crc32(MAGIC)
 
     def _next(self) -> Generator[mcap.McapRecord, None, int]:
         """Yield what is in the record behind the last intact one; return its opcode."""
@@ -132,10 +132,10 @@ class Scanner:
             self._check_section("data section", content, must=is_ours and library != layout.FIRST)
             self._crc = 0
         elif opcode == Opcode.FOOTER:
-            self._crc = zlib.crc32(record[:-CRC_BYTES], self._crc)
+            self._crc = crc32(record[:-CRC_BYTES], self._crc)
             self._check_section("summary", content, must=is_ours)
         else:
-            self._crc = zlib.crc32(record, self._crc)
+            self._crc = crc32(record, self._crc)
 
     def _check_section(self, name: str, content: bytes, *, must: bool) -> None:
         expected = int.from_bytes(content[-CRC_BYTES:], "little")

@@ -1,16 +1,44 @@
 """Work on big messages in threads: hashing and compressing let go of Python's lock meanwhile."""
 
 import os
+import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from queue import SimpleQueue
 from typing import Generic, TypeVar
 
 T = TypeVar("T")
 
+_BATCH_BYTES = 1024 * 1024
+"""So much is handed to a thread at once: to wake it takes as long as to hash 20 kB."""
 _AHEAD = 4
-"""How much work may wait: it bounds the memory, and whoever gives more waits for the oldest."""
+"""How many batches may wait: it bounds the memory, and whoever gives more waits for the oldest."""
 MOST_THREADS = min(_AHEAD, os.cpu_count() or 1)
+
+
+class _Batch(Generic[T]):
+    """Pieces of work for one thread, and what has come of them once its lock is free.
+
+    results: of all, or of those before the one that has failed. error: of that one.
+    """
+
+    def __init__(self) -> None:
+        self.work: list[Callable[[], T]] = []
+        self.size = 0
+        self.results: list[T] = []
+        self.error: BaseException | None = None
+        self.over = threading.Lock()
+        self.over.acquire()
+
+    def run(self) -> None:
+        """Do it, in its order."""
+        try:
+            for do in self.work:
+                self.results.append(do())
+        except BaseException as exc:  # noqa: BLE001  (raised where its result would be taken)
+            self.error = exc
+        finally:
+            self.over.release()
 
 
 class Workers(Generic[T]):
@@ -18,38 +46,73 @@ class Workers(Generic[T]):
 
     take: gets each result, in the thread that calls a method here. When it does depends on these
     calls alone, neither on time nor on how many threads there are. threads: with one, the work is
-    done in order too.
+    done in order too. A future of `concurrent.futures` would take several times as long as a lock.
 
     An exception of the work is raised where its result would be taken.
     """
 
     def __init__(self, take: Callable[[T], None], threads: int = MOST_THREADS) -> None:
         self._take = take
-        self._pool = ThreadPoolExecutor(threads, "recording")
-        self._given: deque[Future[T]] = deque()
+        self._most = threads
+        self._threads: list[threading.Thread] = []
+        self._todo: SimpleQueue[_Batch[T] | None] = SimpleQueue()
+        self._given: deque[_Batch[T]] = deque()
+        self._open: _Batch[T] | None = None
 
     @property
     def are_busy(self) -> bool:
         """Return whether any result has still to be taken."""
-        return bool(self._given)
+        return bool(self._given or self._open)
 
-    def give(self, work: Callable[[], T]) -> None:
-        """Have work done; takes the oldest result where too much waits."""
+    def give(self, work: Callable[[], T], size: int) -> None:
+        """Have work done on so many bytes; takes the oldest results where too much waits."""
+        if self._open is None:
+            self._open = _Batch()
+        self._open.work.append(work)
+        self._open.size += size
+        if self._open.size >= _BATCH_BYTES:
+            self._hand_over(self._open)
+
+    def _hand_over(self, batch: _Batch[T]) -> None:
+        self._open = None
         if len(self._given) >= _AHEAD:
             self._take_next()
-        self._given.append(self._pool.submit(work))
+        while len(self._threads) < self._most:
+            thread = threading.Thread(target=self._run, name="recording", daemon=True)
+            thread.start()
+            self._threads.append(thread)
+        self._given.append(batch)
+        self._todo.put(batch)
 
     def drain(self) -> None:
         """Take all results that are not taken yet."""
+        if self._open is not None:
+            self._hand_over(self._open)
         while self._given:
             self._take_next()
 
     def _take_next(self) -> None:
-        result = self._given[0].result()
+        batch = self._given[0]
+        with batch.over:
+            results, batch.results = batch.results, []
+        for result in results:
+            self._take(result)
+        if batch.error is not None:
+            raise batch.error
         self._given.popleft()
-        self._take(result)
 
     def close(self) -> None:
         """End the threads; results that were not taken are dropped. Nothing can be given then."""
+        self._open = None
+        for batch in self._given:
+            batch.work.clear()
         self._given.clear()
-        self._pool.shutdown(cancel_futures=True)
+        for _ in self._threads:
+            self._todo.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _run(self) -> None:
+        while (batch := self._todo.get()) is not None:
+            batch.run()
+            del batch

@@ -14,7 +14,7 @@ from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout, recover
-from stepbus_orchestrator.recording.checksum import crc32_of_both
+from stepbus_orchestrator.recording.chunk import Chunk, encode_chunk
 from stepbus_orchestrator.recording.reader.tail import Tail
 from stepbus_orchestrator.recording.workers import Workers
 from stepbus_orchestrator.scenario.model import ParticipantSpec
@@ -128,16 +128,16 @@ def test_all_that_was_flushed_is_there_after_a_kill(tmp_path):
 def test_after_the_first_write_that_fails_only_the_index_is_written(
     tmp_path, monkeypatch, lasting, flush, nth
 ):
-    path, calls, write = tmp_path / "run.mcap", [], os.pwrite
+    path, calls, write = tmp_path / "run.mcap", [], os.pwritev
 
-    def pwrite(file, data, offset):
-        if len(data) > 10_000:
-            calls.append(len(data))
+    def pwritev(file, parts, offset):
+        if sum(map(len, parts)) > 10_000:
+            calls.append(len(parts))
             if len(calls) == nth or (lasting and len(calls) > nth):
                 raise OSError(errno.ENOSPC, "No space left on device")
-        return write(file, data, offset)
+        return write(file, parts, offset)
 
-    monkeypatch.setattr("os.pwrite", pwrite)
+    monkeypatch.setattr("os.pwritev", pwritev)
     with pytest.raises(RecordingFailed, match="No space left"):
         record(path, range(0, STEPS, 7) if flush else ())
     monkeypatch.undo()
@@ -162,24 +162,36 @@ def test_work_is_taken_in_order_and_at_most_so_much_of_it_waits():
         return number
 
     for number in range(4):
-        workers.give(lambda number=number: work(number))
+        workers.give(lambda number=number: work(number), 1 << 20)
     assert taken == []
     go.set()
     for number in range(4, 20):
-        workers.give(lambda number=number: work(number))
+        workers.give(lambda number=number: work(number), 1 << 20)
         assert taken == list(range(number - 3))
     workers.drain()
     assert taken == sorted(running) == list(range(20))
-    workers.give(lambda: 1 // 0)
+    for number in (20, 21):
+        workers.give(lambda number=number: work(number), 1)
+    workers.give(lambda: 1 // 0, 1)
+    assert sorted(running) == list(range(20))
     with pytest.raises(ZeroDivisionError):
         workers.drain()
+    assert taken == sorted(running) == list(range(22))
     workers.close()
 
 
-@pytest.mark.parametrize("length", [0, 1, 7, 70_000])
-def test_the_checksum_of_two_parts_is_that_of_the_whole(length):
-    chance = random.Random(length)
-    first, second = chance.randbytes(100), chance.randbytes(length)
-    assert crc32_of_both(zlib.crc32(first), zlib.crc32(second), length) == zlib.crc32(
-        first + second
-    )
+def test_how_a_chunk_is_stored_depends_on_its_bytes_not_on_their_parts():
+    """A flush joins what is there; the samples that say whether to compress are the same."""
+    chance, found = random.Random(7), set()
+    content = chance.randbytes(40_000) + bytes(90_000) + chance.randbytes(70_000)
+    for ends in ((), (1,), (99, 120_000), range(0, len(content), 3000), (24_999, 25_001)):
+        chunk, begin = Chunk(), 0
+        for end in (*ends, len(content)):
+            chunk.records.append(content[begin:end])
+            begin = end
+        chunk.size, chunk.is_big, chunk.indexes = len(content), True, {1: [0, 0]}
+        encoded = encode_chunk(chunk)
+        data = b"".join(encoded.parts)
+        assert (encoded.crc, encoded.size) == (zlib.crc32(data), len(data))
+        found.add((encoded.compression, data))
+    assert [compression for compression, _ in found] == ["zstd"]

@@ -73,7 +73,7 @@ def test_a_flush_that_finds_no_room_is_made_up_for_by_the_next_one(tmp_path, mon
         file.add(channel, step, b"", step)
         with monkeypatch.context() as patch:
             if 20 <= step < 40:
-                patch.setattr("os.pwrite", refuse)
+                patch.setattr("os.pwritev", refuse)
             file.flush()
     assert Recording(file.path)["plant/a"].steps.tolist() == list(range(60))
     file.close()

@@ -118,7 +118,7 @@ def test_a_disk_that_refuses_a_chunk_ends_the_recording_with_a_whole_step(
     tmp_path, monkeypatch, refused
 ):
     """Read by the mcap package alone."""
-    path, write = tmp_path / "run.mcap", os.pwrite
+    path, write = tmp_path / "run.mcap", os.pwritev
 
     def refuse(descriptor, data, offset):
         if path.stat().st_size > refused * layout.CHUNK_BYTES:
@@ -133,7 +133,7 @@ def test_a_disk_that_refuses_a_chunk_ends_the_recording_with_a_whole_step(
             file.add_all([(c, chance.randbytes(150)) for c in channels], step, step)
 
     with monkeypatch.context() as patch:
-        patch.setattr("os.pwrite", refuse)
+        patch.setattr("os.pwritev", refuse)
         with pytest.raises(RecordingFailed, match="No space left"):
             go_on()
     file.close()

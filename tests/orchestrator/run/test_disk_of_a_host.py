@@ -20,10 +20,11 @@ class Disk:
     def __getattr__(self, name):
         return getattr(os, name)
 
-    def pwrite(self, fd, data, offset):
+    def pwritev(self, fd, parts, offset):
+        data = b"".join(parts)
         if len(data) > self.room:
             raise OSError(errno.ENOSPC, "No space left on device")
-        count = os.pwrite(fd, data[:7], offset)
+        count = os.pwritev(fd, [data[:7]], offset)
         self.room -= count
         return count
 
