@@ -89,7 +89,7 @@ def _fork() -> int:
         os.close(sink)
         return 0
     os.close(sink)
-    os.waitpid(between, 0)
+    os.waitpid(between, 0)  # no time-out: it does nothing but fork
     with open(source, "rb") as file:  # noqa: PTH123  (no path, but a descriptor)
         return int(file.read() or REFUSED)
 

@@ -123,7 +123,7 @@ class _Parent:
             # A program of the user's may have reaped it.
             with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(self._pid, signal.SIGKILL)
-                os.waitpid(self._pid, 0)
+                os.waitpid(self._pid, 0)  # no time-out: it was killed
 
 
 @contextlib.contextmanager

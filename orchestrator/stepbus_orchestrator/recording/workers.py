@@ -28,7 +28,7 @@ class _Batch(Generic[T]):
         self.results: list[T] = []
         self.error: BaseException | None = None
         self.over = threading.Lock()
-        self.over.acquire()
+        self.over.acquire()  # no time-out: it is free, being new
 
     def run(self) -> None:
         """Do it, in its order."""
@@ -110,9 +110,10 @@ class Workers(Generic[T]):
         for _ in self._threads:
             self._todo.put(None)
         for thread in self._threads:
-            thread.join()
+            thread.join()  # no time-out: its work is bounded by a chunk
 
     def _run(self) -> None:
+        # no time-out: `close` gives it None
         while (batch := self._todo.get()) is not None:
             batch.run()
             del batch
