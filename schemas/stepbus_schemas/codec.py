@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import msgspec
@@ -60,7 +61,9 @@ class Decoder(Generic[_T]):
     def __init__(self, cls: type[_T], name: str = "") -> None:
         self._name = name or type_name(cls)
         self._cls = cls
-        self.plain: Callable[[bytes | msgspec.Raw], _T] = msgspec.msgpack.Decoder(cls).decode
+        self.plain: Callable[[bytes | memoryview | msgspec.Raw], _T] = msgspec.msgpack.Decoder(
+            cls
+        ).decode
 
     def __call__(self, data: bytes | msgspec.Raw) -> _T:
         """Return the message in `data`."""
@@ -68,6 +71,11 @@ class Decoder(Generic[_T]):
             return self.plain(data)
         except UNDECODABLE as exc:
             raise self.error(exc) from exc
+
+    @cached_property
+    def makes_views(self) -> bool:
+        """Return whether a message holds views of the bytes that it was decoded from."""
+        return any("memoryview" in repr(field.type) for field in msgspec.structs.fields(self._cls))
 
     def error(self, exc: Exception) -> MessageError:
         """Return what `plain` has raised as a sentence."""

@@ -40,6 +40,9 @@ class Viewer(stepbus.Participant):
         used = [name for name in frames if os.stat(name).st_size]
         Path(f"{self.config.name}.used").write_text("".join(used))
         frame = step.get("frame")
+        if KIND == "keeps" and frame:
+            self.kept = [*getattr(self, "kept", ()), (frame, bytes(bytearray(frame.data)))]
+            assert all(kept.data == copy for kept, copy in self.kept)
         if "seen" in self.config.outputs:
             return {"seen": Scalars(values=[float(sum(frame.data)) if frame else -1.0])}
 
@@ -63,6 +66,15 @@ if KIND == "cannot":
     slots.Slots._open = lambda self, names, mode: None
 elif KIND == "full":
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+elif KIND == "cut while it is read":
+    up_to = slots._ReadFile.up_to
+
+    def cut(self, end):
+        view = up_to(self, end)
+        os.truncate(os.readlink(f"/proc/self/fd/{self.fd}"), 0)
+        return view
+
+    slots._ReadFile.up_to = cut
 elif KIND:
     slots.SlotWriter.write = write_wrongly
 '''
@@ -191,6 +203,19 @@ def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_pa
     assert "step 12" in result.reason
     assert "frame" in result.reason
     assert found in result.reason
+
+
+def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_why(tmp_path):
+    off = "participants.camera.outputs.frame.record=off"
+    result, _ = record(tmp_path, "window=1", off, viewer="cut while it is read")
+    assert (result.exit_code, result.participant) == (5, "viewer"), result.reason
+    assert "killed by SIGBUS (did another process cut a file that it maps" in result.reason
+
+
+def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
+    result, used = record(tmp_path, "window=1", viewer="keeps", slow="keeps")
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
 
 
 def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):
