@@ -18,7 +18,10 @@ from stepbus_schemas import (
     MessageError,
     Trigger,
     WiringError,
+    codec,
+    declare,
     encode,
+    encode_in_parts,
     encoding_of,
     explained,
     type_name,
@@ -153,3 +156,23 @@ def test_what_no_message_can_carry_is_named() -> None:
     with pytest.raises(TypeError) as error:
         encode(JointState(position=np.array([1j])))
     assert explained(error.value) == "has a value of type complex, which no message can carry"
+
+
+def cloud(points, colours, mark=b""):
+    cls = declare("Cloud/1", {"name": "bytes", "points": "bytes", "colours": "bytes", "end": "int"})
+    return cls(name=mark, points=points, colours=colours, end=7)
+
+
+@pytest.mark.parametrize("size", [0, 65_535, 65_536, 300_000])
+def test_a_message_in_parts_is_the_same_bytes_and_long_ones_are_not_copied(size):
+    data = bytes(range(256)) * (size // 256) + bytes(size % 256)
+    for message in (cloud(data, b"small"), cloud(data, data), cloud(b"", data)):
+        parts = encode_in_parts(message)
+        assert b"".join(parts) == encode(message)
+        assert any(part is data for part in parts) == (size >= 65_536)
+
+
+def test_a_message_in_parts_may_hold_the_mark_that_stands_for_long_bytes():
+    mark = codec._PACKED_MARK * 5_000
+    for message in (cloud(mark, b"small"), cloud(bytes(70_000), b"", codec._MARK)):
+        assert b"".join(encode_in_parts(message)) == encode(message)

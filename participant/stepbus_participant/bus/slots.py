@@ -12,7 +12,7 @@ import ctypes
 import mmap
 import os
 import struct
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TypeVar
 
@@ -147,12 +147,13 @@ class SlotWriter:
         self._file: mmap.mmap
         self._base = self._end = self._stride = self._next = 0
 
-    def write(self, step: int, content: bytes) -> int:
-        """Write the content of a step; return where its slot begins in the file.
+    def write(self, step: int, parts: Sequence[bytes]) -> int:
+        """Write the content of a step, in parts; return where its slot begins in the file.
 
         Raises BusError where there is no room for the slots, or no longer.
         """
-        size = _HEADER.size + len(content)
+        length = sum(map(len, parts))
+        size = _HEADER.size + length
         try:
             if size > self._stride:
                 self._grow(size)
@@ -166,10 +167,11 @@ class SlotWriter:
             raise BusError(f"another process has cut {self._path} from {self._end} to {found} bytes")
         offset = self._base + self._next * self._stride
         self._next = (self._next + 1) % self._count
-        begin = offset + _HEADER.size
+        at = offset
         # The header first: whoever still read the slot would find that it has changed.
-        self._file[offset:begin] = _HEADER.pack(step, len(content))
-        self._file[begin : offset + size] = content
+        for part in (_HEADER.pack(step, length), *parts):
+            self._file[at : at + len(part)] = part
+            at += len(part)
         return offset
 
     def _grow(self, size: int) -> None:

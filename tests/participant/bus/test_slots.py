@@ -30,7 +30,7 @@ def test_as_many_steps_as_there_are_slots_can_be_read_while_the_content_grows(fi
     fd, path = file
     writer, offsets, file_read = SlotWriter(fd, 7, path), {}, _ReadFile(fd)
     for step in range(100):
-        offsets[step] = writer.write(step, content(step))
+        offsets[step] = writer.write(step, [content(step)])
         for held in range(max(0, step - 6), step + 1):
             for take in (read_slot, partial(mapped, file=file_read)):
                 assert take(fd, offsets[held], held, len(content(held))) == content(held)
@@ -40,7 +40,7 @@ def test_as_many_steps_as_there_are_slots_can_be_read_while_the_content_grows(fi
 def test_a_slot_that_was_used_again_is_found(file):
     fd, path = file
     writer = SlotWriter(fd, 2, path)
-    offsets = [writer.write(step, b"content") for step in range(3)]
+    offsets = [writer.write(step, [b"content"]) for step in range(3)]
     assert offsets[0] == offsets[2] != offsets[1]
     for take in (read_slot, mapped):
         with pytest.raises(SlotError, match="holds step 2 with 7 bytes"):
@@ -50,10 +50,10 @@ def test_a_slot_that_was_used_again_is_found(file):
 def test_what_is_written_while_it_is_decoded_is_found_even_where_it_cannot_be_decoded(file):
     fd, path = file
     writer = SlotWriter(fd, 1, path)
-    content = SlotContent(_ReadFile(fd), writer.write(0, b"content"), 0, 7)
+    content = SlotContent(_ReadFile(fd), writer.write(0, [b"content"]), 0, 7)
 
     def decode(view):
-        writer.write(1, b"another")
+        writer.write(1, [b"another"])
         raise ValueError(view)
 
     with pytest.raises(SlotError, match="holds step 1 with 7 bytes"):
@@ -72,7 +72,7 @@ def test_what_is_written_while_it_is_decoded_is_found_even_where_it_cannot_be_de
 )
 def test_whatever_is_announced_it_is_found_where_it_is_not_so(file, offset, length, found):
     fd, path = file
-    SlotWriter(fd, 2, path).write(5, b"content")
+    SlotWriter(fd, 2, path).write(5, [b"content"])
     for take in (read_slot, mapped):
         with pytest.raises(SlotError, match=found):
             take(fd, offset, 5, length)
@@ -80,7 +80,7 @@ def test_whatever_is_announced_it_is_found_where_it_is_not_so(file, offset, leng
 
 def test_a_file_that_was_cut_or_claims_too_much_is_found(file):
     fd, path = file
-    offset = SlotWriter(fd, 2, path).write(5, b"content")
+    offset = SlotWriter(fd, 2, path).write(5, [b"content"])
     os.ftruncate(fd, offset + 20)
     for take in (read_slot, mapped):
         with pytest.raises(SlotError, match="holds step 5 with 7 bytes, or less"):
@@ -93,10 +93,10 @@ def test_a_file_that_was_cut_or_claims_too_much_is_found(file):
 def test_who_writes_finds_that_its_file_was_cut(file):
     fd, path = file
     writer = SlotWriter(fd, 2, path)
-    writer.write(5, b"content")
+    writer.write(5, [b"content"])
     os.ftruncate(fd, 20)
     with pytest.raises(BusError, match=r"process has cut .*/camera.image from 8192 to 20 bytes"):
-        writer.write(6, b"another")
+        writer.write(6, [b"another"])
 
 
 def test_there_is_room_for_all_slots_or_a_sentence_at_the_first(file):
@@ -105,7 +105,7 @@ def test_there_is_room_for_all_slots_or_a_sentence_at_the_first(file):
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
     try:
         with pytest.raises(BusError, match=r"no room for 20 slots of 0.1 MB in .*camera.image: "):
-            SlotWriter(fd, 20, path).write(0, bytes(100_000))
+            SlotWriter(fd, 20, path).write(0, [bytes(100_000)])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
