@@ -164,7 +164,9 @@ class SlotWriter:
             ) from exc
         if (found := os.fstat(self._fd).st_size) < self._end:
             # A write behind its end would be a SIGBUS.
-            raise BusError(f"another process has cut {self._path} from {self._end} to {found} bytes")
+            raise BusError(
+                f"another process has cut {self._path} from {self._end} to {found} bytes"
+            )
         offset = self._base + self._next * self._stride
         self._next = (self._next + 1) % self._count
         at = offset

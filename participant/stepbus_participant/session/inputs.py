@@ -100,9 +100,7 @@ class Input:
                 self.value = self._from_slot(data) if in_slot else self._decode(data)
             except SlotError as exc:
                 where = f"{self.config.source}.{self.config.port}"
-                raise PeerFault(
-                    self.config.source, f"step {source_step}: {where}: {exc}"
-                ) from exc
+                raise PeerFault(self.config.source, f"step {source_step}: {where}: {exc}") from exc
             except UNDECODABLE as exc:
                 where = f"{self.config.source}.{self.config.port} (input {self.name})"
                 reached("a message of a source is not of its type")

@@ -101,6 +101,12 @@ participants:
 """
 
 
+FED_BACK = SCENARIO.replace(
+    "    publishes: first\n", "    publishes: first\n    inputs: {a: viewer.seen}\n"
+)
+FED_BACK = FED_BACK.replace("bulk: true", "bulk: true, record: off").partition("  slow:")[0]
+
+
 class Heard(Observer):
     """Keeps what an observer is told, as text."""
 
@@ -111,9 +117,9 @@ class Heard(Observer):
         self.text += f"{source}@{step}: {text}\n"
 
 
-def record(folder, *overrides, host=None, faults=(), observer=None, **kinds):
+def record(folder, *overrides, host=None, faults=(), observer=None, text=SCENARIO, **kinds):
     """Run the scenario; return its result, and the file of slots that each viewer has seen used."""
-    path = write_scenario(folder / "source", SCENARIO)
+    path = write_scenario(folder / "source", text)
     for name in ("camera", "viewer", "slow"):
         kind = f'KIND = "{kinds.get(name, "")}"'
         (folder / "source" / f"{name}.py").write_text(PROGRAM.replace('KIND = ""', kind))
@@ -210,6 +216,17 @@ def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_wh
     result, _ = record(tmp_path, "window=1", off, viewer="cut while it is read")
     assert (result.exit_code, result.participant) == (5, "viewer"), result.reason
     assert "killed by SIGBUS (did another process cut a file that it maps" in result.reason
+
+
+def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
+    kinds = {"text": FED_BACK, "viewer": "keeps"}
+    plain, _ = record(tmp_path / "1", host=Processes(has_slots=False), **kinds)
+    result, used = record(tmp_path / "2", **kinds)
+    assert (result.exit_code, plain.exit_code) == (0, 0), result.reason or plain.reason
+    assert result.messages_sha256 == plain.messages_sha256
+    assert used.keys() == {"viewer"}
+    result, _ = record(tmp_path / "3", camera="full", **kinds)
+    assert "no room for 1 slots of 0.00102 MB in " in result.reason
 
 
 def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
