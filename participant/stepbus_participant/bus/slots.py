@@ -158,8 +158,9 @@ class SlotWriter:
             if size > self._stride:
                 self._grow(size)
         except OSError as exc:
+            number = "a slot" if self._count == 1 else f"{self._count} slots"
             raise BusError(
-                f"no room for {self._count} slots of {size * 1e-6:.3g} MB in {self._path}: "
+                f"no room for {number} of {size * 1e-6:.3g} MB in {self._path}: "
                 f"{exc.strerror}; free some there, or let fewer steps be in flight (`window`)"
             ) from exc
         if (found := os.fstat(self._fd).st_size) < self._end:

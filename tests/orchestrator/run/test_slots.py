@@ -226,7 +226,7 @@ def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
     assert result.messages_sha256 == plain.messages_sha256
     assert used.keys() == {"viewer"}
     result, _ = record(tmp_path / "3", camera="full", **kinds)
-    assert "no room for 1 slots of 0.00102 MB in " in result.reason
+    assert "no room for a slot of 0.0044 MB in " in result.reason
 
 
 def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
