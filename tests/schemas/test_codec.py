@@ -18,7 +18,6 @@ from stepbus_schemas import (
     MessageError,
     Trigger,
     WiringError,
-    codec,
     declare,
     encode,
     encode_in_parts,
@@ -26,6 +25,7 @@ from stepbus_schemas import (
     explained,
     type_name,
 )
+from stepbus_schemas.codec import _MARK, _PACKED_MARK
 
 
 class Inner(msgspec.Struct):
@@ -173,6 +173,6 @@ def test_a_message_in_parts_is_the_same_bytes_and_long_ones_are_not_copied(size)
 
 
 def test_a_message_in_parts_may_hold_the_mark_that_stands_for_long_bytes():
-    mark = codec._PACKED_MARK * 5_000
-    for message in (cloud(mark, b"small"), cloud(bytes(70_000), b"", codec._MARK)):
+    mark = _PACKED_MARK * 5_000
+    for message in (cloud(mark, b"small"), cloud(bytes(70_000), b"", _MARK)):
         assert b"".join(encode_in_parts(message)) == encode(message)
