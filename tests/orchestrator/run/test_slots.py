@@ -189,10 +189,11 @@ def test_what_is_published_again_finds_its_content(tmp_path, in_messages):
     assert "is published again" in heard.text
 
 
-def test_a_source_that_is_killed_ends_the_run_and_leaves_no_file(tmp_path):
-    result, used = record(tmp_path, faults=["kill camera at 12"])
-    assert (result.exit_code, result.participant) == (5, "camera"), result.reason
-    assert not used["viewer"].parent.exists()
+@pytest.mark.parametrize("name", ["camera", "viewer"])
+def test_who_is_killed_ends_the_run_and_leaves_no_file(tmp_path, name):
+    result, used = record(tmp_path, faults=[f"kill {name} at 12"])
+    assert (result.exit_code, result.participant) == (5, name), result.reason
+    assert not used["slow"].parent.exists()
 
 
 @pytest.mark.parametrize(

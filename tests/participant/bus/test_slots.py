@@ -8,7 +8,15 @@ import pytest
 
 from stepbus_participant import BusError, SlotError
 from stepbus_participant.bus.slots import SlotContent, Slots, SlotWriter, _ReadFile, read_slot
-from stepbus_schemas import InputConfig, OutputConfig, Welcome
+from stepbus_participant.session.inputs import Input
+from stepbus_schemas import (
+    BytesMessage,
+    InputConfig,
+    Message,
+    OutputConfig,
+    Welcome,
+    encode,
+)
 
 
 @pytest.fixture
@@ -126,3 +134,20 @@ def test_a_participant_opens_what_it_can_and_reads_nothing_else(tmp_path):
     with pytest.raises(SlotError, match="no slots were agreed on"):
         slots.content("camera", "depth", offset=0, step=0, length=1)
     slots.close()
+
+
+class Viewed(Message):
+    TYPE = "Viewed/1"
+    data: memoryview
+
+
+@pytest.mark.parametrize("name", ["Bytes/1", "Viewed/1"])
+def test_a_message_outlasts_its_slot_even_where_its_class_has_views(file, name):
+    fd, path = file
+    writer, data = SlotWriter(fd, 1, path), encode(BytesMessage(data=b"first"))
+    config = InputConfig(source="camera", port="image", type=name, bulk=True)
+    item = Input("image", config, {"Bytes/1": BytesMessage, "Viewed/1": Viewed})
+    item.pending.append((0, SlotContent(_ReadFile(fd), writer.write(0, [data]), 0, len(data))))
+    item.settle(0)
+    writer.write(1, [data.replace(b"first", b"other")])
+    assert item.value.data == b"first"
