@@ -8,7 +8,6 @@ by calls: it has to survive whoever cuts a file, and a mapped one is a SIGBUS th
 """
 
 import contextlib
-import ctypes
 import mmap
 import os
 import struct
@@ -62,23 +61,6 @@ def _shown(header: bytes | memoryview) -> str:
         return "nothing"
     step, length = _HEADER.unpack(header)
     return f"step {step} with {length} bytes, or less"
-
-
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
-"""Parameters of mallopt(3)."""
-
-
-def keep_memory() -> None:
-    """Let the C library keep up to 128 MB of what this process frees, where it is glibc.
-
-    Otherwise it gives the memory of each picture back to the kernel, and each page of the next one
-    is a page fault: half the time of a step with pictures of 2.76 MB.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
-        mallopt(_M_TRIM_THRESHOLD, 128 << 20)
-        mallopt(_M_TOP_PAD, 16 << 20)
 
 
 class _ReadFile:
@@ -204,8 +186,6 @@ class Slots:
             self._open((file_name(self._name, port) for port in own), os.O_RDWR)
             read = (item for item in welcome.inputs.values() if item.bulk)
             self._open((file_name(item.source, item.port) for item in read), os.O_RDONLY)
-        if self._files:
-            keep_memory()
 
     def _open(self, names: Iterable[str], mode: int) -> None:
         for name in names:
