@@ -12,7 +12,6 @@ from .bus import *
 from .bus.slots import SlotError as SlotError
 from .bus.slots import SlotWriter as SlotWriter
 from .bus.slots import file_name as file_name
-from .bus.slots import keep_memory as keep_memory
 from .bus.slots import read_slot as read_slot
 from .bus.ticket import *
 from .bus.zenoh_bus import *

@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import Annotated, Any, Generic, TypeVar, cast, get_args, get_origin
 
 import msgspec
@@ -37,6 +38,29 @@ encode: Callable[[Message | Envelope], bytes] = msgspec.msgpack.Encoder(enc_hook
 """Return the MessagePack map of a message; numbers and arrays of NumPy are numbers and lists."""
 
 
+_LONG = 1 << 16
+"""A longer value has a head of 5 bytes in MessagePack."""
+_MARK = bytes.fromhex("8f1c5ad3e06b47299a0f7ec4b3d82651")
+_PACKED_MARK = bytes((0xC4, len(_MARK))) + _MARK
+
+
+def encode_in_parts(message: Message) -> list[bytes]:
+    """Return what `encode` returns, in parts one after the other; long bytes are not copied."""
+    values = ((name, getattr(message, name)) for name in message.__struct_fields__)
+    long = {name: v for name, v in values if type(v) is bytes and len(v) >= _LONG}
+    if not long:
+        return [encode(message)]
+    packed = encode(msgspec.structs.replace(message, **dict.fromkeys(long, _MARK)))
+    head, *rest = packed.split(_PACKED_MARK)
+    if len(rest) != len(long):
+        # The mark is part of another value too.
+        return [encode(message)]
+    parts = [head]
+    for value, after in zip(long.values(), rest, strict=True):
+        parts += (b"\xc6" + len(value).to_bytes(4, "big"), value, after)
+    return parts
+
+
 def encoding_of(name: str) -> str:
     """Return the Zenoh encoding of a message type, e.g. `application/msgpack;stepbus.Log/1`."""
     return f"application/msgpack;stepbus.{name}"
@@ -60,7 +84,9 @@ class Decoder(Generic[_T]):
     def __init__(self, cls: type[_T], name: str = "") -> None:
         self._name = name or type_name(cls)
         self._cls = cls
-        self.plain: Callable[[bytes | msgspec.Raw], _T] = msgspec.msgpack.Decoder(cls).decode
+        self.plain: Callable[[bytes | memoryview | msgspec.Raw], _T] = msgspec.msgpack.Decoder(
+            cls
+        ).decode
 
     def __call__(self, data: bytes | msgspec.Raw) -> _T:
         """Return the message in `data`."""
@@ -68,6 +94,11 @@ class Decoder(Generic[_T]):
             return self.plain(data)
         except UNDECODABLE as exc:
             raise self.error(exc) from exc
+
+    @cached_property
+    def makes_views(self) -> bool:
+        """Return whether a message holds views of the bytes that it was decoded from."""
+        return any("memoryview" in repr(field.type) for field in msgspec.structs.fields(self._cls))
 
     def error(self, exc: Exception) -> MessageError:
         """Return what `plain` has raised as a sentence."""

@@ -2,18 +2,19 @@
 
 The limit of the steps says when a slot is free: the orchestrator has made a ring so long that
 whoever may publish step k knows that all have taken what its slot held. So nothing is counted, and
-nothing can be lost. Files are written and read by calls, not mapped: a file that somebody cuts is
-a short read, not a SIGBUS, and no view outlives its step.
+nothing can be lost. Participants map the files: a call looks up each page of them, which takes
+longer than to copy it. No view outlives its step: what is decoded is a copy. The orchestrator reads
+by calls: it has to survive whoever cuts a file, and a mapped one is a SIGBUS then.
 """
 
 import contextlib
-import ctypes
+import mmap
 import os
 import struct
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
+from typing import TypeVar
 
-from stepbus_participant.disk import write_at
 from stepbus_schemas import RunError, Welcome
 
 from . import BusError
@@ -21,6 +22,7 @@ from . import BusError
 _HEADER = struct.Struct("<qq")
 """Step and length of the content behind it."""
 _PAGE = 4096
+_T = TypeVar("_T")
 
 
 class SlotError(RunError):
@@ -47,31 +49,71 @@ def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
                 return content
     except (OSError, OverflowError, MemoryError, struct.error) as exc:
         raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
-    raise SlotError(f"its slot of {length} bytes holds {_shown(found)}; was its file changed?")
+    raise _holds(found, length)
 
 
-def _shown(header: bytes) -> str:
+def _holds(header: bytes | memoryview, length: int) -> SlotError:
+    return SlotError(f"its slot of {length} bytes holds {_shown(header)}; was its file changed?")
+
+
+def _shown(header: bytes | memoryview) -> str:
     if len(header) < _HEADER.size:
         return "nothing"
     step, length = _HEADER.unpack(header)
     return f"step {step} with {length} bytes, or less"
 
 
-_M_TRIM_THRESHOLD, _M_TOP_PAD, _M_MMAP_THRESHOLD = -1, -2, -3
-"""Parameters of mallopt(3)."""
+class _ReadFile:
+    """A file of slots to read, mapped as far as it has been needed."""
+
+    def __init__(self, fd: int) -> None:
+        self.fd = fd
+        self._view = memoryview(b"")
+
+    def up_to(self, end: int) -> memoryview | None:
+        """Return its content up to `end` and more; None where it is shorter, or cannot be mapped.
+
+        Asked each time, so that a file that was cut since is an error rather than a SIGBUS.
+        """
+        size = os.fstat(self.fd).st_size
+        if end > size:
+            return None
+        if end > len(self._view):
+            try:
+                self._view = memoryview(mmap.mmap(self.fd, size, prot=mmap.PROT_READ))
+            except (OSError, ValueError):
+                return None
+        return self._view
 
 
-def keep_memory() -> None:
-    """Let the C library keep up to 128 MB of what this process frees, where it is glibc.
+class SlotContent:
+    """Content in its slot, until it is decoded."""
 
-    Otherwise it gives the memory of each picture back to the kernel, and each page of the next one
-    is a page fault: half the time of a step with pictures of 2.76 MB.
-    """
-    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
-    if mallopt is not None:
-        mallopt(_M_MMAP_THRESHOLD, 32 << 20)
-        mallopt(_M_TRIM_THRESHOLD, 128 << 20)
-        mallopt(_M_TOP_PAD, 16 << 20)
+    def __init__(self, file: _ReadFile, offset: int, step: int, length: int) -> None:
+        self._file = file
+        self._where = (offset, step, length)
+
+    def __bytes__(self) -> bytes:
+        return read_slot(self._file.fd, *self._where)
+
+    def decoded(self, decode: Callable[[bytes | memoryview], _T]) -> _T:
+        """Return what `decode` makes of it, which must keep no view of it.
+
+        Raises SlotError where the slot does not hold it, and what `decode` raises.
+        """
+        offset, step, length = self._where
+        begin = offset + _HEADER.size
+        view = self._file.up_to(begin + length)
+        if view is None:
+            return decode(bytes(self))
+        stamp = _HEADER.pack(step, length)
+        if view[offset:begin] != stamp:
+            raise _holds(view[offset:begin], length)
+        try:
+            return decode(view[begin : begin + length])
+        finally:
+            if view[offset:begin] != stamp:
+                raise _holds(view[offset:begin], length)
 
 
 class SlotWriter:
@@ -84,40 +126,48 @@ class SlotWriter:
         self._fd = fd
         self._count = count
         self._path = path
+        self._file: mmap.mmap
         self._base = self._end = self._stride = self._next = 0
 
-    def write(self, step: int, content: bytes) -> int:
-        """Write the content of a step; return where its slot begins in the file.
+    def write(self, step: int, parts: Sequence[bytes]) -> int:
+        """Write the content of a step, in parts; return where its slot begins in the file.
 
-        Raises BusError where there is no room for the slots.
+        Raises BusError where there is no room for the slots, or no longer.
         """
-        size = _HEADER.size + len(content)
+        length = sum(map(len, parts))
+        size = _HEADER.size + length
         try:
             if size > self._stride:
                 self._grow(size)
-            offset = self._base + self._next * self._stride
-            self._next = (self._next + 1) % self._count
-            # The header first: whoever still read the slot would find that it has changed.
-            parts = [_HEADER.pack(step, len(content)), content]
-            written = os.pwritev(self._fd, parts, offset)
-            if written < size:
-                rest = content[written - _HEADER.size :]
-                write_at(os, self._fd, rest, offset + written)
         except OSError as exc:
+            number = "a slot" if self._count == 1 else f"{self._count} slots"
             raise BusError(
-                f"no room for {self._count} slots of {size * 1e-6:.3g} MB in {self._path}: "
+                f"no room for {number} of {size * 1e-6:.3g} MB in {self._path}: "
                 f"{exc.strerror}; free some there, or let fewer steps be in flight (`window`)"
             ) from exc
+        if (found := os.fstat(self._fd).st_size) < self._end:
+            # A write behind its end would be a SIGBUS.
+            raise BusError(
+                f"another process has cut {self._path} from {self._end} to {found} bytes"
+            )
+        offset = self._base + self._next * self._stride
+        self._next = (self._next + 1) % self._count
+        at = offset
+        # The header first: whoever still read the slot would find that it has changed.
+        for part in (_HEADER.pack(step, length), *parts):
+            self._file[at : at + len(part)] = part
+            at += len(part)
         return offset
 
     def _grow(self, size: int) -> None:
         """Set aside slots that hold content of this size; those before stay until they are read."""
         # A number in the next message may take some bytes more.
         stride = -(-max(size + _PAGE // 2, 2 * self._stride) // _PAGE) * _PAGE
+        end = self._end + self._count * stride
         # All at once: a write into what is set aside finds its room.
-        os.posix_fallocate(self._fd, self._end, self._count * stride)
-        self._base, self._stride = self._end, stride
-        self._end += self._count * stride
+        os.posix_fallocate(self._fd, self._end, end - self._end)
+        self._file = mmap.mmap(self._fd, end)
+        self._base, self._stride, self._end = self._end, stride, end
 
 
 class Slots:
@@ -128,7 +178,7 @@ class Slots:
     """
 
     def __init__(self, folder: str, welcome: Welcome) -> None:
-        self._files: dict[str, int] = {}
+        self._files: dict[str, _ReadFile] = {}
         self._name = welcome.name
         self._folder = Path(folder)
         if folder:
@@ -136,15 +186,13 @@ class Slots:
             self._open((file_name(self._name, port) for port in own), os.O_RDWR)
             read = (item for item in welcome.inputs.values() if item.bulk)
             self._open((file_name(item.source, item.port) for item in read), os.O_RDONLY)
-        if self._files:
-            keep_memory()
 
     def _open(self, names: Iterable[str], mode: int) -> None:
         for name in names:
             if name not in self._files:
                 with contextlib.suppress(OSError):
                     flags = mode | os.O_CLOEXEC | os.O_NOFOLLOW
-                    self._files[name] = os.open(self._folder / name, flags)
+                    self._files[name] = _ReadFile(os.open(self._folder / name, flags))
 
     @property
     def names(self) -> list[str]:
@@ -154,16 +202,18 @@ class Slots:
     def writer(self, port: str, count: int) -> SlotWriter:
         """Return what writes a bulk output of its own into so many slots."""
         name = file_name(self._name, port)
-        return SlotWriter(self._files[name], count, self._folder / name)
+        return SlotWriter(self._files[name].fd, count, self._folder / name)
 
-    def read(self, source: str, port: str, *, offset: int, step: int, length: int) -> bytes:
-        """Return what a source has written; raises SlotError."""
-        fd = self._files.get(file_name(source, port))
-        if fd is None:
+    def content(
+        self, source: str, port: str, *, offset: int, step: int, length: int
+    ) -> SlotContent:
+        """Return what a source has written; raises SlotError where it may not be in a slot."""
+        file = self._files.get(file_name(source, port))
+        if file is None:
             raise SlotError("it is in a slot, and no slots were agreed on")
-        return read_slot(fd, offset, step, length)
+        return SlotContent(file, offset, step, length)
 
     def close(self) -> None:
         """Close the files; harmless when repeated."""
         while self._files:
-            os.close(self._files.popitem()[1])
+            os.close(self._files.popitem()[1].fd)

@@ -8,7 +8,7 @@ import msgspec
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import CheckpointOrder
 from stepbus_participant.participant import Participant
-from stepbus_schemas import UNDECODABLE, RunError, Welcome, error_text, explained
+from stepbus_schemas import UNDECODABLE, RunError, Welcome, encode, error_text, explained
 
 from .inputs import Input, Source
 from .outbox import stamp
@@ -72,7 +72,7 @@ class Checkpoints:
         return _Saved(
             inputs={
                 name: _HeldInput(
-                    held=None if item.content is None else bytes(item.content),
+                    held=None if item.value is None else encode(item.value),
                     pending=[(step, bytes(data)) for step, data in item.pending],
                 )
                 for name, item in self._inputs.items()

@@ -8,6 +8,7 @@ from typing import Any
 import msgspec
 
 from stepbus_participant.bus import Queue
+from stepbus_participant.bus.slots import SlotContent, SlotError
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
@@ -40,8 +41,8 @@ class Input:
 
     types: with those that do not ship. Raises WiringError for an unknown message type.
 
-    value: that message; None while the input is absent. content: its bytes. fresh: whether it is
-    new at this step. pending: what the source published, (step, bytes), until it is due (P6.2).
+    value: that message; None while the input is absent. fresh: whether it is new at this step.
+    pending: what the source published, (step, bytes), until it is due (P6.2).
     """
 
     def __init__(self, name: str, config: InputConfig, types: Types = SHIPPED) -> None:
@@ -49,7 +50,6 @@ class Input:
         self.config = config
         self.value: Message | None = None
         self.fresh = False
-        self.content: Any = None
         self.pending: deque[tuple[int, Any]] = deque()
         self._delay = config.delay
         self._every = config.every
@@ -77,7 +77,6 @@ class Input:
 
     def restore(self, held: bytes | None, pending: Iterable[tuple[int, bytes]]) -> None:
         """Hold a message, as saved at a checkpoint; raises MessageError for one of another type."""
-        self.content = held
         self.value = None if held is None else self._decoder(held)
         # The same queue: the source fills it.
         self.pending.clear()
@@ -96,9 +95,12 @@ class Input:
         while pending and pending[0][0] <= due:
             source_step, data = pending.popleft()
             self.fresh = True
-            self.content = data
             try:
-                self.value = self._decode(data)
+                in_slot = isinstance(data, SlotContent)
+                self.value = self._from_slot(data) if in_slot else self._decode(data)
+            except SlotError as exc:
+                where = f"{self.config.source}.{self.config.port}"
+                raise PeerFault(self.config.source, f"step {source_step}: {where}: {exc}") from exc
             except UNDECODABLE as exc:
                 where = f"{self.config.source}.{self.config.port} (input {self.name})"
                 reached("a message of a source is not of its type")
@@ -106,6 +108,12 @@ class Input:
                 raise PeerFault(
                     self.config.source, f"step {source_step}: {where}: {error}"
                 ) from error
+
+    def _from_slot(self, content: SlotContent) -> Message:
+        """Return a message that lasts longer than its slot."""
+        if self._decoder.makes_views:
+            return self._decode(bytes(content))
+        return content.decoded(self._decode)
 
 
 _decode_outputs = Decoder(Outputs)
@@ -217,7 +225,7 @@ class Source:
             self.drop("unauthenticated")
         return True
 
-    def offer_bulk(self, outputs: Outputs, port: str, content: bytes) -> None:
+    def offer_bulk(self, outputs: Outputs, port: str, content: bytes | SlotContent) -> None:
         """Offer the content of a bulk port to the inputs that read it."""
         for item in self._inputs:
             if item.config.port == port:

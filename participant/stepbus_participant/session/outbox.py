@@ -1,6 +1,7 @@
 """What a participant publishes: one `Outputs` per step to its consumers, and logs in batches."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import TypeVar
 
 import msgspec
 
@@ -19,10 +20,13 @@ from stepbus_schemas import (
     Waiting,
     Welcome,
     encode,
+    encode_in_parts,
     encoding_of,
     explained,
     type_name,
 )
+
+_T = TypeVar("_T")
 
 
 def stamp(step: int, token: str) -> bytes:
@@ -124,13 +128,15 @@ class Outbox:
         bulk: dict[str, int] = {}
         slots: dict[str, int] = {}
         for port, message in (messages or {}).items():
-            data = self._encode(step, port, message)
+            if port in self._slots:
+                parts = self._encode(step, port, message, encode_in_parts)
+                bulk[port] = sum(map(len, parts))
+                slots[port] = self._slots[port].write(step, parts)
+                continue
+            data = self._encode(step, port, message, encode)
             if port in self._put_bulk:
                 bulk[port] = len(data)
-                if port in self._slots:
-                    slots[port] = self._slots[port].write(step, data)
-                else:
-                    self._put_bulk[port](data, attachment=stamp(step, self._token))
+                self._put_bulk[port](data, attachment=stamp(step, self._token))
             else:
                 ports[port] = msgspec.Raw(data)
         packed = self._pack(step, ports, bulk, end, slots)
@@ -162,7 +168,9 @@ class Outbox:
         elif held:
             self._put_batch(encode(Batch(token=self._token, outputs=held)))
 
-    def _encode(self, step: int, port: str, message: Message) -> bytes:
+    def _encode(
+        self, step: int, port: str, message: Message, encoder: Callable[[Message], _T]
+    ) -> _T:
         cls = self._classes.get(port)
         if cls is None:
             known = ", ".join(self._classes) or "none"
@@ -174,7 +182,7 @@ class Outbox:
                 f"step {step}: port {port!r} takes {type_name(cls)}, got {type(message).__name__}"
             )
         try:
-            return encode(message)
+            return encoder(message)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
             raise OutputError(
                 f"step {step}: port {port!r} cannot be encoded: it {explained(exc)}"

@@ -191,10 +191,10 @@ class StepLoop:
                     self._receive_bulk(source, outputs, port, size)
 
     def _read_slot(self, source: Source, outputs: Outputs, port: str, size: int) -> None:
-        """Read bulk content from its slot, which nobody reuses before this step is done (P17)."""
+        """Offer bulk content in its slot, which nobody reuses before its due step is done (P17)."""
         step, offset = outputs.step, outputs.slots[port]
         try:
-            content = self._slots.read(source.name, port, offset=offset, step=step, length=size)
+            content = self._slots.content(source.name, port, offset=offset, step=step, length=size)
         except SlotError as exc:
             where = f"step {step}: {source.name}.{port}"
             raise PeerFault(source.name, f"{where}: {exc}") from exc

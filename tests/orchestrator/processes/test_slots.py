@@ -13,7 +13,7 @@ from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.recording import Sink
 from stepbus_orchestrator.run.kernel.barrier import Barrier
-from stepbus_orchestrator.scenario.ports import OutputSpec
+from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_schemas import Outputs, Ready, due_step
 
@@ -29,17 +29,38 @@ def of(window, every, reader):
     return scenario(source, reader, steps=STEPS, window=window)
 
 
+def fed_back(window, every, reader, publishes, delay):
+    """Return the same, where the source reads the reader, and its content is not recorded."""
+    run = of(window, every, reader)
+    source = structs.replace(
+        run.participants[0],
+        inputs={"reader": InputSpec(from_="reader.state", delay=delay)},
+        publishes=publishes,
+        outputs={"state": OutputSpec(type="JointState/1", bulk=True, record="off")},
+    )
+    return scenario(source, reader, steps=STEPS, window=window)
+
+
+def may_publish(run, barrier):
+    """Return whether a source may publish its next step: it is released, and has its inputs."""
+    source, reader = run.participants
+    step = barrier.next_step("source")
+    read_at = step - (source.every if source.publishes == "first" else 0)
+    due = [due_step(read_at, item.delay, reader.every) for item in source.inputs.values()]
+    return step < barrier.step_limit and all(one <= barrier.reported["reader"] for one in due)
+
+
 def fewest_left(run, reader):
     """Return the least number of slots with which the reader always finds what it needs."""
     (source, _), barrier = run.participants, Barrier(run)
     taken, needed = -source.every, 1
     for step in range(0, STEPS, reader.every):
         # The source publishes all it may, before the reader does anything.
-        while barrier.next_step("source") < barrier.step_limit:
+        while may_publish(run, barrier):
             barrier.report("source", barrier.next_step("source"))
         if reader.publishes == "first":
             barrier.report("reader", step)
-            while barrier.next_step("source") < barrier.step_limit:
+            while may_publish(run, barrier):
                 barrier.report("source", barrier.next_step("source"))
         due = due_step(step, reader.inputs["source"].delay, source.every)
         if due > taken:
@@ -60,6 +81,20 @@ def test_there_are_slots_for_all_that_may_not_have_been_taken_yet(publishes):
         run = of(window, every, reader)
         (count,), least = slot_counts(run).values(), fewest_left(run, reader)
         assert least <= count <= least + 1, (window, every, own, delay, publishes)
+
+
+def test_there_are_fewer_for_readers_that_the_source_waits_for():
+    every_one = itertools.product((1, 2, 8), (1, 2, 3), (1, 2, 4), range(4), range(4))
+    for window, every, own, delay, back in every_one:
+        for first, other in (("first", "last"), ("last", "first"), ("last", "last")):
+            if (first, other) == ("last", "last") and not (delay and back):
+                continue
+            reader = participant("reader", "source", every=own, publishes=other, delay=delay)
+            run = fed_back(window, every, reader, first, back)
+            (count,), least = slot_counts(run).values(), fewest_left(run, reader)
+            ((plain,),) = [slot_counts(run, has_feedback=False).values()]
+            which = (window, every, own, delay, back, first, other)
+            assert least <= count <= min(plain, least + 1), which
 
 
 def test_an_output_that_nobody_reads_has_slots_for_the_window():

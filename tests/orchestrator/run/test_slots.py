@@ -40,6 +40,9 @@ class Viewer(stepbus.Participant):
         used = [name for name in frames if os.stat(name).st_size]
         Path(f"{self.config.name}.used").write_text("".join(used))
         frame = step.get("frame")
+        if KIND == "keeps" and frame:
+            self.kept = [*getattr(self, "kept", ()), (frame, bytes(bytearray(frame.data)))]
+            assert all(kept.data == copy for kept, copy in self.kept)
         if "seen" in self.config.outputs:
             return {"seen": Scalars(values=[float(sum(frame.data)) if frame else -1.0])}
 
@@ -47,8 +50,8 @@ class Viewer(stepbus.Participant):
 write = slots.SlotWriter.write
 
 
-def write_wrongly(self, step, content):
-    offset = write(self, step, content)
+def write_wrongly(self, step, parts):
+    offset = write(self, step, parts)
     if step == 12:
         if KIND == "cut":
             os.ftruncate(self._fd, offset + 100)
@@ -63,6 +66,15 @@ if KIND == "cannot":
     slots.Slots._open = lambda self, names, mode: None
 elif KIND == "full":
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
+elif KIND == "cut while it is read":
+    up_to = slots._ReadFile.up_to
+
+    def cut(self, end):
+        view = up_to(self, end)
+        os.truncate(os.readlink(f"/proc/self/fd/{self.fd}"), 0)
+        return view
+
+    slots._ReadFile.up_to = cut
 elif KIND:
     slots.SlotWriter.write = write_wrongly
 '''
@@ -89,6 +101,12 @@ participants:
 """
 
 
+FED_BACK = SCENARIO.replace(
+    "    publishes: first\n", "    publishes: first\n    inputs: {a: viewer.seen}\n"
+)
+FED_BACK = FED_BACK.replace("bulk: true", "bulk: true, record: off").partition("  slow:")[0]
+
+
 class Heard(Observer):
     """Keeps what an observer is told, as text."""
 
@@ -99,9 +117,9 @@ class Heard(Observer):
         self.text += f"{source}@{step}: {text}\n"
 
 
-def record(folder, *overrides, host=None, faults=(), observer=None, **kinds):
+def record(folder, *overrides, host=None, faults=(), observer=None, text=SCENARIO, **kinds):
     """Run the scenario; return its result, and the file of slots that each viewer has seen used."""
-    path = write_scenario(folder / "source", SCENARIO)
+    path = write_scenario(folder / "source", text)
     for name in ("camera", "viewer", "slow"):
         kind = f'KIND = "{kinds.get(name, "")}"'
         (folder / "source" / f"{name}.py").write_text(PROGRAM.replace('KIND = ""', kind))
@@ -172,10 +190,11 @@ def test_what_is_published_again_finds_its_content(tmp_path, in_messages):
     assert "is published again" in heard.text
 
 
-def test_a_source_that_is_killed_ends_the_run_and_leaves_no_file(tmp_path):
-    result, used = record(tmp_path, faults=["kill camera at 12"])
-    assert (result.exit_code, result.participant) == (5, "camera"), result.reason
-    assert not used["viewer"].parent.exists()
+@pytest.mark.parametrize("name", ["camera", "viewer"])
+def test_who_is_killed_ends_the_run_and_leaves_no_file(tmp_path, name):
+    result, used = record(tmp_path, faults=[f"kill {name} at 12"])
+    assert (result.exit_code, result.participant) == (5, name), result.reason
+    assert not used["slow"].parent.exists()
 
 
 @pytest.mark.parametrize(
@@ -192,6 +211,30 @@ def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_pa
     assert "step 12" in result.reason
     assert "frame" in result.reason
     assert found in result.reason
+
+
+def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_why(tmp_path):
+    off = "participants.camera.outputs.frame.record=off"
+    result, _ = record(tmp_path, "window=1", off, viewer="cut while it is read")
+    assert (result.exit_code, result.participant) == (5, "viewer"), result.reason
+    assert "killed by SIGBUS (did another process cut a file that it maps" in result.reason
+
+
+def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
+    kinds = {"text": FED_BACK, "viewer": "keeps"}
+    plain, _ = record(tmp_path / "1", host=Processes(has_slots=False), **kinds)
+    result, used = record(tmp_path / "2", **kinds)
+    assert (result.exit_code, plain.exit_code) == (0, 0), result.reason or plain.reason
+    assert result.messages_sha256 == plain.messages_sha256
+    assert used.keys() == {"viewer"}
+    result, _ = record(tmp_path / "3", camera="full", **kinds)
+    assert "no room for a slot of 0.0044 MB in " in result.reason
+
+
+def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
+    result, used = record(tmp_path, "window=1", viewer="keeps", slow="keeps")
+    assert (result.exit_code, result.messages_sha256) == (0, in_messages), result.reason
+    assert used
 
 
 def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):

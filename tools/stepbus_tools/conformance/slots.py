@@ -24,7 +24,9 @@ class SharedSlots:
         self._name = spec.name
         own = {file_name(spec.name, port) for port in spec.outputs}
         read = {file_name(item.source, item.port) for item in spec.inputs.values()}
-        self._counts = {n: c for n, c in slot_counts(scenario).items() if n in own | read}
+        # It publishes what its peers have recorded, and waits for no answer.
+        counts = slot_counts(scenario, has_feedback=False)
+        self._counts = {n: c for n, c in counts.items() if n in own | read}
         folder.mkdir(0o700)
         self._files = {name: make_file(folder / name, 0o600) for name in self._counts}
         self._writers: dict[str, SlotWriter] = {}
@@ -45,7 +47,7 @@ class SharedSlots:
         """
         names = {port: file_name(source, port) for port in content}
         slots = {
-            port: self._writers[name].write(outputs.step - late, content[port])
+            port: self._writers[name].write(outputs.step - late, [content[port]])
             for port, name in names.items()
             if name in self.agreed
         }
