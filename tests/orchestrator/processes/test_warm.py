@@ -1,6 +1,6 @@
-import contextlib
 """A participant that is forked from a warm parent is what one of its own start would be."""
 
+import contextlib
 import json
 import signal
 import subprocess
