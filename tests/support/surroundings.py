@@ -31,6 +31,15 @@ def comes_true(condition, seconds=PATIENCE_S):
     return True
 
 
+def warm_ones(processes):
+    """Return those processes from which participants are forked, until all have started."""
+    found = []
+    for one in processes:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            found += [one] if any("--warm" in word for word in one.cmdline()) else []
+    return found
+
+
 def has_ended(process):
     """Return whether a process of psutil runs no more; nobody may ever fetch its exit code."""
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 import psutil
 import pytest
 from support.runs.second_user import needs_second_user, second_user
-from support.surroundings import comes_true
+from support.surroundings import comes_true, warm_ones
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 
@@ -244,6 +244,7 @@ def test_another_user_gets_nothing_of_a_run_with_its_pages(open_folder, transpor
             page = next(m[0] for line in lines if (m := re.search(r"http://\S+", line)))
             (private,) = [path for path in temporary.glob("stepbus-*") if path.name[8:12] != "view"]
             assert comes_true((private / "mission.ticket").exists)
+            assert comes_true(lambda: not warm_ones(family_of(process)))
             assert listening(process) == {"127.0.0.1"}
             # The owner opens the page first: the address has been used when the other user comes.
             with second_user(OPEN, page, is_other=False) as owner:

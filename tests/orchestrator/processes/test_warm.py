@@ -9,7 +9,7 @@ import sys
 import psutil
 import pytest
 from support.runs.joints import leftovers, run_joints, write_scenario
-from support.surroundings import comes_true, has_ended, living_children
+from support.surroundings import comes_true, has_ended, living_children, warm_ones
 
 from stepbus_orchestrator.processes import child, warm
 from stepbus_orchestrator.run.extension import RunExtension
@@ -135,10 +135,6 @@ def test_a_process_without_a_program_of_its_own_is_known_to_be_left_behind(
     assert (result.exit_code, "leaver.py:Leaver" in forked) == (0, True)
     assert [warned.source for warned in result.warnings] == ["mission"]
     assert leftovers(tmp_path) == []
-
-
-def warm_ones(processes):
-    return [one for one in processes if any("--warm" in word for word in one.cmdline())]
 
 
 @pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
