@@ -33,7 +33,7 @@ def _stepbus(name: str, *, steps: int = 12_000, **spec: object) -> Case:
     return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
 
 
-PICTURES = ((320, 240, 800), (1280, 720, 120))
+PICTURES = ((320, 240, 1600), (1280, 720, 400))
 """Width, height, and how many steps."""
 
 
