@@ -18,6 +18,24 @@ _LONGEST_S = 300.0
 needs_chromium = pytest.mark.skipif(CHROMIUM is None, reason="chromium is not installed")
 
 
+def picture(shown):
+    """Return what a page or an element looks like.
+
+    Chromium that draws in software refuses a capture now and then, on a busy machine.
+    """
+    error = pytest.importorskip("playwright.sync_api").Error
+    deadline = time.monotonic() + _LONGEST_S
+    while True:
+        try:
+            data = shown.screenshot()
+            break
+        except error as exc:
+            if "Unable to capture" not in str(exc) or time.monotonic() > deadline:
+                raise
+            time.sleep(0.2)
+    return pytest.importorskip("PIL.Image").open(io.BytesIO(data)).convert("RGB")
+
+
 class Watched:
     """A page that keeps a record. errors: of its console and its scripts. strangers: requests that
     leave this machine.
@@ -37,10 +55,7 @@ class Watched:
 
     def colours(self):
         """Return how many colours the page shows now."""
-        image = (
-            pytest.importorskip("PIL.Image").open(io.BytesIO(self.page.screenshot())).convert("RGB")
-        )
-        return len(image.getcolors(maxcolors=1 << 24))
+        return len(picture(self.page).getcolors(maxcolors=1 << 24))
 
     def values(self):
         """Return what all fields of the page hold."""

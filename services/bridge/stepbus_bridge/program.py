@@ -4,6 +4,7 @@ OutputError (of stepbus)
 └─ BridgeError      the program ended, or wrote something that is no answer
 """
 
+import errno
 import fcntl
 import os
 import select
@@ -28,6 +29,9 @@ _REST_S = 1.0
 _POLL_EVERY = 16
 _END_WAIT_S = 0.5
 _POLL_S = 0.005
+_BUSY_S = 10.0
+"""A program that was just built may be open for writing, in its linker or a child of that [s]."""
+_PASSING = {errno.ETXTBSY, errno.EAGAIN}
 _LONGEST_NAME = 80
 _OWN_LOG = Path("/proc/self/fd/2")
 """Our log, which the program prints to as well."""
@@ -217,15 +221,23 @@ def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
         actions += [log, (os.POSIX_SPAWN_DUP2, 1, 2)]
     # Not subprocess: it cannot place descriptors without running Python between fork and exec,
     # which is not safe beside Zenoh's threads.
-    pid = os.posix_spawn(
-        argv[0],
-        list(argv),
-        {**os.environ, VARIABLE: form},
-        file_actions=actions,
-        # Python ignores these two, which a program would inherit.
-        setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
-        **group,
-    )
+    deadline = time.monotonic() + _BUSY_S
+    while True:
+        try:
+            pid = os.posix_spawn(
+                argv[0],
+                list(argv),
+                {**os.environ, VARIABLE: form},
+                file_actions=actions,
+                # Python ignores these two, which a program would inherit.
+                setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
+                **group,
+            )
+            break
+        except OSError as exc:
+            if exc.errno not in _PASSING or time.monotonic() > deadline:
+                raise
+            time.sleep(_POLL_S)
     if host is not None:
         host.started(pid)
     return pid

@@ -53,5 +53,6 @@ def test_its_joints_follow_those_under_the_built_in_controller(example, native):
 
 @pytest.mark.slow
 def test_it_is_replayed_and_run_again_from_its_recording(example, tmp_path):
+    assert example.exit_code == 0, example.reason
     assert Preparation(example.recording, tmp_path / "again").run().equal
     assert replay(example.recording, "controller").equal

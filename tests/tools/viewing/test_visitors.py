@@ -1,13 +1,12 @@
 """What visitors of a page find: their own time, keys, marks, colours, names, and the robot in sight."""
 
 import contextlib
-import io
 import itertools
 import math
 
 import numpy as np
 import pytest
-from support.browser import Curves, Watched, needs_chromium, opened
+from support.browser import Curves, Watched, needs_chromium, opened, picture
 
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -172,11 +171,9 @@ def test_each_tab_has_its_own_time(page, recordings):
 def test_on_a_phone_the_controls_are_below_and_the_robot_above(page, recordings):
     options = {"width": 390, "height": 844, "scheme": "dark"}
     with visited(page, recordings, **options) as (watched, wait):
-        image = pytest.importorskip("PIL.Image")
 
         def pixels():
-            shot = image.open(io.BytesIO(watched.page.screenshot())).convert("RGB")
-            return np.asarray(shot, dtype=int)
+            return np.asarray(picture(watched.page), dtype=int)
 
         def robot():
             # The ghost of the second recording is orange, and nothing else is.
@@ -258,10 +255,8 @@ def test_a_colour_is_seen_as_it_was_meant(page):
     page.server.initial_camera.position = (1.2, -2.0, 3.2)
     page.server.initial_camera.look_at = (0.0, 0.0, 0.0)
     with opened(page.address, 600, 600) as watched:
-        image = pytest.importorskip("PIL.Image")
 
         def seen():
-            shot = image.open(io.BytesIO(watched.page.screenshot())).convert("RGB")
-            return shot.getpixel((300, 330))
+            return picture(watched.page).getpixel((300, 330))
 
         watched.wait(lambda: seen() == pytest.approx(RED, abs=20), f"{RED}, not {seen()}")

@@ -1,10 +1,8 @@
 """The page of a run in a browser: what is drawn, what a visitor can do with it."""
 
-import io
-
 import numpy as np
 import pytest
-from support.browser import needs_chromium, opened
+from support.browser import needs_chromium, opened, picture
 from support.pages import RADIUS, STEPS, write_recording
 
 from stepbus_orchestrator.run.result import Result
@@ -28,8 +26,7 @@ HIDDEN = "all => all.filter(one => one.getBoundingClientRect().height < 20).leng
 
 def pixels(locator):
     """Return what an element looks like, shape (rows, columns, 3)."""
-    image = pytest.importorskip("PIL.Image").open(io.BytesIO(locator.screenshot()))
-    return np.asarray(image.convert("RGB")).astype(int)
+    return np.asarray(picture(locator)).astype(int)
 
 
 def near(picture, color):
