@@ -35,8 +35,7 @@ if ! is_new_enough "$venv/bin/python"; then
 fi
 
 if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; then
-    echo "note: pybullet has no wheel for $("$venv/bin/python" --version);" \
-        "it will be compiled, which needs a C++ compiler and takes some minutes"
+    echo "note: pybullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi
 
 echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, once)"

@@ -26,6 +26,7 @@ _EXTRAS = {
         "zstandard",
     ),
     "sim": ("coal", "pinocchio", "pybullet", "ruckig"),
+    "mujoco": ("mujoco",),
     "report": ("matplotlib", "uplot"),
     "export": ("PIL", "av", "foxglove", "pandas", "pyarrow", "rosbags", "websockets"),
     "sweep": ("optuna", "plotly", "ray", "scipy"),
@@ -72,7 +73,7 @@ def install_command(extra: str) -> str:
 
 def extra_hint(module: str) -> str:
     """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
-    top = module.partition(".")[0]
+    top = re.split("[. ]", module, maxsplit=1)[0]
     extra = next((extra for extra, modules in _EXTRAS.items() if top in modules), "")
     if extra == "robots":
         return "; to install, run `make robots`"

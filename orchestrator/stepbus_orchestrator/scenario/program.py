@@ -24,9 +24,9 @@ NEEDS = {
     "stepbus_controller": ("pinocchio",),
     "stepbus_gym": ("gymnasium",),
     "stepbus_mission.round_trip": ("pinocchio",),
-    "stepbus_plant": ("pybullet",),
+    "stepbus_plant": ("pybullet or mujoco",),
 }
-"""Package of a participant, or a module in it → what it imports at its start."""
+"""Package of a participant, or a module in it → what it imports at its start; any of several."""
 _PACKAGES = {
     "java": "openjdk-17-jdk-headless",
     "node": "nodejs",
@@ -217,7 +217,7 @@ def missing(spec: ParticipantSpec) -> str:
 
 def _is_here(module: str) -> bool:
     try:
-        return importlib.util.find_spec(module) is not None
+        return any(importlib.util.find_spec(name) for name in module.split(" or "))
     except ModuleNotFoundError:
         return False
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from xml.etree import ElementTree as ET
 
-from stepbus_plant.bullet import quaternion
+from stepbus_plant.geometry import quaternion
 from stepbus_schemas import WiringError
 
 _SIZES = {

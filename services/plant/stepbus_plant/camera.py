@@ -2,40 +2,39 @@
 
 import math
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import format_duration
-from stepbus_plant.bullet import Array, rotation
 from stepbus_plant.commander import Commander
 from stepbus_plant.drives import Motors
-from stepbus_plant.engine import Engine, Link
+from stepbus_plant.engine import Engine, Light, Link
+from stepbus_plant.geometry import Array, rotation
 from stepbus_plant.noise import Noise
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Message, PointCloud
 
-_WHITE = (1.0, 1.0, 1.0)
-# Matt surfaces under white light from above: each colour is 0.6 to 1.0 times that of its visual.
-_EVEN = {
-    "shadow": 0,
-    "lightDirection": (0.3, 0.2, 1.0),
-    "lightColor": _WHITE,
-    "lightDistance": 2.0,
-    "lightAmbientCoeff": 0.6,
-    "lightDiffuseCoeff": 0.4,
-    "lightSpecularCoeff": 0.0,
-}
-_LAMP = {
-    "shadow": 1,
-    "lightColor": _WHITE,
-    "lightDistance": 3.0,
-    "lightAmbientCoeff": 0.45,
-    "lightDiffuseCoeff": 0.5,
-    "lightSpecularCoeff": 0.1,
-}
+# Matt surfaces under light from above: each colour is 0.6 to 1.0 times that of its visual.
+_EVEN = Light(
+    direction=(0.3, 0.2, 1.0),
+    distance=2.0,
+    ambient=0.6,
+    diffuse=0.4,
+    specular=0.0,
+    has_shadow=False,
+)
+_LAMP = Light(
+    direction=(0.0, 0.0, 1.0),
+    distance=3.0,
+    ambient=0.45,
+    diffuse=0.5,
+    specular=0.1,
+    has_shadow=True,
+)
 _TILT = (0.3, 0.7)
 """Between the lamp's direction and the vertical [rad]."""
 
@@ -45,17 +44,17 @@ class Lens:
 
     def __init__(self, errors: CameraErrors, seed: int) -> None:
         self._errors, self._seed = errors, seed
-        self.light: Mapping[str, Any] = _EVEN if errors.light == "even" else self._lamp()
+        self.light = _EVEN if errors.light == "even" else self._lamp()
         reach = math.ceil(3 * errors.blur)
         weights = np.exp(-0.5 * (np.arange(-reach, reach + 1) / (errors.blur or 1.0)) ** 2)
         self._weights = (weights / weights.sum()).astype(np.float32)
 
-    def _lamp(self) -> Mapping[str, Any]:
+    def _lamp(self) -> Light:
         tilt, turn = Noise(self._seed, "lamp").at(0).random(2).tolist()
         sideways = math.tan(_TILT[0] + tilt * (_TILT[1] - _TILT[0]))
         turn = 2 * math.pi * turn
         direction = (sideways * math.cos(turn), sideways * math.sin(turn), 1.0)
-        return {**_LAMP, "lightDirection": direction}
+        return replace(_LAMP, direction=direction)
 
     def colors(self, pixels: NDArray[np.uint8], camera: str, t_ns: int) -> NDArray[np.uint8]:
         """Return what a camera makes of colours, shape (h, w, 3), at a time [ns]."""

@@ -95,7 +95,7 @@ class Devices:
         }
         for name in self.cameras:
             self.switch_camera(name, on=True)
-        self.drawing = Drawing()
+        self.drawing = Drawing(has_copies=physics.engine.draws_in_copies)
         self._views = views(self.cameras, self.drawing.images)
         self._sensors: dict[tuple[str, str], Sensor] = {
             (section, name): device

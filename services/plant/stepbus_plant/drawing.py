@@ -59,11 +59,14 @@ class _Picture:
 
 
 class Drawing:
-    """Takes and draws the pictures of those cameras that outputs show."""
+    """Takes and draws the pictures of those cameras that outputs show.
 
-    def __init__(self) -> None:
+    has_copies: whether a copy of the process can draw.
+    """
+
+    def __init__(self, *, has_copies: bool) -> None:
         # As the process is started: while it runs, it may be kept on one of them.
-        cores = os.sched_getaffinity(0) if sys.platform == "linux" else ()
+        cores = os.sched_getaffinity(0) if has_copies and sys.platform == "linux" else ()
         self._cores: Collection[int] = cores if len(cores) > 1 else ()
         self._t_ns = -1
         self._cameras: list[Camera] = []

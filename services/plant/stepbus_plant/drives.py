@@ -259,7 +259,7 @@ class PositionMotor(_Motors):
             self.target(index),
             self._velocities[index],
             self._forces[index],
-            **({"maxVelocity": joint.max_velocity} if joint.max_velocity > 0 else {}),
+            max_velocity=joint.max_velocity,
         )
 
 

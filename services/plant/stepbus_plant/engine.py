@@ -1,31 +1,24 @@
-"""The physics engine: the one class that calls PyBullet."""
+"""The seam between the plant and a physics engine.
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+An engine is a module of `engines` whose `ENGINE` makes an `Engine`; nothing else knows which it is.
+"""
+
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_plant.bullet import Array, Pose, bullet, compose, inverse
-from stepbus_schemas import Point, RunError, WiringError
+from stepbus_plant.geometry import Array, Geometry, Pose
+from stepbus_schemas import Point, RunError
 
 Link = tuple[int, int]
-"""The engine's numbers of a body and one of its links."""
+"""The numbers of a body and one of its links."""
 BASE = -1
-"""Number of a body's root link."""
-_ANY_BODY, _ANY_LINK = -1, -2
-# What the engine gives a moving link: collision group, and groups that it collides with.
-_GROUP, _ALL_GROUPS = 1, -1
-
-
-_TYPES = {
-    bullet.JOINT_REVOLUTE: "revolute",
-    bullet.JOINT_PRISMATIC: "prismatic",
-    bullet.JOINT_FIXED: "fixed",
-}
+"""Number of a body's root link; others have that of the joint above them."""
+ANY_BODY, ANY_LINK = -1, -2
 
 
 class PhysicsError(RunError, ArithmeticError):
@@ -79,36 +72,54 @@ class Motion(NamedTuple):
     spin: Point
 
 
-class Engine:
-    """A headless PyBullet client.
+@dataclass(frozen=True, kw_only=True)
+class Light:
+    """White light on a scene.
 
-    step_s: length of a physics substep [s]. Bodies are numbered as they are loaded, from 0 on.
+    direction: towards it. distance: [m]. ambient, diffuse, specular: coefficients of what it does.
     """
 
-    def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
-        self.client: int = bullet.connect(bullet.DIRECT)
-        self._here = {"physicsClientId": self.client}
-        self._to_frame: dict[int, Pose] = {}
-        self._frames: dict[int, tuple[Pose, Pose]] = {}
-        # Not needed for repeatability, but it affects the trajectory: set it before anything else.
-        bullet.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1, numSolverIterations=solver_iterations, **self._here
-        )
-        bullet.setTimeStep(step_s, **self._here)
-        bullet.setGravity(*gravity, **self._here)
+    direction: Point
+    distance: float
+    ambient: float
+    diffuse: float
+    specular: float
+    has_shadow: bool
+
+
+class Engine(Protocol):
+    """A world of bodies without a window. Bodies are numbered as they are loaded, from 0 on.
+
+    For prismatic joints read [m] and [N] instead of [rad] and [N·m].
+    name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
+    copy of the process can draw images.
+    """
+
+    name: str
+    geometry: Geometry
+    draws_in_copies: bool
+
+    def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 
     def step(self) -> None:
-        """Advance by one substep; raises PhysicsError when PyBullet fails."""
-        try:
-            bullet.stepSimulation(self.client)
-        except bullet.error as exc:
-            raise PhysicsError(f"the physics engine failed: {exc}") from exc
+        """Advance by one substep; raises PhysicsError when the engine fails."""
+        ...
+
+    def renderer(self) -> str:
+        """Return what draws the images, with its version."""
+        ...
+
+    def save(self) -> bytes | None:
+        """Return the state to the last bit, with contacts; None: it cannot be had."""
+        ...
+
+    def restore(self, state: bytes) -> None:
+        """Take what `save` returned of the same world."""
+        ...
 
     def close(self) -> None:
-        """Disconnect; harmless when repeated."""
-        if self.client >= 0:
-            bullet.disconnect(**self._here)
-            self.client = -1
+        """Let go of everything; harmless when repeated."""
+        ...
 
     # --- bodies ---------------------------------------------------------------------------
 
@@ -125,90 +136,50 @@ class Engine:
     ) -> int:
         """Load a body without damping or a limit of velocities; return its number.
 
-        friction: of all links; absent: the model's. is_smooth: cylinders are round, instead of a
-        mesh of 32 faces, whose collision margin makes it stand 1 mm higher.
-        Raises WiringError for a model that cannot be loaded.
+        friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth:
+        its cylinders are exact. Raises WiringError for a model that cannot be loaded.
         """
-        # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
-        flags = bullet.URDF_USE_INERTIA_FROM_FILE
-        flags |= bullet.URDF_USE_SELF_COLLISION if collides_with_itself else 0
-        flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
-        try:
-            body: int = bullet.loadURDF(
-                str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
-            )
-        except bullet.error as exc:
-            raise WiringError(str(exc)) from exc
-        undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
-        frictions = {f"{key}Friction": value for key, value in friction.items()}
-        for link in range(BASE, bullet.getNumJoints(body, **self._here)):
-            bullet.changeDynamics(body, link, **undamped, **frictions, **self._here)
-        # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
-        bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
-        return body
+        ...
 
     def joints(self, body: int) -> list[JointInfo]:
         """Return all joints of a body, in the order of their numbers."""
-        infos = (
-            bullet.getJointInfo(body, index, self.client)
-            for index in range(bullet.getNumJoints(body, **self._here))
-        )
-        return [
-            JointInfo(
-                index=info[0],
-                name=info[1].decode(),
-                type=_TYPES.get(info[2], ""),
-                lower=info[8],
-                upper=info[9],
-                effort=info[10],
-                velocity=info[11],
-                link=info[12].decode(),
-                axis=info[13],
-            )
-            for info in infos
-        ]
+        ...
 
     def links(self, body: int) -> dict[str, Link]:
         """Return each link of a body by its name, the root first."""
-        root = bullet.getBodyInfo(body, self.client)[0].decode()
-        return {root: (body, BASE), **{j.link: (body, j.index) for j in self.joints(body)}}
+        ...
 
     def is_solid(self, link: Link) -> bool:
         """Return whether a link has a collision shape."""
-        return bool(bullet.getCollisionShapeData(*link, **self._here))
+        ...
 
     def let_through(self, one: Link, other: Link) -> None:
         """Disable collisions between two links."""
-        bullet.setCollisionFilterPair(one[0], other[0], one[1], other[1], 0, **self._here)
+        ...
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
-        """Skip a body once it is at rest, or from now on, until something moves it."""
-        state = bullet.ACTIVATION_STATE_ENABLE_SLEEPING
-        state |= bullet.ACTIVATION_STATE_SLEEP if now else 0
-        bullet.changeDynamics(body, BASE, activationState=state, **self._here)
+        """Allow an engine to skip a body once it is at rest, or from now on, until it is moved."""
+        ...
 
     def wake(self, body: int) -> None:
         """Wake up a body: a sleeping one would stay where it is put, even in the air."""
-        state = bullet.ACTIVATION_STATE_WAKE_UP
-        bullet.changeDynamics(body, BASE, activationState=state, **self._here)
+        ...
 
     # --- joints ---------------------------------------------------------------------------
 
     def read(self, body: int, indices: Sequence[int]) -> Any:
-        """Return (position, velocity, reaction, applied torque) of joints of a body."""
-        return bullet.getJointStates(body, indices, self.client)
+        """Return (position, velocity, reaction, torque of its motor) of joints of a body."""
+        ...
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """Set position [rad] and velocity [rad/s] of a joint, regardless of forces."""
-        bullet.resetJointState(body, index, position, velocity, **self._here)
+        ...
 
     def set_joint(
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
         """Set damping [N·m·s/rad] and stops [rad] of a joint; infinite: none."""
-        stops = {"jointLowerLimit": lower, "jointUpperLimit": upper} if lower > -math.inf else {}
-        bullet.changeDynamics(body, index, jointDamping=damping, **stops, **self._here)
+        ...
 
     def couple(
         self,
@@ -225,25 +196,11 @@ class Engine:
 
         erp: share of the error that a substep corrects. force: the largest [N or N·m].
         """
-        origins = {"parentFramePosition": (0.0, 0.0, 0.0), "childFramePosition": (0.0, 0.0, 0.0)}
-        pair, axis = (body, follower, body, leader), (1.0, 0.0, 0.0)
-        gear = bullet.createConstraint(
-            *pair, bullet.JOINT_GEAR, jointAxis=axis, **origins, **self._here
-        )
-        bullet.changeConstraint(
-            gear,
-            gearRatio=-multiplier,
-            relativePositionTarget=offset,
-            erp=erp,
-            maxForce=force,
-            **self._here,
-        )
+        ...
 
     def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
         """Apply torques [N·m] to joints in the next substep only."""
-        bullet.setJointMotorControlArray(
-            body, indices, bullet.TORQUE_CONTROL, forces=torques, physicsClientId=self.client
-        )
+        ...
 
     def turn(
         self,
@@ -253,118 +210,78 @@ class Engine:
         torques: Sequence[float],
     ) -> None:
         """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
-        bullet.setJointMotorControlArray(
-            body,
-            indices,
-            bullet.VELOCITY_CONTROL,
-            targetVelocities=velocities,
-            forces=torques,
-            **self._here,
-        )
+        ...
 
     def resist(self, body: int, index: int, torque: float) -> None:
         """Set a motor that resists any motion of a joint with up to a torque [N·m]."""
-        bullet.setJointMotorControl2(
-            body,
-            index,
-            bullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=torque,
-            **self._here,
-        )
+        ...
 
     def bring(
-        self, body: int, index: int, position: float, velocity: float, torque: float, **more: float
+        self,
+        body: int,
+        index: int,
+        position: float,
+        velocity: float,
+        torque: float,
+        *,
+        max_velocity: float = 0.0,
+        gain: float = 0.0,
     ) -> None:
         """Set a motor that tracks a position [rad] and its velocity with a limited torque [N·m].
 
-        more: `maxVelocity` [rad/s], `positionGain`, `velocityGain`; absent: PyBullet's.
+        max_velocity: [rad/s]; 0: none. gain: share of the error that a substep corrects; 0: the
+        engine's, 0.1.
         """
-        bullet.setJointMotorControl2(
-            body,
-            index,
-            bullet.POSITION_CONTROL,
-            targetPosition=position,
-            targetVelocity=velocity,
-            force=torque,
-            **more,
-            **self._here,
-        )
+        ...
 
     def watch_reaction(self, joint: Link) -> None:
         """Measure from now on what everything beyond a joint exerts on it."""
-        bullet.enableJointForceTorqueSensor(*joint, True, self.client)
+        ...
 
     def reaction(self, joint: Link) -> tuple[Array, Array]:
         """Return the reaction of the latest substep: force [N] and torque [N·m], shape (3,) each.
 
         Both in the frame of the child's centre of mass, and about it.
         """
-        values = np.array(bullet.getJointState(*joint, self.client)[2])
-        return values[:3], values[3:]
+        ...
 
     # --- poses ----------------------------------------------------------------------------
 
     def mass(self, link: Link) -> float:
         """Return the mass of a link [kg]; 0: it is fixed."""
-        mass: float = bullet.getDynamicsInfo(*link, self.client)[0]
-        return mass
+        ...
 
     def inertial(self, link: Link) -> Pose:
         """Return the pose of a link's centre of mass in its frame."""
-        pose: Pose = bullet.getDynamicsInfo(*link, self.client)[3:5]
-        return pose
+        ...
 
     def centre(self, body: int) -> Pose:
         """Return the pose of the centre of mass of a body's root link."""
-        pose: Pose = bullet.getBasePositionAndOrientation(body, self.client)
-        return pose
+        ...
 
     def frame(self, link: Link) -> Pose:
         """Return the pose of a link's frame, that of the URDF."""
-        body, index = link
-        if index == BASE:
-            if body not in self._to_frame:
-                self._to_frame[body] = inverse(self.inertial(link))
-            centre = self.centre(body)
-            # Most bodies stand: then the frame is that of the latest time.
-            known = self._frames.get(body)
-            if known is None or known[0] != centre:
-                known = self._frames[body] = centre, compose(centre, self._to_frame[body])
-            return known[1]
-        return self.frames(body, [index])[0]
+        ...
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
         """Return the frames of links other than the root."""
-        states = bullet.getLinkStates(body, indices, computeForwardKinematics=True, **self._here)
-        return [state[4:6] for state in states]
+        ...
 
     def motion(self, link: Link) -> Motion:
         """Return pose and velocity of a link."""
-        body, index = link
-        if index == BASE:
-            velocity, spin = bullet.getBaseVelocity(body, self.client)
-            return Motion(self.frame(link), self.centre(body)[0], velocity, spin)
-        state = bullet.getLinkState(
-            body, index, computeLinkVelocity=True, computeForwardKinematics=True, **self._here
-        )
-        return Motion(state[4:6], state[0], state[6], state[7])
+        ...
 
     def put(self, body: int, frame: Pose) -> None:
         """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
-        self.put_centre(body, compose(frame, self.inertial((body, BASE))))
+        ...
 
     def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
         """Put the frame of a body's root link somewhere, moving like that [m/s, rad/s]."""
-        self.put(body, frame)
-        bullet.resetBaseVelocity(body, velocity, spin, **self._here)
+        ...
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
         """Put the centre of mass of a body's root link somewhere, at rest or moving as before."""
-        velocity = bullet.getBaseVelocity(body, self.client) if keeps_velocity else None
-        bullet.resetBasePositionAndOrientation(body, *pose, self.client)
-        if velocity is not None:
-            bullet.resetBaseVelocity(body, *velocity, **self._here)
+        ...
 
     # --- contacts, rays, images -----------------------------------------------------------
 
@@ -373,71 +290,45 @@ class Engine:
 
         Otherwise these are where they were in the latest substep, or when they were loaded.
         """
-        bullet.performCollisionDetection(self.client)
+        ...
 
     def contacts(
-        self, body: int = _ANY_BODY, link: int = _ANY_LINK, *, are_pressed: bool = False
+        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
     ) -> list[Contact]:
         """Return the contacts of the latest substep; of one body or link, it is the first one.
 
         are_pressed: only those with a force.
         """
-        rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
-        return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
+        ...
 
-    def closest(
-        self, link: Link, body: int, within: float, other: int = _ANY_LINK
-    ) -> list[Contact]:
+    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
         """Return the nearest points of a link and of another body or its link, if within [m]."""
-        return _contacts(
-            bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
-        )
+        ...
 
     def neighbours(self, link: Link, within: float) -> list[Link]:
         """Return links of other bodies whose boxes are near that of a link, sorted.
 
-        The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
-        the link (gContactBreakingThreshold), which is more than it moves in a substep.
+        The boxes are those of the latest physics substep, and as much larger than the links as
+        these move in a substep.
         """
-        low, high = bullet.getAABB(*link, self.client)
-        pairs = bullet.getOverlappingObjects(
-            [x - within for x in low], [x + within for x in high], **self._here
-        )
-        own = link[0]
-        return sorted({pair for pair in pairs or () if pair[0] != own})
+        ...
 
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""
-        bullet.setCollisionFilterGroupMask(*link, _GROUP, _ALL_GROUPS, **self._here)
+        ...
 
     def cast(self, starts: Array, ends: Array) -> Array:
         """Return how far along each ray the first hit is, from 0 to 1, or infinity.
 
         starts, ends: shape (n, 3) [m].
         """
-        hits = bullet.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1, **self._here)
-        return np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
+        ...
 
     def image(
-        self, size: tuple[int, int], view: Array, projection: Array, light: Mapping[str, Any]
+        self, size: tuple[int, int], view: Array, projection: Array, light: Light
     ) -> tuple[NDArray[np.uint8], Array]:
         """Return colours, shape (height, width, 3), and OpenGL's depth buffer, shape (h, w).
 
         size: width and height [pixel]. view, projection: OpenGL's matrices, shape (4, 4).
         """
-        _, _, rgba, depth, _ = bullet.getCameraImage(
-            *size,
-            viewMatrix=view.T.ravel().tolist(),
-            projectionMatrix=projection.T.ravel().tolist(),
-            renderer=bullet.ER_TINY_RENDERER,
-            flags=bullet.ER_NO_SEGMENTATION_MASK,
-            **light,
-            **self._here,
-        )
-        width, height = size
-        colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (height, width, 4))[..., :3]
-        return colours, np.asarray(depth, dtype=np.float64)
-
-
-def _contacts(rows: Iterable[Any]) -> list[Contact]:
-    return [Contact((r[1], r[3]), (r[2], r[4]), r[5], r[6], r[7], r[8], r[9]) for r in rows]
+        ...

@@ -5,10 +5,10 @@ import operator
 from collections.abc import Iterable, Sequence
 from typing import Any, ClassVar
 
-from stepbus_plant.bullet import Pose, into, out_of, turned
 from stepbus_plant.commander import Commander
 from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Contact, Engine, Link
+from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.world import GripperSettings
 from stepbus_schemas import GripperCommand, GripperState, JointCommand, Point
@@ -42,8 +42,8 @@ class Grip:
         self.thing = thing
         self._engine, self._finger, self._slide = engine, finger, slide
         x, y, z = (sum(axis) / len(points) for axis in zip(*points, strict=True))
-        self._on_thing = into(self._pose(thing), (x, y, z))
-        self._on_finger = into(self._pose(finger), (x, y, z))
+        self._on_thing = self._engine.geometry.into(self._pose(thing), (x, y, z))
+        self._on_finger = self._engine.geometry.into(self._pose(finger), (x, y, z))
         self._is_free = thing[1] == BASE and engine.mass(thing) > 0.0
         self._before: Point | None = None
 
@@ -53,11 +53,11 @@ class Grip:
 
     def _where(self) -> Point:
         """Return where the point of the thing is that was first gripped [m]."""
-        return out_of(self._pose(self.thing), self._on_thing)
+        return self._engine.geometry.out_of(self._pose(self.thing), self._on_thing)
 
     def slip(self) -> float:
         """Return how far it has slid along the pads [m]."""
-        now = into(self._pose(self._finger), self._where())
+        now = self._engine.geometry.into(self._pose(self._finger), self._where())
         moved = [a - b for a, b in zip(now, self._on_finger, strict=True)]
         across = _dot(moved, self._slide)
         return math.sqrt(max(sum(part * part for part in moved) - across * across, 0.0))
@@ -65,7 +65,7 @@ class Grip:
     def before_substep(self) -> None:
         """Keep where it is gripped."""
         self._before = self._where()
-        self._at = into(self._pose(self._finger), self._before)
+        self._at = self._engine.geometry.into(self._pose(self._finger), self._before)
 
     def after_substep(self, dt: float) -> None:
         """Move the thing from the tangent, along which the engine moves it, to the pads' arc.
@@ -78,7 +78,7 @@ class Grip:
         if not self._is_free or self._before is None:
             return
         pads = self._engine.motion(self._finger)
-        after = out_of(pads.frame, self._at)
+        after = self._engine.geometry.out_of(pads.frame, self._at)
         arm = [a - b for a, b in zip(after, pads.centre, strict=True)]
         velocity = [a + b for a, b in zip(pads.velocity, _cross(pads.spin, arm), strict=True)]
         at, orientation = self._engine.centre(self.thing[0])
@@ -181,7 +181,7 @@ class Gripper:
 
     def opening(self) -> Point:
         """Return the opening direction of the fingers in the world frame."""
-        return turned(self._engine.frame(self.fingers[0])[1], self._slide)
+        return self._engine.geometry.turned(self._engine.frame(self.fingers[0])[1], self._slide)
 
     def _pressing(self, finger: Link) -> dict[Link, list[Contact]]:
         """Return what a finger presses on, except its own body."""

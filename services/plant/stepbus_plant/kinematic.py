@@ -4,10 +4,10 @@ import math
 from dataclasses import dataclass
 
 from stepbus_plant.base import Base
-from stepbus_plant.bullet import Pose, compose, inverse, quaternion
 from stepbus_plant.devices import Devices
 from stepbus_plant.drives import Motors
 from stepbus_plant.engine import BASE, Link
+from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
 from stepbus_plant.joint import Joint
 from stepbus_plant.script import Script
@@ -60,7 +60,7 @@ class Kinematics:
         pressed: dict[tuple[Link, Link], float] = {}
         for name, grip in self._grips.items():
             fingers = grippers[name].fingers
-            pose = compose(self._engine.frame(fingers[0]), grip.pose)
+            pose = self._engine.geometry.compose(self._engine.frame(fingers[0]), grip.pose)
             self._engine.put_centre(grip.thing[0], pose)
             pressed |= {(finger, grip.thing): FORCE_WITHOUT_DYNAMICS for finger in fingers}
         for sensor in self._devices.contacts.values():
@@ -89,7 +89,9 @@ class Kinematics:
         chord = vx * dt * (math.sin(turn / 2) / (turn / 2) if turn else 1.0)
         step = (chord * math.cos(turn / 2), chord * math.sin(turn / 2), 0.0)
         frame = self._engine.frame((body, BASE))
-        self._engine.put(body, compose(frame, (step, quaternion((0.0, 0.0, turn)))))
+        self._engine.put(
+            body, self._engine.geometry.compose(frame, (step, quaternion((0.0, 0.0, turn))))
+        )
 
     def _grasp(self, name: str, gripper: Gripper, states: _States) -> None:
         """Stop the fingers at what is between them, and hold it; let go when they open."""
@@ -130,7 +132,9 @@ class Kinematics:
         # As if the finger stood where it will.
         moved = gap / 2 - self._physics.position(gripper.joints[0])
         i, j, k = (a + moved * b for a, b in zip(at, opening, strict=True))
-        pose = compose(inverse(((i, j, k), turn)), ((x, y, z), orientation))
+        pose = self._engine.geometry.compose(
+            self._engine.geometry.inverse(((i, j, k), turn)), ((x, y, z), orientation)
+        )
         return _Grip(thing=thing, width=max(gap, 0.0), pose=pose)
 
     def _ahead(self, finger: Link, inwards: list[float]) -> dict[Link, float]:

@@ -2,8 +2,8 @@
 
 from typing import NamedTuple
 
-from stepbus_plant.bullet import Pose, between, spin_between
 from stepbus_plant.engine import BASE, Engine
+from stepbus_plant.geometry import Pose
 
 
 class Blow(NamedTuple):
@@ -29,7 +29,7 @@ class MovingBody:
         ends = zip(self._start[0], goal[0], strict=True)
         vx, vy, vz = ((b - a) / seconds for a, b in ends)
         self._velocity = (vx, vy, vz)
-        self._spin = spin_between(self._start[1], goal[1], seconds)
+        self._spin = engine.geometry.spin_between(self._start[1], goal[1], seconds)
         self._touched = {contact.other for contact in engine.contacts(body)}
         self.blow: Blow | None = None
 
@@ -41,7 +41,7 @@ class MovingBody:
     def before_substep(self) -> None:
         """Put it where it is now."""
         share = min(self._elapsed / self._seconds, 1.0)
-        frame = between(self._start, self._goal, share)
+        frame = self._engine.geometry.between(self._start, self._goal, share)
         self._engine.carry(self._body, frame, self._velocity, self._spin)
 
     def after_substep(self, seconds: float) -> None:

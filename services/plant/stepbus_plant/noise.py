@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_plant.bullet import Array
+from stepbus_plant.geometry import Array
 
 
 class Noise:

@@ -20,7 +20,7 @@ from stepbus_participant import (
 )
 from stepbus_participant.parameters import Keys, Pause
 from stepbus_plant.models import refuse_missing_meshes
-from stepbus_plant.world import Actuation, read_world
+from stepbus_plant.world import Actuation, EngineName, read_world
 from stepbus_schemas import WiringError
 
 Quantity = Literal["position", "velocity", "effort"]
@@ -174,6 +174,9 @@ class Params(Settings):
 
     world: File
     """Relative to the scenario, absolute, or `package://<package>/<path>`."""
+    engine: EngineName | None = None
+    """Physics engine, see [Engines](../running/engines.md); overrides the world file. Default: the
+    world's."""
     joints: Names | None = None
     """Joints to sense, in this order. The others are simulated, driven and commanded all the same.
     Default: all movable ones, in the order of the bodies and their models."""

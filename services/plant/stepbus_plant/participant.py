@@ -252,9 +252,10 @@ class Plant(Participant):
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that physics and images depend on."""
-        versions = {name: installed_version(name) for name in ("numpy", "pybullet", "stepbus")}
+        engine = self.plant.physics.engine
+        versions = {name: installed_version(name) for name in ("numpy", engine.name, "stepbus")}
         if self.plant.devices.drawing.has_cameras:
-            versions["renderer"] = f"TinyRenderer of pybullet {versions['pybullet']}"
+            versions["renderer"] = engine.renderer()
         return versions
 
     def close(self) -> None:

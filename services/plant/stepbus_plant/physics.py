@@ -8,8 +8,9 @@ from typing import TypeVar
 
 from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
-from stepbus_plant.bullet import quaternion
-from stepbus_plant.engine import BASE, Engine, JointInfo, Link, PhysicsError
+from stepbus_plant.engine import BASE, JointInfo, Link, PhysicsError
+from stepbus_plant.engines import default_engine, open_engine
+from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
@@ -40,7 +41,8 @@ class Physics:
     """
 
     def __init__(self, world: World, step_ns: int, params: Params, problems: Problems) -> None:
-        self.engine = Engine(step_ns * 1e-9, world.gravity, world.solver_iterations)
+        engine = params.engine or world.engine or default_engine()
+        self.engine = open_engine(engine, step_ns * 1e-9, world.gravity, world.solver_iterations)
         self.world = world
         self.bodies = list(world.bodies)
         self.fixed: set[str] = set()

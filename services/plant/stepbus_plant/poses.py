@@ -6,8 +6,8 @@ from functools import cached_property
 
 from stepbus_participant import Problems, suggest
 from stepbus_plant.appearance import Appearance, read_appearances
-from stepbus_plant.bullet import Pose, out_of
 from stepbus_plant.engine import BASE, Link
+from stepbus_plant.geometry import Pose
 from stepbus_plant.params import FixedPoint
 from stepbus_plant.physics import Physics
 from stepbus_plant.stock import Item
@@ -69,7 +69,7 @@ class PoseSensor:
         position: list[Point] = [frames[index][0] for index in self._indices]
         orientation: list[Quaternion] = [frames[index][1] for index in self._indices]
         for number, offset in self._moved:
-            position[number] = out_of(frames[self._indices[number]], offset)
+            position[number] = self._engine.geometry.out_of(frames[self._indices[number]], offset)
         return Poses(position=position, orientation=orientation)
 
     @cached_property

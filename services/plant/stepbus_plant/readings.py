@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_plant.bullet import Array, Pose, compose, inverse, rotation
+from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_plant.noise import Errors
 from stepbus_plant.physics import Physics
 from stepbus_plant.world_sensors import (
@@ -132,7 +132,7 @@ class ImuSensor:
         to_link = rotation(orientation).T
         measured_spin = self._gyro.disturb(to_link @ spin)
         force = self._accelerometer.disturb(to_link @ (acceleration - self._gravity))
-        measured = _tilted(orientation, self._compass.disturb(np.zeros(3)))
+        measured = _tilted(self._engine.geometry, orientation, self._compass.disturb(np.zeros(3)))
         return Imu(
             angular_velocity=_point(measured_spin),
             linear_acceleration=_point(force),
@@ -157,8 +157,10 @@ class TransformSensor:
         """Return the current transforms."""
         poses: list[Pose] = [self._engine.frame(self._indices[name]) for name in self._names]
         if self._parent != WORLD:
-            from_world = inverse(self._engine.frame(self._indices[self._parent]))
-            poses = [compose(from_world, pose) for pose in poses]
+            from_world = self._engine.geometry.inverse(
+                self._engine.frame(self._indices[self._parent])
+            )
+            poses = [self._engine.geometry.compose(from_world, pose) for pose in poses]
         count = len(poses)
         true = np.array([position for position, _ in poses]).reshape(-1)
         positions = self._position.disturb(true).reshape(count, 3)
@@ -168,7 +170,7 @@ class TransformSensor:
             children=self._names,
             position=[_point(row) for row in positions],
             orientation=[
-                _tilted(orientation, turn)
+                _tilted(self._engine.geometry, orientation, turn)
                 for (_, orientation), turn in zip(poses, angles, strict=True)
             ],
         )
@@ -186,10 +188,10 @@ def _point(values: Array) -> Point:
     return x, y, z
 
 
-def _tilted(orientation: Quaternion, angles: Array) -> Quaternion:
+def _tilted(geometry: Geometry, orientation: Quaternion, angles: Array) -> Quaternion:
     """Return an orientation turned by small angles about its own axes [rad]."""
     if not angles.any():
         return orientation
     turn = np.array([*(angles / 2), 1.0])
     x, y, z, w = (turn / np.linalg.norm(turn)).tolist()
-    return compose(((0, 0, 0), orientation), ((0, 0, 0), (x, y, z, w)))[1]
+    return geometry.compose(((0, 0, 0), orientation), ((0, 0, 0), (x, y, z, w)))[1]

@@ -4,10 +4,10 @@ import math
 from collections.abc import Collection, Sequence
 
 from stepbus_participant import Problems, format_duration, suggest
-from stepbus_plant.bullet import quaternion
 from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
 from stepbus_plant.engine import BASE, Link
+from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint
 from stepbus_plant.moving_body import MovingBody
 from stepbus_plant.params import Action
@@ -146,10 +146,18 @@ class Script:
 
     def before_substep(self) -> None:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
-        gains = {"positionGain": _JAM_GAIN, "velocityGain": 1.0, "maxVelocity": math.inf}
+        held = {"max_velocity": math.inf, "gain": _JAM_GAIN}
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
-            self._physics.engine.bring(joint.body, joint.index, position, 0.0, _JAM_EFFORT, **gains)
+            self._physics.engine.bring(
+                joint.body,
+                joint.index,
+                position,
+                0.0,
+                _JAM_EFFORT,
+                max_velocity=math.inf,
+                gain=_JAM_GAIN,
+            )
 
     def after_substep(self, seconds: float) -> None:
         """Look what moving bodies have hit; seconds: length of the substep."""

@@ -31,6 +31,7 @@ from stepbus_plant.world_sensors import (
     WrenchSettings,
 )
 
+EngineName = Literal["pybullet", "mujoco"]
 Actuation = Literal["direct", "velocity_force"]
 OwnMode = Literal["torque", "velocity", "position", "teleport"]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=4096)]
@@ -273,8 +274,11 @@ class WorldFile(Settings):
     the plant's step."""
     substeps: Count | None = None
     """Physics substeps per plant's step; instead of `physics_step`. Default: 1."""
+    engine: EngineName | None = None
+    """Physics engine, see [Engines](../running/engines.md). Default: pybullet, or mujoco where
+    PyBullet is not installed."""
     solver_iterations: Count = 50
-    """Of PyBullet's constraint solver."""
+    """Of the engine's constraint solver."""
     sleeping: bool = False
     """Whether the physics skips bodies without joints that have been at rest for 2 s, until
     something moves them. 42 cans on shelves then take a third of the time."""

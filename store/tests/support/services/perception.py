@@ -12,7 +12,8 @@ import numpy as np
 import pybullet as bullet
 
 from stepbus_plant.camera import Camera, Lens
-from stepbus_plant.engine import BASE, Engine
+from stepbus_plant.engine import BASE
+from stepbus_plant.engines.pybullet import BulletEngine
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
@@ -60,7 +61,7 @@ class Store:
     """Items on boards, and a camera that can be put anywhere."""
 
     folder: Path
-    engine: Engine
+    engine: BulletEngine
     width: int = 320
     height: int = 240
     items: list[Item] = field(default_factory=list)
@@ -159,7 +160,7 @@ def open_store(
     folder: Path, *items: Item, lens: Lens | None = None, **size: int
 ) -> Iterator[Store]:
     """Yield a store with some items; lens: of its camera."""
-    with closing(Engine(1e-3, (0.0, 0.0, 0.0), 50)) as engine:
+    with closing(BulletEngine(1e-3, (0.0, 0.0, 0.0), 50)) as engine:
         store = Store(folder, engine, lens=lens, **size)
         for item in items:
             store.add(item)

@@ -148,6 +148,6 @@ def test_blur_widens_an_edge_and_keeps_the_light():
 def test_the_lamp_stands_elsewhere_with_another_seed_and_makes_shadows():
     lamps = [Lens(CameraErrors(light="lamp"), seed).light for seed in (0, 0, 1)]
     assert lamps[0] == lamps[1]
-    assert lamps[0]["lightDirection"] != lamps[2]["lightDirection"]
-    assert lamps[0]["shadow"] == 1
-    assert Lens(CameraErrors(), 0).light["shadow"] == 0
+    assert lamps[0].direction != lamps[2].direction
+    assert lamps[0].has_shadow
+    assert not Lens(CameraErrors(), 0).light.has_shadow
