@@ -149,15 +149,8 @@ class Script:
         held = {"max_velocity": math.inf, "gain": _JAM_GAIN}
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
-            self._physics.engine.bring(
-                joint.body,
-                joint.index,
-                position,
-                0.0,
-                _JAM_EFFORT,
-                max_velocity=math.inf,
-                gain=_JAM_GAIN,
-            )
+            where = joint.body, joint.index
+            self._physics.engine.bring(*where, position, 0.0, _JAM_EFFORT, **held)
 
     def after_substep(self, seconds: float) -> None:
         """Look what moving bodies have hit; seconds: length of the substep."""
