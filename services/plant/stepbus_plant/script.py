@@ -146,11 +146,17 @@ class Script:
 
     def before_substep(self) -> None:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
-        held = {"max_velocity": math.inf, "gain": _JAM_GAIN}
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
-            where = joint.body, joint.index
-            self._physics.engine.bring(*where, position, 0.0, _JAM_EFFORT, **held)
+            self._physics.engine.bring(
+                joint.body,
+                joint.index,
+                position,
+                0.0,
+                _JAM_EFFORT,
+                max_velocity=math.inf,
+                gain=_JAM_GAIN,
+            )
 
     def after_substep(self, seconds: float) -> None:
         """Look what moving bodies have hit; seconds: length of the substep."""
