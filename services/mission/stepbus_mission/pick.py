@@ -185,13 +185,14 @@ class Pick(Participant):
         if progress is None:
             progress = self._progress = self._begin(step, log)
         if progress.failure:
-            raise RunError(f"{self.config.name}: {progress.failure}")
+            raise RunError(progress.failure)
         gripper = step.read(self._sensor_port, GripperState)
         if gripper.holding != progress.holds:
             progress.holds, progress.holds_since_ns = gripper.holding, step.t_ns
-        while progress.stage != "over" and self._is_done(progress, gripper, step.t_ns):
+        while self._is_done(progress, gripper, step.t_ns):
             self._enter(progress, NEXT[progress.stage], step.t_ns)
-            log.append(Event(level="info", text=self._sentence(progress, gripper)))
+            if progress.stage in NEXT:
+                log.append(Event(level="info", text=self._sentence(progress, gripper)))
         failure = self._failure(progress, gripper, step.t_ns)
         summary = self._conclude(progress, failure, step)
         return {**self._commands(progress, step.t_ns), **self._events(log, summary)}
@@ -226,6 +227,8 @@ class Pick(Participant):
     def _is_done(self, progress: _Progress, gripper: GripperState, t_ns: int) -> bool:
         """Return whether the stage is over."""
         elapsed = (t_ns - progress.since_ns) * 1e-9
+        if progress.stage == "over":
+            return False
         if progress.stage == "grip":
             since_ns = max(progress.since_ns, progress.holds_since_ns)
             return progress.holds and (t_ns - since_ns) * 1e-9 >= _SURE
@@ -261,12 +264,12 @@ class Pick(Participant):
         if progress.stage == "over" and not progress.is_concluded:
             cube, goal = self._cube(step), self._goal(progress.height)
             off, degrees = distance(cube, goal), math.degrees(turn(cube, goal))
-            where = f"{off * 1e3:.1f} mm from its goal, turned by {degrees:.1f}°"
+            where = f"{off * 1e3:.2f} mm from its goal, turned by {degrees:.1f}°"
             text = f"{params.cube} stands {where}, after {step.t:.1f} s"
             if off > params.tolerance:
                 failure = text = f"{text}; allowed are {params.tolerance * 1e3:g} mm"
             else:
-                step.end(f"{self.config.name}: {text}")
+                step.end(text)
         if not text:
             return None
         progress.is_concluded, progress.failure = True, failure

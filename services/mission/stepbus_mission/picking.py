@@ -122,7 +122,7 @@ def plan(
                 raise RunError(
                     f"the arm cannot reach {where} with its tip {tool.z:.3f} m high; it reaches "
                     f"{abs(arm.near - arm.far):.3f} to {arm.near + arm.far:.3f} m far, and "
-                    f"{arm.height + arm.lower[2]:.3f} to {arm.height + arm.upper[2]:.3f} m high"
+                    f"{arm.lowest:.3f} to {arm.height + arm.upper[2]:.3f} m high"
                 )
             waypoints[name], wrist = tuple(q), q[3]
     return waypoints

@@ -60,7 +60,10 @@ class Scara:
         for joint, types, role in zip(moving, _TYPES, _NAMES, strict=True):
             _check(joint, types, role, path)
         ends = [chain.index(joint) for joint in moving]
-        at = [_sum(chain[i + 1 : j + 1]) for i, j in zip([-1, *ends], [*ends, len(chain)], strict=True)]
+        at = [
+            _sum(chain[i + 1 : j + 1])
+            for i, j in zip([-1, *ends], [*ends, len(chain)], strict=True)
+        ]
         far = tuple(a + b for a, b in zip(at[2], at[3], strict=True))
         aside = (at[0][0], at[0][1], at[1][1], far[1], at[4][0], at[4][1])
         if max(map(abs, aside)) > _EPS or min(at[1][0], far[0]) <= 0:
@@ -78,6 +81,11 @@ class Scara:
             upper=upper,
             velocity=velocity,
         )
+
+    @property
+    def lowest(self) -> float:
+        """Return the smallest height of the tip above the base [m]."""
+        return round(self.height + self.lower[2], 9) + 0.0
 
     def forward(self, q: Sequence[float]) -> Tool:
         """Return where the tip is; q: joint positions, shape (4,) [rad, rad, m, rad]."""
