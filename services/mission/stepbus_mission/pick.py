@@ -88,7 +88,7 @@ class Params(Settings):
     """Width of the open gripper [m]."""
     force: Positive = 10.0
     """Of each finger on the cube [N]."""
-    speed: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.5
+    speed: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
     """Share of the velocity limits of the joints that motions use [-]."""
     patience: Positive = 2.0
     """For so long the gripper may take to grip, and to open [s]."""

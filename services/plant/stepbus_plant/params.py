@@ -107,8 +107,8 @@ class StockParams(Settings):
     """`params.stock` of the plant."""
 
     seed: Whole | Literal["run"] = 0
-    """Of the type in each slot, and of the variation among items; `run`: that of the run, so that
-    each `--seed` has other ones."""
+    """Of the type in each slot, and of the variation among items; `run`: one that
+    the seed of the run determines, so that each has other ones."""
     types: dict[str, ItemTypeChange] = {}
     """Item type → its changes in this run."""
     fill: Share = 1.0
