@@ -50,7 +50,7 @@ def test_the_wrist_turns_to_the_nearest_side_of_the_cube():
     assert abs(ARM.inverse(tool, near=2.0)[3] - 2.0) <= math.pi / 4
 
 
-@pytest.mark.parametrize("x, z", [(0.56, 0.1), (0.04, 0.1), (0.3, 0.19), (0.3, -0.01)])
+@pytest.mark.parametrize(("x", "z"), [(0.56, 0.1), (0.04, 0.1), (0.3, 0.19), (0.3, -0.01)])
 def test_what_is_out_of_reach_has_no_positions(x, z):
     assert ARM.inverse(Tool(x=x, y=0.0, z=z, yaw=0.0)) is None
 
