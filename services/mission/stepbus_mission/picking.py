@@ -51,6 +51,9 @@ CARRIES: frozenset[Stage] = frozenset(("lift", "carry", "lower"))
 _SHORTEST = 0.2
 """Of a motion [s]."""
 
+_MINIMUM_JERK = quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
+"""From 0 to 1 in unit time."""
+
 _PEAK = 1.875
 """Largest velocity of a minimum-jerk motion, relative to its mean."""
 
@@ -80,9 +83,9 @@ class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
     def at(self, t: float) -> list[float]:
         """Return the joint positions, shape (4,); t: time since its start [s]."""
-        u = min(max(t / self.duration, 0.0), 1.0)
-        # Both ends are met to the bit.
-        share = evaluate(quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0), u)[0] if u < 1.0 else 1.0
+        if t >= self.duration:
+            return list(self.end)
+        share, _, _ = evaluate(_MINIMUM_JERK, max(t / self.duration, 0.0))
         return [a + (b - a) * share for a, b in zip(self.start, self.end, strict=True)]
 
 

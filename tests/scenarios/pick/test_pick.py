@@ -20,7 +20,7 @@ from stepbus_schemas import Description
 SEEDS = range(5)
 NEAR = 5e-3
 CUBE = "cube_start_1"
-INPUTS = {"joint_state": "joint_state", "gripper": "gripper", "poses": "poses"}
+INPUTS = ("joint_state", "gripper", "poses")
 
 
 def picked(folder, *overrides):
