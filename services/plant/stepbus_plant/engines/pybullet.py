@@ -430,13 +430,18 @@ class BulletEngine:
             bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
         )
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """Return the lower and the upper corner of the box around a link's shapes [m]."""
+        corners: tuple[Point, Point] = bullet.getAABB(*link, self.client)
+        return corners
+
     def neighbours(self, link: Link, within: float) -> list[Link]:
         """Return links of other bodies whose boxes are near that of a link, sorted.
 
         The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
         the link (gContactBreakingThreshold), which is more than it moves in a substep.
         """
-        low, high = bullet.getAABB(*link, self.client)
+        low, high = self.box(link)
         pairs = bullet.getOverlappingObjects(
             [x - within for x in low], [x + within for x in high], **self._here
         )
