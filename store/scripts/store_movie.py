@@ -32,7 +32,7 @@ LIT_FLOOR = 138.0
 FLOOR = np.array([212.0, 216.0, 222.0])
 """Red, green, blue of the floor in the light, as drawn: lighter, with deeper shadows."""
 SUN = dataclasses.replace(LIGHT, distance=20.0, ambient=0.62, diffuse=0.42, has_shadow=True)
-_FLAT = 1e-3
+_FLAT = 3e-3
 """What is no higher is the floor [m]."""
 
 

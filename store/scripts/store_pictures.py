@@ -176,9 +176,9 @@ def _heights(depth: Matrix, to_world: Matrix) -> Matrix:
     to_world: the inverse of view and projection, shape (4, 4).
     """
     height, width = depth.shape
-    # The renderer samples the corner of a pixel.
+    # The renderer samples the lower left corner of a pixel.
     right = 2 * np.arange(width) / width - 1
-    up = 1 - 2 * np.arange(height) / height
+    up = 1 - 2 * np.arange(1, height + 1) / height
     x, y = np.meshgrid(right, up)
     z, w = (row[0] * x + row[1] * y + row[2] * (2 * depth - 1) + row[3] for row in to_world[2:])
     return np.where(depth < 1.0, z / w, np.inf)
