@@ -47,7 +47,7 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     if edit is not None:
         edit(root)
     for mesh in root.iter("mesh"):
-        mesh.set("filename", _absolute(mesh.get("filename", ""), urdf.parent))
+        mesh.set("filename", mesh_path(mesh.get("filename", ""), urdf.parent))
     with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
         copy = Path(folder) / urdf.name.removesuffix(".xacro")
         ET.ElementTree(root).write(copy, encoding="utf-8")
@@ -64,7 +64,7 @@ def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
     for link in tree.findall("link"):
         for mesh in link.iter("mesh"):
             name = mesh.get("filename", "")
-            if not _is_file(Path(_absolute(name, urdf.parent))):
+            if not _is_file(Path(mesh_path(name, urdf.parent))):
                 text = f"link {link.get('name')!r}: no mesh {name!r}, in its folder or a package"
                 missing.setdefault(name, f"{_place(urdf, mesh)}: {text}")
     if missing:
@@ -95,7 +95,7 @@ def _is_file(path: Path) -> bool:
         return False
 
 
-def _absolute(file: str, folder: Path) -> str:
+def mesh_path(file: str, folder: Path) -> str:
     """Return the absolute path of a file that a URDF in `folder` names; else the name itself.
 
     PyBullet searches a name, or the folder of a package, in the folders above the URDF too.

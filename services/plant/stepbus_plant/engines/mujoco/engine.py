@@ -1,0 +1,617 @@
+"""The engine MuJoCo: bodies, joints and their motors, and the substep."""
+
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_plant.engine import (
+    ANY_BODY,
+    ANY_LINK,
+    BASE,
+    Contact,
+    JointInfo,
+    Light,
+    Link,
+    Motion,
+    PhysicsError,
+)
+from stepbus_plant.engines.mujoco.image import Painter
+from stepbus_plant.engines.mujoco.model import Body, Builder, hard, mixed
+from stepbus_plant.engines.mujoco.motors import Motors
+from stepbus_plant.engines.mujoco.space import Space
+from stepbus_plant.engines.mujoco.state import State
+from stepbus_plant.geometry import Array, Geometry, Pose, rotation
+from stepbus_schemas import Point, WiringError
+
+_FRICTION_RATIO = 100.0
+"""How much harder friction is than what presses: what is held does not creep."""
+_TOLERANCE = 1e-12
+
+
+class MujocoEngine:
+    """A world in MuJoCo, see `Engine`.
+
+    The model is compiled when something first needs it, and again after what changes it.
+    """
+
+    name = "mujoco"
+    draws_in_copies = False
+
+    def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
+        self.geometry = Geometry()
+        self._dt = step_s
+        self._spec = mujoco.MjSpec()
+        option = self._spec.option
+        option.timestep, option.gravity = step_s, gravity
+        option.iterations, option.tolerance = solver_iterations, _TOLERANCE
+        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+        option.impratio = _FRICTION_RATIO
+        # Otherwise MuJoCo begins anew where a state has diverged. Rows of islands are copies.
+        disabled = mujoco.mjtDisableBit
+        option.disableflags |= disabled.mjDSBL_AUTORESET | disabled.mjDSBL_ISLAND
+        compiler = self._spec.compiler
+        compiler.degree, compiler.balanceinertia = False, True
+        self._builder = Builder(self._spec, step_s)
+        self._bodies: list[Body] = []
+        self._waiting: dict[Link, tuple[float, float]] = {}
+        self._painter: Painter | None = None
+        self._compiled: _World | None = None
+        self._is_changed = True
+
+    # --- the model ------------------------------------------------------------------------
+
+    @property
+    def _world(self) -> "_World":
+        """The compiled model and its state."""
+        if self._compiled is None or self._is_changed:
+            self._compiled = self._compile()
+            self._is_changed = False
+        return self._compiled
+
+    def _compile(self) -> "_World":
+        before = self._compiled
+        try:
+            if before is None:
+                model = self._spec.compile()
+                data = mujoco.MjData(model)
+            else:
+                model, data = self._spec.recompile(before.model, before.data)
+        except (ValueError, mujoco.FatalError) as exc:
+            raise PhysicsError(f"MuJoCo cannot build the world: {exc}") from exc
+        self._close_painter()
+        world = _World(model, data, self._bodies, self._builder, self._dt, before)
+        for (body, index), (position, velocity) in self._waiting.items():
+            world.put_joint(body, index, position, velocity)
+        self._waiting = {}
+        return world
+
+    def step(self) -> None:
+        """See `Engine`."""
+        self._world.step()
+
+    def save(self) -> bytes:
+        """See `Engine`."""
+        return self._world.save()
+
+    def restore(self, state: bytes) -> None:
+        """See `Engine`."""
+        self._world.restore(state)
+
+    def close(self) -> None:
+        """See `Engine`."""
+        self._close_painter()
+
+    def _close_painter(self) -> None:
+        if self._painter is not None:
+            self._painter.close()
+            self._painter = None
+
+    # --- bodies ---------------------------------------------------------------------------
+
+    def load(
+        self,
+        urdf: Path,
+        pose: Pose,
+        friction: Mapping[str, float],
+        *,
+        is_fixed: bool,
+        collides_with_itself: bool,
+        has_visuals: bool,
+        is_smooth: bool,
+    ) -> int:
+        """See `Engine`; cylinders are always exact."""
+        number = len(self._bodies)
+        try:
+            body = self._builder.add(
+                number, urdf, pose, friction, is_fixed=is_fixed, has_visuals=has_visuals
+            )
+        except ValueError as exc:
+            raise WiringError(f"{urdf}: {exc}") from exc
+        self._bodies.append(body)
+        solid = sorted(body.solid)
+        for n, one in enumerate(solid):
+            for other in solid[n + 1 :]:
+                related = body.parents.get(other) == one or body.parents.get(one) == other
+                if related or not collides_with_itself:
+                    self.let_through((number, one), (number, other))
+        self._is_changed = True
+        return number
+
+    def joints(self, body: int) -> list[JointInfo]:
+        """See `Engine`."""
+        return self._bodies[body].infos
+
+    def links(self, body: int) -> dict[str, Link]:
+        """See `Engine`."""
+        return {name: (body, n + BASE) for n, name in enumerate(self._bodies[body].names)}
+
+    def is_solid(self, link: Link) -> bool:
+        """See `Engine`."""
+        return link[1] in self._bodies[link[0]].solid
+
+    def let_through(self, one: Link, other: Link) -> None:
+        """See `Engine`."""
+        names = (self._bodies[body].body_name(link) for body, link in (one, other))
+        self._spec.add_exclude(**dict(zip(("bodyname1", "bodyname2"), names, strict=True)))
+        self._is_changed = True
+
+    def let_sleep(self, body: int, *, now: bool = False) -> None:
+        """Keep on computing it."""
+
+    def wake(self, body: int) -> None:
+        """Do nothing, as none sleeps."""
+
+    # --- joints ---------------------------------------------------------------------------
+
+    def read(self, body: int, indices: Sequence[int]) -> Any:
+        """See `Engine`."""
+        return self._world.read(body, indices)
+
+    def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
+        """See `Engine`."""
+        if self._compiled is None:
+            self._waiting[body, index] = position, velocity
+        else:
+            self._world.put_joint(body, index, position, velocity)
+
+    def set_joint(
+        self, body: int, index: int, *, damping: float, lower: float, upper: float
+    ) -> None:
+        """See `Engine`; damping is implicit, and so always stable."""
+        joint = self._spec.joint(f"{body}/{index}")
+        # One value each, but a ball joint could have three.
+        joint.damping = [damping, 0.0, 0.0] if np.size(joint.damping) > 1 else damping
+        is_limited = math.isfinite(lower) and math.isfinite(upper)
+        joint.limited = int(is_limited)
+        joint.range = [lower, upper] if is_limited else [0.0, 0.0]
+        self._is_changed = True
+
+    def couple(
+        self,
+        body: int,
+        follower: int,
+        leader: int,
+        *,
+        multiplier: float,
+        offset: float = 0.0,
+        erp: float,
+        force: float,
+    ) -> None:
+        """See `Engine`; as hard as contacts, whatever `erp` and `force` are."""
+        self._spec.add_equality(
+            type=mujoco.mjtEq.mjEQ_JOINT,
+            objtype=mujoco.mjtObj.mjOBJ_JOINT,
+            name1=f"{body}/{follower}",
+            name2=f"{body}/{leader}",
+            data=[offset, multiplier, *[0.0] * 10],
+            **hard(self._dt),
+        )
+        self._is_changed = True
+
+    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+        """See `Engine`."""
+        world = self._world
+        world.data.qfrc_applied[world.dofs(body, indices)] = torques
+
+    def turn(
+        self,
+        body: int,
+        indices: Sequence[int],
+        velocities: Sequence[float],
+        torques: Sequence[float],
+    ) -> None:
+        """See `Engine`."""
+        world = self._world
+        world.motors.turn(world.dofs(body, indices), velocities, torques)
+
+    def resist(self, body: int, index: int, torque: float) -> None:
+        """See `Engine`."""
+        if torque or self._compiled is not None:
+            self.turn(body, [index], [0.0], [torque])
+
+    def bring(
+        self,
+        body: int,
+        index: int,
+        position: float,
+        velocity: float,
+        torque: float,
+        *,
+        max_velocity: float = 0.0,
+        gain: float = 0.0,
+    ) -> None:
+        """See `Engine`."""
+        world = self._world
+        dof = world.dofs(body, [index])[0]
+        world.motors.bring(dof, position, velocity, torque, max_velocity or math.inf, gain)
+
+    def watch_reaction(self, joint: Link) -> None:
+        """See `Engine`."""
+        self._world.watch(joint)
+
+    def reaction(self, joint: Link) -> tuple[Array, Array]:
+        """See `Engine`."""
+        return self._world.reactions[joint]
+
+    # --- poses ----------------------------------------------------------------------------
+
+    def mass(self, link: Link) -> float:
+        """See `Engine`."""
+        body = self._bodies[link[0]]
+        return 0.0 if body.is_fixed and link[1] == BASE else body.masses[link[1]]
+
+    def inertial(self, link: Link) -> Pose:
+        """See `Engine`."""
+        return self._bodies[link[0]].inertials[link[1]]
+
+    def centre(self, body: int) -> Pose:
+        """See `Engine`."""
+        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
+
+    def frame(self, link: Link) -> Pose:
+        """See `Engine`."""
+        return self._world.frame(link)
+
+    def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
+        """See `Engine`."""
+        return [self._world.frame((body, index)) for index in indices]
+
+    def motion(self, link: Link) -> Motion:
+        """See `Engine`."""
+        return self._world.motion(link)
+
+    def put(self, body: int, frame: Pose) -> None:
+        """See `Engine`."""
+        self._world.put(body, frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
+        """See `Engine`."""
+        self._world.put(body, frame, velocity, spin)
+
+    def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
+        """See `Engine`."""
+        frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
+        if keeps_velocity:
+            self._world.place(body, frame)
+        else:
+            self.put(body, frame)
+
+    # --- contacts, rays, images -----------------------------------------------------------
+
+    def update_shapes(self) -> None:
+        """See `Engine`."""
+        self._world.find_contacts()
+
+    def contacts(
+        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
+    ) -> list[Contact]:
+        """See `Engine`."""
+        found = self._world.contacts()
+        if are_pressed:
+            found = [contact for contact in found if contact.force > 0.0]
+        if body == ANY_BODY:
+            return found
+        first = (_with_first(contact, body, link) for contact in found)
+        return [contact for contact in first if contact is not None]
+
+    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
+        """See `Engine`."""
+        return self._world.looked().space.closest(link, body, within, other)
+
+    def neighbours(self, link: Link, within: float) -> list[Link]:
+        """See `Engine`."""
+        return self._world.looked().space.neighbours(link, within)
+
+    def forget_contacts(self, link: Link) -> None:
+        """Do nothing: each substep finds its contacts anew."""
+
+    def cast(self, starts: Array, ends: Array) -> Array:
+        """See `Engine`."""
+        return self._world.looked().space.cast(starts, ends)
+
+    def renderer(self) -> str:
+        """See `Engine`."""
+        return self._paint().renderer
+
+    def image(
+        self, size: tuple[int, int], view: Array, projection: Array, light: Light
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """See `Engine`."""
+        self._world.looked()
+        return self._paint().image(size, view, projection, light)
+
+    def _paint(self) -> Painter:
+        world = self._world
+        if self._painter is None:
+            self._painter = Painter(world.model, world.data)
+        return self._painter
+
+
+class _World:
+    """A compiled model, its state, and what we keep beside it."""
+
+    def __init__(
+        self,
+        model: Any,
+        data: Any,
+        bodies: Sequence[Body],
+        builder: Builder,
+        dt: float,
+        before: "_World | None",
+    ) -> None:
+        self.model, self.data, self._dt = model, data, dt
+        self._bodies = bodies
+        self._id = {
+            (body.number, n): model.body(body.body_name(n)).id
+            for body in bodies
+            for n in range(BASE, len(body.infos))
+        }
+        self._joint = {
+            (body.number, n): model.joint(f"{body.number}/{n}").id
+            for body in bodies
+            for n, info in enumerate(body.infos)
+            if info.type != "fixed"
+        }
+        frictions = [
+            builder.frictions.get(model.geom(n).name, (1.0, 0.0, 0.0)) for n in range(model.ngeom)
+        ]
+        self._friction = np.array(frictions).reshape(-1, 3)
+        self.space = Space(model, data, {number: link for link, number in self._id.items()})
+        self.motors = Motors(model, dt)
+        self._drift: dict[int, tuple[Array, Array]] = {}
+        self.reactions: dict[Link, tuple[Array, Array]] = {}
+        self._contacts: list[Contact] | None = None
+        self._is_seen = False
+        self._dofs: dict[tuple[int, tuple[int, ...]], NDArray[np.int64]] = {}
+        if before is not None:
+            self.motors.take(before.motors)
+            self._drift, self.reactions = before._drift, before.reactions
+        for body in bodies[len(before._bodies) if before is not None else 0 :]:
+            self.place(body.number, body.root)
+
+    # --- the substep ----------------------------------------------------------------------
+
+    def step(self) -> None:
+        """Advance by one substep."""
+        model, data = self.model, self.data
+        self._contacts, self._is_seen = None, False
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        mujoco.mj_makeM(model, data)
+        mujoco.mj_factorM(model, data)
+        mujoco.mj_collision(model, data)
+        self._mix_friction()
+        self.motors.set_limits(data)
+        mujoco.mj_makeConstraint(model, data)
+        mujoco.mj_transmission(model, data)
+        mujoco.mj_fwdVelocity(model, data)
+        self.motors.aim(data)
+        self._push_along()
+        mujoco.mj_fwdActuation(model, data)
+        mujoco.mj_fwdAcceleration(model, data)
+        mujoco.mj_fwdConstraint(model, data)
+        self.motors.feel(data)
+        if self.reactions:
+            self._feel()
+        mujoco.mj_Euler(model, data)
+        data.qfrc_applied[:] = 0.0
+
+    def _mix_friction(self) -> None:
+        """Give each contact the product of both frictions; MuJoCo takes the larger one."""
+        if self.data.ncon:
+            geoms = self.data.contact.geom
+            self.data.contact.friction[:] = mixed(
+                self._friction[geoms[:, 0]], self._friction[geoms[:, 1]]
+            )
+
+    def _push_along(self) -> None:
+        """Let contacts with standing bodies that are moved know their velocity."""
+        data = self.data
+        if not self._drift:
+            return
+        for contact in data.contact:
+            if contact.efc_address < 0:
+                continue
+            for side, sign in ((0, 1.0), (1, -1.0)):
+                body = int(self.model.geom_bodyid[contact.geom[side]])
+                if body in self._drift:
+                    velocity, spin = self._drift[body]
+                    moved = velocity + np.cross(spin, contact.pos - data.xpos[body])
+                    along = contact.frame.reshape(3, 3) @ moved
+                    rows = slice(contact.efc_address, contact.efc_address + min(contact.dim, 3))
+                    damping = data.efc_KBIP.reshape(-1, 4)[rows, 1]
+                    data.efc_aref[rows] += sign * damping * along[: len(damping)]
+
+    def _feel(self) -> None:
+        """Keep the reactions of watched joints, as they are before the bodies move."""
+        model, data = self.model, self.data
+        mujoco.mj_rnePostConstraint(model, data)
+        for link in self.reactions:
+            body = self._id[link]
+            torque, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]
+            about = data.subtree_com[model.body_rootid[body]]
+            moved = torque + np.cross(about - data.xipos[body], force)
+            inertial = self._bodies[link[0]].inertials[link[1]]
+            turn = data.xmat[body].reshape(3, 3) @ _matrix(inertial)
+            self.reactions[link] = turn.T @ force, turn.T @ moved
+
+    # --- state ----------------------------------------------------------------------------
+
+    def save(self) -> bytes:
+        """Return everything that the next substep, or a reading before it, depends on."""
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        physics = np.empty(mujoco.mj_stateSize(self.model, kind))
+        mujoco.mj_getState(self.model, self.data, physics, kind)
+        return State(
+            physics=physics.tolist(),
+            motors=self.motors.save(),
+            drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
+            reactions=[(link, f.tolist(), t.tolist()) for link, (f, t) in self.reactions.items()],
+            contacts=self.contacts(),
+        ).encode()
+
+    def restore(self, data: bytes) -> None:
+        """Take what `save` returned."""
+        saved = State.decode(data)
+        kind = mujoco.mjtState.mjSTATE_INTEGRATION
+        mujoco.mj_setState(self.model, self.data, np.array(saved.physics), kind)
+        self.motors.restore(saved.motors)
+        self._drift = {n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()}
+        self.reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
+        self._contacts, self._is_seen = saved.contacts, False
+
+    # --- joints ---------------------------------------------------------------------------
+
+    def dofs(self, body: int, indices: Sequence[int]) -> NDArray[np.int64]:
+        """Return the degrees of freedom of joints."""
+        key = body, tuple(indices)
+        if key not in self._dofs:
+            joints = [self._joint[body, index] for index in indices]
+            self._dofs[key] = self.model.jnt_dofadr[joints].astype(np.int64)
+        return self._dofs[key]
+
+    def read(self, body: int, indices: Sequence[int]) -> Any:
+        """Return (position, velocity, nothing, torque of the motor) of joints."""
+        dofs = self.dofs(body, indices)
+        places = self.motors.places[dofs]
+        torques = self.motors.torques[dofs].tolist()
+        rows = zip(
+            self.data.qpos[places].tolist(), self.data.qvel[dofs].tolist(), torques, strict=True
+        )
+        return [(position, velocity, None, torque) for position, velocity, torque in rows]
+
+    def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
+        """Set position and velocity of a joint."""
+        dof = self.dofs(body, [index])[0]
+        self.data.qpos[self.motors.places[dof]] = position
+        self.data.qvel[dof] = velocity
+        self._is_seen = False
+
+    def watch(self, joint: Link) -> None:
+        """Measure the reaction of a joint from now on."""
+        self.reactions.setdefault(joint, (np.zeros(3), np.zeros(3)))
+
+    # --- poses ----------------------------------------------------------------------------
+
+    def looked(self) -> "_World":
+        """Return itself, with all poses and velocities as they are now."""
+        if not self._is_seen:
+            mujoco.mj_kinematics(self.model, self.data)
+            mujoco.mj_comPos(self.model, self.data)
+            mujoco.mj_comVel(self.model, self.data)
+            self._is_seen = True
+        return self
+
+    def frame(self, link: Link) -> Pose:
+        """Return the pose of a link's frame."""
+        data = self.looked().data
+        x, y, z = data.xpos[self._id[link]].tolist()
+        w, i, j, k = data.xquat[self._id[link]].tolist()
+        return (x, y, z), (i, j, k, w)
+
+    def motion(self, link: Link) -> Motion:
+        """Return pose and velocity of a link."""
+        frame, body = self.frame(link), self._id[link]
+        found = np.empty(6)
+        kind = mujoco.mjtObj.mjOBJ_BODY
+        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 0)
+        if body in self._drift:
+            velocity, spin = self._drift[body]
+            arm = self.data.xipos[body] - self.data.xpos[body]
+            found[3:], found[:3] = velocity + np.cross(spin, arm), spin
+        return Motion(frame, _point(self.data.xipos[body]), _point(found[3:]), _point(found[:3]))
+
+    def place(self, body: int, frame: Pose) -> None:
+        """Put the root of a body somewhere, and leave its velocity."""
+        (x, y, z), (i, j, k, w) = frame
+        data, number = self.data, self._id[body, BASE]
+        if self._bodies[body].is_fixed:
+            mocap = self.model.body_mocapid[number]
+            data.mocap_pos[mocap], data.mocap_quat[mocap] = (x, y, z), (w, i, j, k)
+        else:
+            at = self.model.jnt_qposadr[self.model.body_jntadr[number]]
+            data.qpos[at : at + 7] = (x, y, z, w, i, j, k)
+        self._is_seen = False
+
+    def put(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
+        """Put the root of a body somewhere; velocity: of the centre of its mass."""
+        self.place(body, frame)
+        number = self._id[body, BASE]
+        turn = _matrix(frame)
+        arm = turn @ np.array(self._bodies[body].inertials[BASE][0])
+        linear, angular = np.array(velocity) - np.cross(spin, arm), np.array(spin)
+        if self._bodies[body].is_fixed:
+            self._drift.pop(number, None)
+            if linear.any() or angular.any():
+                self._drift[number] = linear, angular
+            return
+        at = self.model.jnt_dofadr[self.model.body_jntadr[number]]
+        self.data.qvel[at : at + 3], self.data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
+
+    # --- contacts -------------------------------------------------------------------------
+
+    def find_contacts(self) -> None:
+        """Find contacts, without forces, as everything is now."""
+        self.looked()
+        mujoco.mj_collision(self.model, self.data)
+        self._contacts = self.space.contacts(has_forces=False)
+
+    def contacts(self) -> list[Contact]:
+        """Return the contacts that were found last."""
+        if self._contacts is None:
+            self._contacts = self.space.contacts(has_forces=True)
+        return self._contacts
+
+
+def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
+    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
+
+    def has(touching: Link) -> bool:
+        return touching[0] == body and link in (ANY_LINK, touching[1])
+
+    if has(contact.one):
+        return contact
+    if not has(contact.other):
+        return None
+    x, y, z = contact.normal
+    return contact._replace(
+        one=contact.other,
+        other=contact.one,
+        on_one=contact.on_other,
+        on_other=contact.on_one,
+        normal=(-x, -y, -z),
+    )
+
+
+def _matrix(pose: Pose) -> Array:
+    return rotation(pose[1])
+
+
+def _point(values: Array) -> Point:
+    x, y, z = values.tolist()
+    return x, y, z

@@ -1,0 +1,137 @@
+"""What cameras see, drawn without a display."""
+
+import os
+import sys
+from importlib import import_module
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_participant import installed_version
+from stepbus_plant.engine import Light
+from stepbus_plant.engines.mujoco.model import LOOKS
+from stepbus_plant.geometry import Array
+from stepbus_schemas import WiringError
+
+_MOST_GEOMS = 10_000
+_WHITE = np.ones(3)
+
+
+class Painter:
+    """Draws a model by OpenGL. renderer: what does so. Raises WiringError where nothing can."""
+
+    def __init__(self, model: Any, data: Any) -> None:
+        self._model, self._data = model, data
+        self._width = self._height = 0
+        self._gl: Any = None
+        self._context: Any = None
+        self._resize(640, 480)
+        self._scene = mujoco.MjvScene(model, maxgeom=_MOST_GEOMS)
+        self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+        self._option = mujoco.MjvOption()
+        self._option.geomgroup[:] = 0
+        self._option.geomgroup[LOOKS] = 1
+        self.renderer = _describe()
+
+    def _resize(self, width: int, height: int) -> None:
+        """Have room for an image of a size [pixel]."""
+        self._width, self._height = max(width, self._width), max(height, self._height)
+        self.close()
+        self._model.vis.global_.offwidth = self._width
+        self._model.vis.global_.offheight = self._height
+        self._model.vis.quality.offsamples = 0
+        self._gl = _open_gl(self._width, self._height)
+        self._gl.make_current()
+        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
+        self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
+
+    def close(self) -> None:
+        """Let go of the display."""
+        if self._context is not None:
+            self._context.free()
+            self._context = None
+        if self._gl is not None:
+            self._gl.free()
+            self._gl = None
+
+    def image(
+        self, size: tuple[int, int], view: Array, projection: Array, light: Light
+    ) -> tuple[NDArray[np.uint8], Array]:
+        """See `Engine`."""
+        width, height = size
+        if width > self._width or height > self._height:
+            self._resize(width, height)
+        self._gl.make_current()
+        scene = self._scene
+        mujoco.mjv_updateScene(
+            self._model,
+            self._data,
+            self._option,
+            None,
+            mujoco.MjvCamera(),
+            mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC,
+            scene,
+        )
+        self._aim(view, projection)
+        self._shine(light)
+        colours = np.empty((height, width, 3), dtype=np.uint8)
+        depth = np.empty((height, width), dtype=np.float32)
+        place = mujoco.MjrRect(0, 0, width, height)
+        mujoco.mjr_render(place, scene, self._context)
+        mujoco.mjr_readPixels(colours, depth, place, self._context)
+        colours[depth >= 1.0] = 255
+        # OpenGL counts rows from below.
+        return colours[::-1].copy(), depth[::-1].astype(np.float64)
+
+    def _aim(self, view: Array, projection: Array) -> None:
+        """Look as the matrices of OpenGL say."""
+        turn = view[:3, :3].T
+        position = -turn @ view[:3, 3]
+        near = projection[2, 3] / (projection[2, 2] - 1.0)
+        far = projection[2, 3] / (projection[2, 2] + 1.0)
+        half_width, half_height = near / projection[0, 0], near / projection[1, 1]
+        across, up = projection[0, 2] * half_width, projection[1, 2] * half_height
+        for camera in self._scene.camera:
+            camera.pos, camera.forward, camera.up = position, -turn[:, 2], turn[:, 1]
+            camera.frustum_near, camera.frustum_far = near, far
+            camera.frustum_center, camera.frustum_width = across, half_width
+            camera.frustum_bottom, camera.frustum_top = up - half_height, up + half_height
+            camera.orthographic = 0
+
+    def _shine(self, light: Light) -> None:
+        scene = self._scene
+        scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = int(light.has_shadow)
+        scene.nlight = 1
+        lamp = scene.lights[0]
+        towards = np.array(light.direction) / np.linalg.norm(light.direction)
+        lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+        lamp.pos, lamp.dir = light.distance * towards, -towards
+        lamp.attenuation = (1.0, 0.0, 0.0)
+        lamp.headlight, lamp.castshadow = 0, int(light.has_shadow)
+        lamp.ambient, lamp.diffuse = light.ambient * _WHITE, light.diffuse * _WHITE
+        lamp.specular = light.specular * _WHITE
+
+
+def _open_gl(width: int, height: int) -> Any:
+    """Return a context of OpenGL; MUJOCO_GL chooses which, by default EGL on Linux."""
+    kind = os.environ.get("MUJOCO_GL", "egl" if sys.platform == "linux" else "glfw").lower()
+    try:
+        # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
+        return import_module(f"mujoco.{kind}").GLContext(width, height)
+    except (AttributeError, ImportError, OSError, RuntimeError) as exc:
+        raise WiringError(
+            f"the engine mujoco can draw no images with MUJOCO_GL={kind}: {exc}; on Debian and "
+            "Ubuntu install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or set "
+            "`cameras: false`"
+        ) from exc
+
+
+def _describe() -> str:
+    """Return what draws, with its version."""
+    from OpenGL import GL  # noqa: PLC0415  it chooses its platform when it is loaded
+
+    drawn = GL.glGetString(GL.GL_RENDERER).decode(errors="replace")
+    return f"mujoco {installed_version('mujoco')}, {drawn}"

@@ -1,0 +1,107 @@
+"""What touches, what is near, and what rays hit."""
+
+import math
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from stepbus_plant.engine import ANY_LINK, Contact, Link
+from stepbus_plant.engines.mujoco.model import SHAPES
+from stepbus_plant.geometry import Array
+from stepbus_schemas import Point
+
+_SEEN = np.array([n == SHAPES for n in range(6)], dtype=np.uint8)
+
+
+class Space:
+    """The shapes of a compiled model; link_of: number of a body in the model → our link."""
+
+    def __init__(self, model: Any, data: Any, link_of: Mapping[int, Link]) -> None:
+        self._model, self._data = model, data
+        shapes = [n for n in range(model.ngeom) if model.geom_group[n] == SHAPES]
+        self._link = [link_of.get(int(body), (-1, -1)) for body in model.geom_bodyid]
+        self._shapes = np.array(shapes, dtype=np.int64)
+        self._geoms: dict[Link, list[int]] = {}
+        for n in shapes:
+            self._geoms.setdefault(self._link[n], []).append(n)
+
+    def contacts(self, *, has_forces: bool) -> list[Contact]:
+        """Return the contacts that MuJoCo has found."""
+        data = self._data
+        return [self._contact(contact, has_forces) for contact in data.contact]
+
+    def _contact(self, contact: Any, has_forces: bool) -> Contact:
+        first, second = contact.geom.tolist()
+        normal = contact.frame[:3]
+        half = 0.5 * contact.dist * normal
+        # The first axis points from the first shape to the second one.
+        row = contact.efc_address
+        force = float(self._data.efc_force[row]) if has_forces and row >= 0 else 0.0
+        return Contact(
+            self._link[first],
+            self._link[second],
+            _point(contact.pos - half),
+            _point(contact.pos + half),
+            _point(-normal),
+            float(contact.dist),
+            force,
+        )
+
+    def closest(self, link: Link, body: int, within: float, other: int) -> list[Contact]:
+        """See `Engine`."""
+        found = []
+        for one in self._geoms.get(link, ()):
+            for geom in self._of(body, other):
+                ends = np.zeros(6)
+                distance = mujoco.mj_geomDistance(self._model, self._data, one, geom, within, ends)
+                if distance < within:
+                    on_one, on_other = ends[:3], ends[3:]
+                    gap = on_one - on_other
+                    length = float(np.linalg.norm(gap)) or 1.0
+                    normal = gap * (math.copysign(1.0, distance) / length)
+                    points = _point(on_one), _point(on_other), _point(normal)
+                    found.append(Contact(link, self._link[geom], *points, float(distance), 0.0))
+        return found
+
+    def _of(self, body: int, link: int) -> Iterator[int]:
+        for (number, index), geoms in self._geoms.items():
+            if number == body and link in (ANY_LINK, index):
+                yield from geoms
+
+    def neighbours(self, link: Link, within: float) -> list[Link]:
+        """See `Engine`."""
+        low, high = self._boxes()
+        at = {int(geom): n for n, geom in enumerate(self._shapes)}
+        near: set[Link] = set()
+        for geom in self._geoms.get(link, ()):
+            n = at[geom]
+            overlap = ((low - within <= high[n]) & (high + within >= low[n])).all(axis=1)
+            near |= {self._link[other] for other in self._shapes[overlap]}
+        return sorted(other for other in near if other[0] != link[0])
+
+    def _boxes(self) -> tuple[Array, Array]:
+        """Return the corners of the boxes of all shapes, shape (n, 3) each."""
+        model, data, shapes = self._model, self._data, self._shapes
+        turns = data.geom_xmat[shapes].reshape(-1, 3, 3)
+        centres = data.geom_xpos[shapes] + np.einsum(
+            "nij,nj->ni", turns, model.geom_aabb[shapes, :3]
+        )
+        halves = np.einsum("nij,nj->ni", np.abs(turns), model.geom_aabb[shapes, 3:])
+        halves[model.geom_type[shapes] == mujoco.mjtGeom.mjGEOM_PLANE] = np.inf
+        return centres - halves, centres + halves
+
+    def cast(self, starts: Array, ends: Array) -> Array:
+        """See `Engine`."""
+        hit = np.zeros(1, dtype=np.int32)
+        shares = np.empty(len(starts))
+        for n, (start, along) in enumerate(zip(starts, ends - starts, strict=True)):
+            share = mujoco.mj_ray(self._model, self._data, start, along, _SEEN, True, -1, hit)
+            shares[n] = share if 0.0 <= share <= 1.0 else math.inf
+        return shares
+
+
+def _point(values: Array) -> Point:
+    x, y, z = values.tolist()
+    return x, y, z
