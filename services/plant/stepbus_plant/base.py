@@ -40,6 +40,15 @@ class Base:
         self._angles = self._read()[0]
         self._x = self._y = self._yaw = 0.0
 
+    def save(self) -> Any:
+        """Return what its odometry depends on, for a checkpoint."""
+        return self._angles, self._readings, (self._x, self._y, self._yaw)
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        angles, self._readings, (self._x, self._y, self._yaw) = saved
+        self._angles = tuple(angles)
+
     @property
     def description(self) -> Description:
         """Return the wheels, and their limits."""

@@ -136,8 +136,6 @@ class Camera:
         row, matrix = self.row, np.zeros((4, 4))
         matrix[0, 0] = 2 * self._focal / row.width
         matrix[1, 1] = 2 * self._focal / row.height
-        # The renderer samples the corner of a pixel; shift by half a pixel to its centre.
-        matrix[0, 2], matrix[1, 2] = 1 / row.width, 1 / row.height
         matrix[2, 2] = (row.far + row.near) / (row.near - row.far)
         matrix[2, 3] = 2 * row.far * row.near / (row.near - row.far)
         matrix[3, 2] = -1.0

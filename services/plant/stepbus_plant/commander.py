@@ -8,7 +8,7 @@ import msgspec
 
 from stepbus_participant import InvalidInput
 from stepbus_plant.drives import Motors
-from stepbus_schemas import JointCommand, JointMode, WiringError
+from stepbus_schemas import GripperCommand, JointCommand, JointMode, WiringError
 
 _EXTRAS = {
     "torque": (),
@@ -68,6 +68,8 @@ class Commander:
         self.mode: JointMode | None = None
         self.ramp: Ramp | None = None
         """How the joints come to rest; None: they do not, or are."""
+        self.held: GripperCommand | None = None
+        """What each step executes anew."""
         self._check_names(names)
         self._joints = [self._physics.joints[name] for name in names]
         self._drives = [motors.drive_of[name] for name in names]

@@ -1,7 +1,7 @@
 """What a world has beside its bodies: bases, grippers, cameras and sensors, and their ports."""
 
 from collections.abc import Iterator, Mapping
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 from stepbus_participant import format_duration, suggest
 from stepbus_participant.parameters import Keys
@@ -57,6 +57,15 @@ class Sensor(Protocol):
         ...
 
 
+@runtime_checkable
+class _Remembers(Protocol):
+    """A device whose next reading depends on earlier ones."""
+
+    def save(self) -> Any: ...
+
+    def restore(self, saved: Any) -> None: ...
+
+
 class Devices:
     """All devices and sensors of a world in which `mistakes` finds none.
 
@@ -102,6 +111,19 @@ class Devices:
             for section in ("bases", "grippers", "contacts")
             for name, device in getattr(self, section).items()
         }
+
+    def save(self) -> dict[str, Any] | None:
+        """Return what devices remember; None where contacts are summed up, or images drawn."""
+        if self.felt or self.drawing.has_cameras:
+            return None
+        rows = {"/".join(key): sensor for key, sensor in self._sensors.items()}
+        return {key: row.save() for key, row in rows.items() if isinstance(row, _Remembers)}
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Take what `save` returned."""
+        for key, sensor in self._sensors.items():
+            if isinstance(sensor, _Remembers):
+                sensor.restore(saved["/".join(key)])
 
     def owners(self) -> dict[str, str]:
         """Return joint → the base or gripper it belongs to."""

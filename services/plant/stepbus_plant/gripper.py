@@ -11,7 +11,7 @@ from stepbus_plant.engine import BASE, Contact, Engine, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.joint import Joint, describe_joints
 from stepbus_plant.world import GripperSettings
-from stepbus_schemas import GripperCommand, GripperState, JointCommand, Point
+from stepbus_schemas import GripperState, JointCommand, Point
 
 # Proportional gain from the width error to the finger velocity [1/s].
 _GAIN = 10.0
@@ -54,6 +54,14 @@ class Grip:
     def _where(self) -> Point:
         """Return where the point of the thing is that was first gripped [m]."""
         return self._engine.geometry.out_of(self._pose(self.thing), self._on_thing)
+
+    def save(self) -> Any:
+        """Return where it began, for a checkpoint."""
+        return self.thing, self._on_thing, self._on_finger
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned, of the same thing."""
+        _, self._on_thing, self._on_finger = (tuple(part) for part in saved)
 
     def slip(self) -> float:
         """Return how far it has slid along the pads [m]."""
@@ -117,6 +125,21 @@ class Gripper:
         left, right = self._engine.read(body, indices)
         width: float = left[0] + right[0]
         return width
+
+    def save(self) -> Any:
+        """Return what it holds, and how, for a checkpoint."""
+        grip = None if self._grip is None else self._grip.save()
+        return grip, self._pressed_along, self._stale, self._renewed, self._force
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        grip, along, stale, self._renewed, self._force = saved
+        self._pressed_along, self._stale = tuple(along), [tuple(link) for link in stale]
+        self._grip = None
+        if grip is not None:
+            start = [(0.0, 0.0, 0.0)]
+            self._grip = Grip(self._engine, self.fingers[0], self._slide, tuple(grip[0]), start)
+            self._grip.restore(grip)
 
     def before_substep(self) -> None:
         """Prepare a substep; call it before the engine's."""
@@ -221,7 +244,6 @@ class GripperDriver(Commander):
     def __init__(self, port: str, gripper: Gripper, motors: Motors) -> None:
         super().__init__(port, [joint.name for joint in gripper.joints], motors)
         self._gripper = gripper
-        self._command: GripperCommand | None = None
 
     def apply(self, command: Any) -> None:
         """Execute a GripperCommand from now on.
@@ -244,13 +266,13 @@ class GripperDriver(Commander):
         if command.force > limit:
             text = f"force {command.force:g} N exceeds its limit of {limit:g}; limited to it"
             self._warnings.add(f"input {self._port!r}", "force", text)
-        self._command = command
+        self.held = command
 
     def before_step(self) -> None:
         """Move both fingers towards the width, with no more than the commanded force."""
-        if self._command is None:
+        if self.held is None:
             return
-        gap, speed = self._command.width - self._gripper.width(), self._gripper.speed
+        gap, speed = self.held.width - self._gripper.width(), self._gripper.speed
         velocity = min(max(_GAIN * gap / 2, -speed), speed)
-        force = self._command.force
+        force = self.held.force
         self.execute(JointCommand(mode="velocity", values=[velocity] * 2, effort_limit=[force] * 2))

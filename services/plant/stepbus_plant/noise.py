@@ -50,6 +50,16 @@ class Errors:
         self._is_biased = bool(self._bias.any())
         self._noise = noise
 
+    def save(self) -> Any:
+        """Return how far the random numbers are, for a checkpoint."""
+        state = self._random.bit_generator.state["state"]
+        return str(state["state"]), str(state["inc"])
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        random, (state, increment) = self._random.bit_generator, saved
+        random.state = {**random.state, "state": {"state": int(state), "inc": int(increment)}}
+
     def disturb(self, values: Sequence[float] | Array) -> Array:
         """Return a reading of true values, shape (count,)."""
         disturbed: Array = np.asarray(values, dtype=np.float64)

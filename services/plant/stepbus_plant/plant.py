@@ -20,14 +20,15 @@ from stepbus_plant.poses import PoseSensor
 from stepbus_plant.script import Script, check_script
 from stepbus_plant.sensing import JointSensor
 from stepbus_plant.world_file import World
-from stepbus_schemas import JointState, WiringError
+from stepbus_schemas import GripperCommand, JointState, WiringError
 
 
-class _Saved(msgspec.Struct, forbid_unknown_fields=True):
+class _Saved(msgspec.Struct, forbid_unknown_fields=True, omit_defaults=True):
     """The state of a plant. joints: positions and velocities, in the engine's order [rad, rad/s].
 
     efforts: torques of the last step, of the sensed joints [N·m]. owners: joint → the input that
-    drives it. reported, pending: of the warnings.
+    drives it. reported, pending: of the warnings. engine: its own state; None: it has none but the
+    joints'. devices, script, held: theirs, and of drivers, with such an engine only.
     """
 
     t_ns: int
@@ -38,6 +39,10 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
     owners: dict[str, str]
     reported: list[tuple[str, str]]
     pending: list[str]
+    engine: bytes | None = None
+    devices: dict[str, Any] = {}
+    script: Any = None
+    held: list[GripperCommand | None] = []
 
 
 class SimulatedPlant:
@@ -158,20 +163,18 @@ class SimulatedPlant:
     def save(self) -> bytes | None:
         """Return all that the next step depends on, None where it cannot be had to the bit.
 
-        PyBullet's own snapshots (`saveState`, `saveBullet`) live in its process, or leave out what
-        its solver keeps of contacts from one substep to the next. But a body with a fixed base that
-        touches nothing is no more than the positions and velocities of its joints, which
-        `getJointState` and `resetJointState` carry as doubles; the solver remembers nothing of
-        motors, gears and stops. So worlds of such bodies are saved, at steps without contact.
+        MuJoCo has all of it, with contacts. PyBullet's own snapshots (`saveState`, `saveBullet`)
+        live in its process, or leave out what its solver keeps of contacts from one substep to the
+        next. But a body with a fixed base that touches nothing is no more than the positions and
+        velocities of its joints, which `getJointState` and `resetJointState` carry as doubles; the
+        solver remembers nothing of motors, gears and stops. So worlds of such bodies are saved, at
+        steps without contact.
         """
-        can_be_saved = (
-            self._kinematics is None
-            and not (self.params.script or self.script.has_moved)
-            and not any(getattr(self.world, section) for section in SECTIONS)
-            and all(body.fixed_base for body in self.world.bodies.values())
-            and not self.physics.engine.contacts()
-        )
-        if not can_be_saved:
+        engine = self.physics.engine.save()
+        devices, script = self.devices.save(), self.script.save()
+        if self._kinematics is not None or devices is None or script is None:
+            return None
+        if engine is None and not self._is_only_joints():
             return None
         states = (
             self.physics.engine.read(joint.body, [joint.index])[0]
@@ -187,14 +190,33 @@ class SimulatedPlant:
             reported=sorted(self.warnings.reported),
             pending=self.warnings.pending,
         )
+        if engine is not None:
+            saved.engine, saved.devices, saved.script = engine, devices, script
+            saved.held = [driver.held for driver in self.stop.drivers]
         return msgspec.msgpack.encode(saved)
+
+    def _is_only_joints(self) -> bool:
+        """Return whether positions and velocities of joints are all that there is."""
+        return (
+            not (self.params.script or self.script.has_moved)
+            and not any(getattr(self.world, section) for section in SECTIONS)
+            and all(body.fixed_base for body in self.world.bodies.values())
+            and not self.physics.engine.contacts()
+        )
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned."""
         saved = msgspec.msgpack.decode(state, type=_Saved)
         self.t_ns, self.joints.efforts = saved.t_ns, saved.efforts
-        for joint, motion in zip(self.physics.joints.values(), saved.joints, strict=True):
-            self.physics.engine.put_joint(joint.body, joint.index, *motion)
+        if saved.engine is None:
+            for joint, motion in zip(self.physics.joints.values(), saved.joints, strict=True):
+                self.physics.engine.put_joint(joint.body, joint.index, *motion)
+        else:
+            self.physics.engine.restore(saved.engine)
+            self.devices.restore(saved.devices)
+            self.script.restore(saved.script)
+            for driver, held in zip(self.stop.drivers, saved.held, strict=True):
+                driver.held = held
         for drive, targets in zip(self.motors.drives, saved.drives, strict=True):
             drive.restore(targets)
         self.joints.restore(saved.random)

@@ -30,7 +30,28 @@ from stepbus_schemas import (
 )
 
 
-class WrenchSensor:
+class _Disturbed:
+    """A sensor whose readings have errors, which are all that it remembers, but for `_before`."""
+
+    _before: tuple[Array, int] | None = None
+
+    def _errors(self) -> list[Errors]:
+        return [value for value in vars(self).values() if isinstance(value, Errors)]
+
+    def save(self) -> Any:
+        """Return all that its next reading depends on, but for the world; for a checkpoint."""
+        before = None if self._before is None else (self._before[0].tolist(), self._before[1])
+        return [errors.save() for errors in self._errors()], before
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        states, before = saved
+        for errors, state in zip(self._errors(), states, strict=True):
+            errors.restore(state)
+        self._before = None if before is None else (np.array(before[0]), before[1])
+
+
+class WrenchSensor(_Disturbed):
     """Measures what everything beyond a joint exerts on it, in the frame of the joint's child link.
 
     The engine reports the reaction in the frame of the child's centre of mass, and about it.
@@ -56,7 +77,7 @@ class WrenchSensor:
         )
 
 
-class Lidar:
+class Lidar(_Disturbed):
     """Casts rays in the x-y plane of a link, counter-clockwise from `angle_min` about z.
 
     A ray begins at `range_min`, so that it does not see the sensor's own housing.
@@ -100,7 +121,7 @@ class Lidar:
         return result
 
 
-class ImuSensor:
+class ImuSensor(_Disturbed):
     """Measures angular velocity and specific force in the frame of a link.
 
     The specific force is the mean since the last reading, as of a unit that integrates: the change
@@ -112,7 +133,6 @@ class ImuSensor:
         self._link = physics.links[row.link]
         self._engine = physics.engine
         self._gravity = np.array(physics.world.gravity)
-        self._before: tuple[Array, int] | None = None
         self._gyro = _errors(seed, stream, row, "angular_velocity")
         self._accelerometer = _errors(seed, stream, row, "linear_acceleration")
         self._compass = _errors(seed, stream, row, "orientation")
@@ -140,7 +160,7 @@ class ImuSensor:
         )
 
 
-class TransformSensor:
+class TransformSensor(_Disturbed):
     """Measures where links are in the frame of another link, or of the world."""
 
     def __init__(self, stream: str, row: TransformSettings, physics: Physics, seed: int) -> None:

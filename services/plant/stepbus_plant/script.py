@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Collection, Sequence
+from typing import Any
 
 from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.devices import Devices
@@ -60,6 +61,15 @@ class Script:
                 self._stop.set(t_ns, "the script", self.record, active=action.emergency_stop)
             else:
                 self.record(t_ns, self._execute(action))
+
+    def save(self) -> Any:
+        """Return what is still to come, for a checkpoint; None while bodies move."""
+        return None if self._moving else (len(self._pending), self.jammed, self.has_moved)
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        count, self.jammed, self.has_moved = saved
+        self._pending = self._pending[len(self._pending) - count :]
 
     def record(self, t_ns: int, text: str) -> None:
         """Add what has happened at a time [ns]."""

@@ -467,6 +467,10 @@ class BulletEngine:
 
         size: width and height [pixel]. view, projection: OpenGL's matrices, shape (4, 4).
         """
+        # The renderer samples the corner of a pixel; shift by half a pixel to its centre.
+        projection = projection.copy()
+        projection[0, 2] += 1 / size[0]
+        projection[1, 2] += 1 / size[1]
         _, _, rgba, depth, _ = bullet.getCameraImage(
             *size,
             viewMatrix=view.T.ravel().tolist(),

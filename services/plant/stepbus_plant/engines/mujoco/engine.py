@@ -21,12 +21,10 @@ from stepbus_plant.engine import (
     PhysicsError,
 )
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import Body, Builder, hard, mixed
-from stepbus_plant.engines.mujoco.motors import Motors
-from stepbus_plant.engines.mujoco.space import Space
-from stepbus_plant.engines.mujoco.state import State
-from stepbus_plant.geometry import Array, Geometry, Pose, rotation
-from stepbus_schemas import Point, WiringError
+from stepbus_plant.engines.mujoco.model import Body, Builder, hard
+from stepbus_plant.engines.mujoco.world import World
+from stepbus_plant.geometry import Array, Geometry, Pose
+from stepbus_schemas import Point
 
 _FRICTION_RATIO = 100.0
 """How much harder friction is than what presses: what is held does not creep."""
@@ -60,20 +58,20 @@ class MujocoEngine:
         self._bodies: list[Body] = []
         self._waiting: dict[Link, tuple[float, float]] = {}
         self._painter: Painter | None = None
-        self._compiled: _World | None = None
+        self._compiled: World | None = None
         self._is_changed = True
 
     # --- the model ------------------------------------------------------------------------
 
     @property
-    def _world(self) -> "_World":
+    def _world(self) -> World:
         """The compiled model and its state."""
         if self._compiled is None or self._is_changed:
             self._compiled = self._compile()
             self._is_changed = False
         return self._compiled
 
-    def _compile(self) -> "_World":
+    def _compile(self) -> World:
         before = self._compiled
         try:
             if before is None:
@@ -84,7 +82,8 @@ class MujocoEngine:
         except (ValueError, mujoco.FatalError) as exc:
             raise PhysicsError(f"MuJoCo cannot build the world: {exc}") from exc
         self._close_painter()
-        world = _World(model, data, self._bodies, self._builder, self._dt, before)
+        world = World(model, data, self._bodies, self._dt)
+        world.follow(before)
         for (body, index), (position, velocity) in self._waiting.items():
             world.put_joint(body, index, position, velocity)
         self._waiting = {}
@@ -131,7 +130,7 @@ class MujocoEngine:
                 number, urdf, pose, friction, is_fixed=is_fixed, has_visuals=has_visuals
             )
         except ValueError as exc:
-            raise WiringError(f"{urdf}: {exc}") from exc
+            raise PhysicsError(str(exc)) from exc
         self._bodies.append(body)
         solid = sorted(body.solid)
         for n, one in enumerate(solid):
@@ -248,7 +247,7 @@ class MujocoEngine:
         """See `Engine`."""
         world = self._world
         dof = world.dofs(body, [index])[0]
-        world.motors.bring(dof, position, velocity, torque, max_velocity or math.inf, gain)
+        world.motors.bring(dof, (position, velocity), torque, max_velocity or math.inf, gain)
 
     def watch_reaction(self, joint: Link) -> None:
         """See `Engine`."""
@@ -352,242 +351,6 @@ class MujocoEngine:
         return self._painter
 
 
-class _World:
-    """A compiled model, its state, and what we keep beside it."""
-
-    def __init__(
-        self,
-        model: Any,
-        data: Any,
-        bodies: Sequence[Body],
-        builder: Builder,
-        dt: float,
-        before: "_World | None",
-    ) -> None:
-        self.model, self.data, self._dt = model, data, dt
-        self._bodies = bodies
-        self._id = {
-            (body.number, n): model.body(body.body_name(n)).id
-            for body in bodies
-            for n in range(BASE, len(body.infos))
-        }
-        self._joint = {
-            (body.number, n): model.joint(f"{body.number}/{n}").id
-            for body in bodies
-            for n, info in enumerate(body.infos)
-            if info.type != "fixed"
-        }
-        frictions = [
-            builder.frictions.get(model.geom(n).name, (1.0, 0.0, 0.0)) for n in range(model.ngeom)
-        ]
-        self._friction = np.array(frictions).reshape(-1, 3)
-        self.space = Space(model, data, {number: link for link, number in self._id.items()})
-        self.motors = Motors(model, dt)
-        self._drift: dict[int, tuple[Array, Array]] = {}
-        self.reactions: dict[Link, tuple[Array, Array]] = {}
-        self._contacts: list[Contact] | None = None
-        self._is_seen = False
-        self._dofs: dict[tuple[int, tuple[int, ...]], NDArray[np.int64]] = {}
-        if before is not None:
-            self.motors.take(before.motors)
-            self._drift, self.reactions = before._drift, before.reactions
-        for body in bodies[len(before._bodies) if before is not None else 0 :]:
-            self.place(body.number, body.root)
-
-    # --- the substep ----------------------------------------------------------------------
-
-    def step(self) -> None:
-        """Advance by one substep."""
-        model, data = self.model, self.data
-        self._contacts, self._is_seen = None, False
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_factorM(model, data)
-        mujoco.mj_collision(model, data)
-        self._mix_friction()
-        self.motors.set_limits(data)
-        mujoco.mj_makeConstraint(model, data)
-        mujoco.mj_transmission(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        self.motors.aim(data)
-        self._push_along()
-        mujoco.mj_fwdActuation(model, data)
-        mujoco.mj_fwdAcceleration(model, data)
-        mujoco.mj_fwdConstraint(model, data)
-        self.motors.feel(data)
-        if self.reactions:
-            self._feel()
-        mujoco.mj_Euler(model, data)
-        data.qfrc_applied[:] = 0.0
-
-    def _mix_friction(self) -> None:
-        """Give each contact the product of both frictions; MuJoCo takes the larger one."""
-        if self.data.ncon:
-            geoms = self.data.contact.geom
-            self.data.contact.friction[:] = mixed(
-                self._friction[geoms[:, 0]], self._friction[geoms[:, 1]]
-            )
-
-    def _push_along(self) -> None:
-        """Let contacts with standing bodies that are moved know their velocity."""
-        data = self.data
-        if not self._drift:
-            return
-        for contact in data.contact:
-            if contact.efc_address < 0:
-                continue
-            for side, sign in ((0, 1.0), (1, -1.0)):
-                body = int(self.model.geom_bodyid[contact.geom[side]])
-                if body in self._drift:
-                    velocity, spin = self._drift[body]
-                    moved = velocity + np.cross(spin, contact.pos - data.xpos[body])
-                    along = contact.frame.reshape(3, 3) @ moved
-                    rows = slice(contact.efc_address, contact.efc_address + min(contact.dim, 3))
-                    damping = data.efc_KBIP.reshape(-1, 4)[rows, 1]
-                    data.efc_aref[rows] += sign * damping * along[: len(damping)]
-
-    def _feel(self) -> None:
-        """Keep the reactions of watched joints, as they are before the bodies move."""
-        model, data = self.model, self.data
-        mujoco.mj_rnePostConstraint(model, data)
-        for link in self.reactions:
-            body = self._id[link]
-            torque, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]
-            about = data.subtree_com[model.body_rootid[body]]
-            moved = torque + np.cross(about - data.xipos[body], force)
-            inertial = self._bodies[link[0]].inertials[link[1]]
-            turn = data.xmat[body].reshape(3, 3) @ _matrix(inertial)
-            self.reactions[link] = turn.T @ force, turn.T @ moved
-
-    # --- state ----------------------------------------------------------------------------
-
-    def save(self) -> bytes:
-        """Return everything that the next substep, or a reading before it, depends on."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        physics = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, physics, kind)
-        return State(
-            physics=physics.tolist(),
-            motors=self.motors.save(),
-            drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
-            reactions=[(link, f.tolist(), t.tolist()) for link, (f, t) in self.reactions.items()],
-            contacts=self.contacts(),
-        ).encode()
-
-    def restore(self, data: bytes) -> None:
-        """Take what `save` returned."""
-        saved = State.decode(data)
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        mujoco.mj_setState(self.model, self.data, np.array(saved.physics), kind)
-        self.motors.restore(saved.motors)
-        self._drift = {n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()}
-        self.reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
-        self._contacts, self._is_seen = saved.contacts, False
-
-    # --- joints ---------------------------------------------------------------------------
-
-    def dofs(self, body: int, indices: Sequence[int]) -> NDArray[np.int64]:
-        """Return the degrees of freedom of joints."""
-        key = body, tuple(indices)
-        if key not in self._dofs:
-            joints = [self._joint[body, index] for index in indices]
-            self._dofs[key] = self.model.jnt_dofadr[joints].astype(np.int64)
-        return self._dofs[key]
-
-    def read(self, body: int, indices: Sequence[int]) -> Any:
-        """Return (position, velocity, nothing, torque of the motor) of joints."""
-        dofs = self.dofs(body, indices)
-        places = self.motors.places[dofs]
-        torques = self.motors.torques[dofs].tolist()
-        rows = zip(
-            self.data.qpos[places].tolist(), self.data.qvel[dofs].tolist(), torques, strict=True
-        )
-        return [(position, velocity, None, torque) for position, velocity, torque in rows]
-
-    def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
-        """Set position and velocity of a joint."""
-        dof = self.dofs(body, [index])[0]
-        self.data.qpos[self.motors.places[dof]] = position
-        self.data.qvel[dof] = velocity
-        self._is_seen = False
-
-    def watch(self, joint: Link) -> None:
-        """Measure the reaction of a joint from now on."""
-        self.reactions.setdefault(joint, (np.zeros(3), np.zeros(3)))
-
-    # --- poses ----------------------------------------------------------------------------
-
-    def looked(self) -> "_World":
-        """Return itself, with all poses and velocities as they are now."""
-        if not self._is_seen:
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_comPos(self.model, self.data)
-            mujoco.mj_comVel(self.model, self.data)
-            self._is_seen = True
-        return self
-
-    def frame(self, link: Link) -> Pose:
-        """Return the pose of a link's frame."""
-        data = self.looked().data
-        x, y, z = data.xpos[self._id[link]].tolist()
-        w, i, j, k = data.xquat[self._id[link]].tolist()
-        return (x, y, z), (i, j, k, w)
-
-    def motion(self, link: Link) -> Motion:
-        """Return pose and velocity of a link."""
-        frame, body = self.frame(link), self._id[link]
-        found = np.empty(6)
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 0)
-        if body in self._drift:
-            velocity, spin = self._drift[body]
-            arm = self.data.xipos[body] - self.data.xpos[body]
-            found[3:], found[:3] = velocity + np.cross(spin, arm), spin
-        return Motion(frame, _point(self.data.xipos[body]), _point(found[3:]), _point(found[:3]))
-
-    def place(self, body: int, frame: Pose) -> None:
-        """Put the root of a body somewhere, and leave its velocity."""
-        (x, y, z), (i, j, k, w) = frame
-        data, number = self.data, self._id[body, BASE]
-        if self._bodies[body].is_fixed:
-            mocap = self.model.body_mocapid[number]
-            data.mocap_pos[mocap], data.mocap_quat[mocap] = (x, y, z), (w, i, j, k)
-        else:
-            at = self.model.jnt_qposadr[self.model.body_jntadr[number]]
-            data.qpos[at : at + 7] = (x, y, z, w, i, j, k)
-        self._is_seen = False
-
-    def put(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """Put the root of a body somewhere; velocity: of the centre of its mass."""
-        self.place(body, frame)
-        number = self._id[body, BASE]
-        turn = _matrix(frame)
-        arm = turn @ np.array(self._bodies[body].inertials[BASE][0])
-        linear, angular = np.array(velocity) - np.cross(spin, arm), np.array(spin)
-        if self._bodies[body].is_fixed:
-            self._drift.pop(number, None)
-            if linear.any() or angular.any():
-                self._drift[number] = linear, angular
-            return
-        at = self.model.jnt_dofadr[self.model.body_jntadr[number]]
-        self.data.qvel[at : at + 3], self.data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
-
-    # --- contacts -------------------------------------------------------------------------
-
-    def find_contacts(self) -> None:
-        """Find contacts, without forces, as everything is now."""
-        self.looked()
-        mujoco.mj_collision(self.model, self.data)
-        self._contacts = self.space.contacts(has_forces=False)
-
-    def contacts(self) -> list[Contact]:
-        """Return the contacts that were found last."""
-        if self._contacts is None:
-            self._contacts = self.space.contacts(has_forces=True)
-        return self._contacts
-
-
 def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
     """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
 
@@ -606,12 +369,3 @@ def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
         on_other=contact.on_one,
         normal=(-x, -y, -z),
     )
-
-
-def _matrix(pose: Pose) -> Array:
-    return rotation(pose[1])
-
-
-def _point(values: Array) -> Point:
-    x, y, z = values.tolist()
-    return x, y, z

@@ -44,7 +44,7 @@ class Body:
 
     parents: link → the one above it. inertials: link → pose of its centre of mass. is_fixed:
     whether its root stands. standing: links that cannot move. solid: links with a shape. root: its
-    place when it was loaded.
+    place when it was loaded. frictions: lateral, spinning and rolling, by shape.
     """
 
     number: int
@@ -55,12 +55,13 @@ class Body:
     masses: dict[int, float]
     root: Pose
     is_fixed: bool
+    frictions: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     standing: set[int] = field(default_factory=set)
     solid: set[int] = field(default_factory=set)
 
     def body_name(self, link: int) -> str:
         """Return the name of a link in the model."""
-        return f"{self.number}/{link}"
+        return f"{self.number}/{self.names[link - BASE]}"
 
 
 def hard(dt: float) -> dict[str, Any]:
@@ -74,8 +75,6 @@ class Builder:
     def __init__(self, spec: Any, dt: float) -> None:
         self._spec, self._dt = spec, dt
         self._meshes: dict[tuple[str, Point], str] = {}
-        self.frictions: dict[str, tuple[float, float, float]] = {}
-        """Name of a geom → its lateral, spinning and rolling friction."""
 
     def add(
         self,
@@ -157,7 +156,7 @@ class Builder:
                 condim=3 if not (friction[1] or friction[2]) else 6 if friction[2] else 4,
                 **hard(self._dt),
             )
-            self.frictions[name] = friction
+            body.frictions[name] = friction
             body.solid.add(n)
         for seen in element.findall("collision" if place.palette is None else "visual"):
             shape = self._shape(seen, place.folder)
@@ -230,7 +229,7 @@ class Builder:
 
 @dataclass(frozen=True)
 class _Place:
-    """folder: of the URDF. palette: its colours; None: its shapes are seen. friction: over its own."""
+    """folder: of the URDF. palette: its colours; None: shapes are seen. friction: over its own."""
 
     folder: Path
     palette: Mapping[str, ET.Element | None] | None

@@ -15,7 +15,7 @@ from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
 """Share of the error of a position that a substep corrects, where nothing else is asked for."""
-_SOFTER = 1e-3
+_SOFTER = 1e-6
 """Of the constraint's compliance: what a motor commands is reached within 1e-4 of the change."""
 
 
@@ -61,10 +61,10 @@ class Motors:
         self._has_changed = True
 
     def bring(
-        self, dof: int, position: float, velocity: float, torque: float, fastest: float, gain: float
+        self, dof: int, goal: tuple[float, float], torque: float, fastest: float, gain: float
     ) -> None:
         """Track a position [rad] and its velocity, no faster than `fastest` [rad/s]."""
-        self._goals[dof], self._velocities[dof], self._limits[dof] = position, velocity, torque
+        (self._goals[dof], self._velocities[dof]), self._limits[dof] = goal, torque
         self._fastest[dof], self._gains[dof] = fastest, gain or _GAIN
         self._has_changed = True
 
