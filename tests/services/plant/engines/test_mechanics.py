@@ -7,6 +7,7 @@ import pytest
 from support.services.mechanics import (
     DISC,
     DISC_MOMENT,
+    MS,
     ROD,
     ROD_MOMENT,
     ROD_TORQUE,
@@ -22,6 +23,7 @@ from support.services.mechanics import (
     joint,
     link,
     make,
+    not_yet,
     robot,
     state,
     velocity,
@@ -43,6 +45,7 @@ def test_free_fall_is_that_of_semi_implicit_euler(tmp_path, engine):
     assert velocity(plant, "stone")[2] == pytest.approx(-G * STEP * n, rel=1e-9)
 
 
+@not_yet("mujoco", "it integrates the velocity of the frame, not that of the centre of mass")
 def test_a_thrown_body_turns_about_its_centre_of_mass(tmp_path, engine):
     thrown = Row(box("club", 2.0, 0.4, 0.1, 0.2, centre="0.3 0 0.1"))
     plant = make(tmp_path, engine, {"club": thrown}, "gravity: [0, 0, 0]")
@@ -188,6 +191,7 @@ def test_a_joint_with_mimic_follows(tmp_path, engine):
     assert abs(errors[-1]) < 2e-3
 
 
+@not_yet("mujoco", "it cannot build a joint whose stops are one place")
 def test_a_joint_whose_stops_are_one_place_is_locked(tmp_path, engine):
     plant = rod(tmp_path, engine, "lower: 0.4, upper: 0.4")
     places = [state(advance(plant, 1), "hinge")[0] for _ in range(500)]
@@ -217,7 +221,7 @@ def test_the_motion_of_a_link_is_that_of_its_centre_of_mass(tmp_path, engine):
     spin = np.array((0.0, 2.0, 0.0))
     arm = 0.5 * np.array((math.cos(0.7), 0.0, -math.sin(0.7)))
     np.testing.assert_allclose(motion.frame[0], (0, 0, 2), atol=1e-6)
-    np.testing.assert_allclose(motion.centre, (0, 0, 2) + arm, atol=1e-6)
+    np.testing.assert_allclose(motion.centre, np.add(arm, (0, 0, 2)), atol=1e-6)
     np.testing.assert_allclose(motion.spin, spin, atol=1e-6)
     np.testing.assert_allclose(motion.velocity, np.cross(spin, arm), atol=1e-6)
 

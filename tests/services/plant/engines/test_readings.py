@@ -31,7 +31,7 @@ from stepbus_schemas import WiringError
 def test_a_force_torque_sensor_bears_the_weight_beyond_it(tmp_path, engine, kind):
     """Its child lies on its side, and has its mass elsewhere."""
     origin = f'xyz="0 0 0.2" rpy="{math.pi / 2} 0 0"'
-    limit = 'lower="0" upper="0" effort="1e3" velocity="10"'
+    limit = 'lower="-1" upper="1" effort="1e3" velocity="10"'
     urdf = robot(
         ROOT,
         link("tool", 2.0, (0.02, 0.03, 0.04), centre="0.3 0 0.1"),
