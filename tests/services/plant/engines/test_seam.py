@@ -205,6 +205,6 @@ def test_spins_of_the_two_geometries_agree(bullet):
     for rpy in angles()[: COUNT // 2]:
         one = quaternion(rpy)
         other = product(quaternion(rng.uniform(-1, 1, 3).tolist()), one)
-        spins = [each.spin_between(one, other, 0.5) for each in (ours, theirs)]
+        spins = [each.spin_between(one, other, 1.0) for each in (ours, theirs)]
         worst = max(worst, np.abs(np.subtract(*spins)).max())
     assert worst < 1e-6
