@@ -26,7 +26,7 @@ from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point
 
-_FRICTION_RATIO = 100.0
+_FRICTION_RATIO = 30.0
 """How much harder friction is than what presses: what is held does not creep."""
 _TOLERANCE = 1e-12
 

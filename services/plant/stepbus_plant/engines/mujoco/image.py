@@ -104,15 +104,17 @@ class Painter:
     def _shine(self, light: Light) -> None:
         scene = self._scene
         scene.flags[mujoco.mjtRndFlag.mjRND_SHADOW] = int(light.has_shadow)
-        scene.nlight = 1
-        lamp = scene.lights[0]
+        scene.nlight = 2
         towards = np.array(light.direction) / np.linalg.norm(light.direction)
-        lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
-        lamp.pos, lamp.dir = light.distance * towards, -towards
-        lamp.attenuation = (1.0, 0.0, 0.0)
-        lamp.headlight, lamp.castshadow = 0, int(light.has_shadow)
-        lamp.ambient, lamp.diffuse = light.ambient * _WHITE, light.diffuse * _WHITE
-        lamp.specular = light.specular * _WHITE
+        # What is in a shadow has no light of the lamp, not even the ambient one.
+        for lamp, is_ambient in zip(scene.lights, (False, True), strict=False):
+            lamp.type = mujoco.mjtLightType.mjLIGHT_DIRECTIONAL
+            lamp.pos, lamp.dir = light.distance * towards, -towards
+            lamp.attenuation = (1.0, 0.0, 0.0)
+            lamp.headlight, lamp.castshadow = 0, int(light.has_shadow and not is_ambient)
+            lamp.ambient = is_ambient * light.ambient * _WHITE
+            lamp.diffuse = (not is_ambient) * light.diffuse * _WHITE
+            lamp.specular = (not is_ambient) * light.specular * _WHITE
 
 
 def _open_gl(width: int, height: int) -> Any:

@@ -74,7 +74,7 @@ class Builder:
 
     def __init__(self, spec: Any, dt: float) -> None:
         self._spec, self._dt = spec, dt
-        self._meshes: dict[tuple[str, Point], str] = {}
+        self._meshes: dict[tuple[str, Point, bool], str] = {}
 
     def add(
         self,
@@ -143,7 +143,7 @@ class Builder:
         friction = place.friction_of(element)
         for k, collision in enumerate(element.findall("collision")):
             name = f"{body.number}/{n}/{k}"
-            shape = self._shape(collision, place.folder)
+            shape = self._shape(collision, place.folder, is_solid=True)
             if shape is None:
                 continue
             stands = n in body.standing
@@ -159,7 +159,7 @@ class Builder:
             body.frictions[name] = friction
             body.solid.add(n)
         for seen in element.findall("collision" if place.palette is None else "visual"):
-            shape = self._shape(seen, place.folder)
+            shape = self._shape(seen, place.folder, is_solid=False)
             if shape is not None:
                 rgba = _colour(seen, place.palette or {})
                 link.add_geom(**shape, group=LOOKS, contype=0, conaffinity=0, rgba=rgba)
@@ -184,8 +184,8 @@ class Builder:
         full = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
         link.fullinertia = [full[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
 
-    def _shape(self, element: ET.Element, folder: Path) -> dict[str, Any] | None:
-        """Return the arguments of a geom; None: it has no extent."""
+    def _shape(self, element: ET.Element, folder: Path, *, is_solid: bool) -> dict[str, Any] | None:
+        """Return the arguments of a geom; None: it has no extent, or is solid and flat."""
         geometry = element.find("geometry/*")
         if geometry is None:
             return None
@@ -194,7 +194,7 @@ class Builder:
         if geometry.tag == "mesh":
             file = mesh_path(geometry.get("filename", ""), folder)
             scale = _numbers(geometry.get("scale", "1 1 1"))
-            mesh = self._mesh(file, scale)
+            mesh = self._mesh(file, scale, is_solid=is_solid)
             return (
                 None
                 if not mesh
@@ -211,18 +211,20 @@ class Builder:
             size = [float(geometry.get("radius", "0")), float(geometry.get("length", "0")) / 2, 0.0]
         return {**shape, "type": _KINDS[geometry.tag], "size": size}
 
-    def _mesh(self, file: str, scale: Point) -> str:
-        """Return the name of a mesh; empty: it has no volume."""
-        key = (file, scale)
+    def _mesh(self, file: str, scale: Point, *, is_solid: bool) -> str:
+        """Return the name of a mesh; empty: it has no extent, or is solid and has no volume."""
+        key = (file, scale, is_solid)
         if key not in self._meshes:
             vertices, faces = _load_mesh(file)
             scaled = vertices * scale
-            flat = len(vertices) < 4 or np.linalg.matrix_rank(scaled - scaled[0], tol=1e-9) < 3
-            name = "" if flat else f"mesh {len(self._meshes)}"
-            if not flat:
+            rank = np.linalg.matrix_rank(scaled - scaled[0], tol=1e-9)
+            name = f"mesh {len(self._meshes)}" if rank >= (3 if is_solid else 2) else ""
+            if name:
                 mesh = self._spec.add_mesh(name=name)
                 mesh.uservert, mesh.userface = scaled.ravel().tolist(), faces.ravel().tolist()
-                mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+                kinds = mujoco.mjtMeshInertia
+                hull, shell = kinds.mjMESH_INERTIA_CONVEX, kinds.mjMESH_INERTIA_SHELL
+                mesh.inertia = hull if rank == 3 else shell
             self._meshes[key] = name
         return self._meshes[key]
 

@@ -15,7 +15,7 @@ from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
 """Share of the error of a position that a substep corrects, where nothing else is asked for."""
-_SOFTER = 1e-6
+_SOFTER = 1e-3
 """Of the constraint's compliance: what a motor commands is reached within 1e-4 of the change."""
 
 
