@@ -15,6 +15,7 @@ from stepbus_participant import Config
 from stepbus_plant import Plant, engines
 from stepbus_plant.engines import ENGINES, default_engine, is_here
 from stepbus_plant.geometry import Geometry, product, quaternion, rotation
+from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import OutputConfig, WiringError
 
 SOURCES = (
@@ -208,3 +209,17 @@ def test_spins_of_the_two_geometries_agree(bullet):
         spins = [each.spin_between(one, other, 1.0) for each in (ours, theirs)]
         worst = max(worst, np.abs(np.subtract(*spins)).max())
     assert worst < 1e-6
+
+
+def test_views_and_projections_are_pybullets(bullet):
+    rng = np.random.default_rng(7)
+    for _ in range(500):
+        target, distance = rng.uniform(-2, 2, 3).tolist(), rng.uniform(0.5, 5)
+        yaw, pitch = rng.uniform(-180, 180), rng.uniform(-89, 89)
+        theirs = bullet.bullet.computeViewMatrixFromYawPitchRoll(target, distance, yaw, pitch, 0, 2)
+        ours = view_matrix(target, distance, math.radians(yaw), math.radians(pitch))
+        np.testing.assert_allclose(ours, np.reshape(theirs, (4, 4)).T, atol=1e-5)
+        fov, aspect, far = rng.uniform(5, 120), rng.uniform(0.5, 2), rng.uniform(2, 200)
+        theirs = bullet.bullet.computeProjectionMatrixFOV(fov, aspect, 0.05, far)
+        ours = projection_matrix(math.radians(fov), aspect, 0.05, far)
+        np.testing.assert_allclose(ours, np.reshape(theirs, (4, 4)).T, rtol=1e-5, atol=1e-6)
