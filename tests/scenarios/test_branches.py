@@ -8,7 +8,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
 TWO_LINK = ("pd", "pid", "pd_gravity", "velocity_force", "encoders", "tip", "pair")
-NAMES = ("two_link", *(f"two_link/{name}" for name in TWO_LINK))
+NAMES = ("two_link", *(f"two_link/{name}" for name in TWO_LINK), "pick")
 
 
 @pytest.mark.slow

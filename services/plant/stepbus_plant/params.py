@@ -106,14 +106,24 @@ class ItemTypeChange(Settings):
 class StockParams(Settings):
     """`params.stock` of the plant."""
 
-    seed: Whole = 0
-    """Of the type in each slot, and of the variation among items."""
+    seed: Whole | Literal["run"] = 0
+    """Of the type in each slot, and of the variation among items; `run`: one that
+    the seed of the run determines, so that each has other ones."""
     types: dict[str, ItemTypeChange] = {}
     """Item type → its changes in this run."""
     fill: Share = 1.0
     """Share of the slots that have an item [-]."""
     missing: tuple[str, ...] = ()
     """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to leave out."""
+
+    @property
+    def number(self) -> int:
+        """Return the seed; 0 for that of a run, outside of one."""
+        return 0 if self.seed == "run" else self.seed
+
+    def in_run(self, seed: int) -> "StockParams":
+        """Return the stock of a run; seed: the run's, or one that is derived from it."""
+        return msgspec.structs.replace(self, seed=seed) if self.seed == "run" else self
 
 
 _SUBJECTS = {

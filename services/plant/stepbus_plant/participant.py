@@ -83,7 +83,8 @@ class Plant(Participant):
                     text = f"a plant's {side} have type {types}, not {port.type}"
                     problems.add((side, name), text)
         params = config.read(Params, problems)
-        world = load_world(params.world, params.stock, problems.below(("params", "stock")))
+        stock = None if params.stock is None else params.stock.in_run(config.seed)
+        world = load_world(params.world, stock, problems.below(("params", "stock")))
         self._period_ns = config.step_ns * config.every
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
         self._drivers: dict[str, Commander] = {}

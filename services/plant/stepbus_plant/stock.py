@@ -83,7 +83,7 @@ def draw_items(stock: StockSettings, params: StockParams) -> list[Item]:
     The types share the slots as equally as possible. The random numbers are drawn for every slot,
     so that missing and changed items do not affect the others.
     """
-    rng = np.random.Generator(np.random.PCG64(params.seed))
+    rng = np.random.Generator(np.random.PCG64(params.number))
     slots = list(_slots(stock.rows))
     names = list(stock.types)
     types = [names[n % len(names)] for n in rng.permutation(len(slots))]

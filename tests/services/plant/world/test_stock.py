@@ -194,3 +194,10 @@ def test_a_planogram_has_the_slots_to_the_centimetre(tmp_path):
         else:
             assert place == truth
     plant.close()
+
+
+def test_the_seed_of_a_run_draws_the_stock_where_it_is_asked_to(tmp_path):
+    stock = StockParams(seed="run")
+    first, again, other = (load(tmp_path, stock.in_run(seed)).items for seed in (1, 1, 2))
+    assert first == again == load(tmp_path, StockParams(seed=1)).items != other
+    assert StockParams(seed=3).in_run(1).seed == 3

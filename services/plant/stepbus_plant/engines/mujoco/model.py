@@ -16,11 +16,12 @@ import mujoco
 import numpy as np
 
 from stepbus_plant.engine import BASE, JointInfo
+from stepbus_plant.engines.differences import SHAPES, STIFFNESS, refused
 from stepbus_plant.geometry import Array, Pose, quaternion, rotation
 from stepbus_plant.models import mesh_path
 from stepbus_schemas import Point, Quaternion, WiringError
 
-SHAPES, LOOKS = 3, 1
+SOLID, LOOKS = 3, 1
 """Groups of geoms: collision shapes, and what cameras see."""
 _MOVES, _STANDS = 1, 2
 """Bits of a shape: whether its link can move; what stands does not collide with what stands."""
@@ -139,7 +140,15 @@ class Builder:
 
     def _fill(self, body: Body, n: int, link: Any, element: ET.Element, place: "_Place") -> None:
         """Give a link its mass, shapes and looks."""
-        self._weigh(body, n, link, element)
+        try:
+            self._weigh(body, n, link, element)
+            self._add_shapes(body, n, link, element, place)
+        except WiringError as exc:
+            raise WiringError(f"link {element.get('name')!r}: {exc}") from exc
+
+    def _add_shapes(
+        self, body: Body, n: int, link: Any, element: ET.Element, place: "_Place"
+    ) -> None:
         friction = place.friction_of(element)
         for k, collision in enumerate(element.findall("collision")):
             name = f"{body.number}/{n}/{k}"
@@ -150,7 +159,7 @@ class Builder:
             link.add_geom(
                 **shape,
                 name=name,
-                group=SHAPES,
+                group=SOLID,
                 contype=_STANDS if stands else _MOVES,
                 conaffinity=_MOVES if stands else _MOVES | _STANDS,
                 condim=3 if not (friction[1] or friction[2]) else 6 if friction[2] else 4,
@@ -167,13 +176,13 @@ class Builder:
     def _weigh(self, body: Body, n: int, link: Any, element: ET.Element) -> None:
         inertial = element.find("inertial")
         if inertial is None:
-            raise WiringError(f"link {element.get('name')!r} has no <inertial>")
+            raise WiringError("has no <inertial>")
         pose = _origin(inertial)
-        mass = float(_part(inertial, "mass").get("value", "0"))
+        mass = _attribute(_part(inertial, "mass"), "value", 1, "0")[0]
         body.inertials[n], body.masses[n] = pose, mass
         tensor = _part(inertial, "inertia")
         xx, yy, zz, xy, xz, yz = (
-            float(tensor.get(key, "0")) for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            _attribute(tensor, key, 1, "0")[0] for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         link.explicitinertial = True
         link.mass, link.ipos = mass, pose[0]
@@ -193,7 +202,7 @@ class Builder:
         shape: dict[str, Any] = {"pos": at, "quat": _wxyz(turn)}
         if geometry.tag == "mesh":
             file = mesh_path(geometry.get("filename", ""), folder)
-            scale = _numbers(geometry.get("scale", "1 1 1"))
+            scale = _vector(geometry, "scale", "1 1 1")
             mesh = self._mesh(file, scale, is_solid=is_solid)
             return (
                 None
@@ -203,12 +212,12 @@ class Builder:
         if geometry.tag == "plane":
             return {**shape, "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
         if geometry.tag not in _KINDS:
-            raise WiringError(f"<{geometry.tag}> is no shape that the engine mujoco knows")
+            raise WiringError(f"<{geometry.tag}>: {refused(SHAPES)}")
         if geometry.tag == "box":
-            x, y, z = _numbers(geometry.get("size", ""))
-            size = [x / 2, y / 2, z / 2]
+            size = [edge / 2 for edge in _attribute(geometry, "size", 3)]
         else:
-            size = [float(geometry.get("radius", "0")), float(geometry.get("length", "0")) / 2, 0.0]
+            length = 0.0 if geometry.tag == "sphere" else _attribute(geometry, "length", 1)[0]
+            size = [*_attribute(geometry, "radius", 1), length / 2, 0.0]
         return {**shape, "type": _KINDS[geometry.tag], "size": size}
 
     def _mesh(self, file: str, scale: Point, *, is_solid: bool) -> str:
@@ -239,10 +248,13 @@ class _Place:
 
     def friction_of(self, link: ET.Element) -> tuple[float, float, float]:
         """Return lateral, spinning and rolling friction of a link."""
+        soft = [tag for tag in ("stiffness", "damping") if link.find(f"contact/{tag}") is not None]
+        if soft:
+            raise WiringError(refused(STIFFNESS))
 
         def value(kind: str) -> float:
             given = link.find(f"contact/{kind}_friction")
-            own = _FRICTION[kind] if given is None else float(given.get("value", "0"))
+            own = _FRICTION[kind] if given is None else _attribute(given, "value", 1)[0]
             return self.friction.get(kind, own)
 
         return value("lateral"), value("spinning"), value("rolling")
@@ -286,10 +298,11 @@ def _tree(
 def _info(n: int, joint: ET.Element) -> JointInfo:
     kind = joint.get("type", "")
     limit = joint.find("limit")
-    given = {} if limit is None else {key: float(value) for key, value in limit.attrib.items()}
+    names = () if limit is None else limit.attrib
+    given = {key: _attribute(_part(joint, "limit"), key, 1)[0] for key in names}
     bounded = kind != "continuous" and {"lower", "upper"} & given.keys()
     axis = joint.find("axis")
-    along = np.array(_numbers("1 0 0" if axis is None else axis.get("xyz", "1 0 0")))
+    along = np.array(_vector(axis, "xyz", "1 0 0"))
     length = float(np.linalg.norm(along))
     x, y, z = (along / (length or 1.0)).tolist()
     return JointInfo(
@@ -326,13 +339,12 @@ def _colour(visual: ET.Element, palette: Mapping[str, ET.Element | None]) -> tup
     own = None if material is None else material.find("color")
     if own is None and material is not None:
         own = palette.get(material.get("name", ""))
-    return _WHITE if own is None else tuple(float(word) for word in own.get("rgba", "").split())
+    return _WHITE if own is None else tuple(_attribute(own, "rgba", 4))
 
 
 def _origin(element: ET.Element) -> Pose:
     origin = element.find("origin")
-    given = {} if origin is None else origin.attrib
-    return _numbers(given.get("xyz", "0 0 0")), quaternion(_numbers(given.get("rpy", "0 0 0")))
+    return _vector(origin, "xyz", "0 0 0"), quaternion(_vector(origin, "rpy", "0 0 0"))
 
 
 def _set_pose(body: Any, pose: Pose) -> None:
@@ -344,11 +356,21 @@ def _wxyz(orientation: Quaternion) -> list[float]:
     return [w, x, y, z]
 
 
-def _numbers(text: str) -> Point:
-    words = [float(word) for word in text.split()]
-    if len(words) != 3 or not all(map(math.isfinite, words)):
-        raise WiringError(f"{text!r} is not three numbers")
-    x, y, z = words
+def _attribute(element: ET.Element, key: str, count: int, default: str = "") -> list[float]:
+    """Return the numbers of an attribute."""
+    text = element.get(key, default)
+    try:
+        numbers = [float(word) for word in text.split()]
+    except ValueError:
+        numbers = []
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        plural = "s" * (count > 1)
+        raise WiringError(f"{key}={text!r} of <{element.tag}> is not {count} number{plural}")
+    return numbers
+
+
+def _vector(element: ET.Element | None, key: str, default: str) -> Point:
+    x, y, z = _attribute(ET.Element("x") if element is None else element, key, 3, default)
     return x, y, z
 
 

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 from stepbus_plant.engine import ANY_LINK, Contact, Link
-from stepbus_plant.engines.mujoco.model import SHAPES
+from stepbus_plant.engines.mujoco.model import SOLID
 from stepbus_plant.geometry import Array
 from stepbus_schemas import Point
 
-_SEEN = np.array([n == SHAPES for n in range(6)], dtype=np.uint8)
+_SEEN = np.array([n == SOLID for n in range(6)], dtype=np.uint8)
 
 
 class Space:
@@ -20,7 +20,7 @@ class Space:
 
     def __init__(self, model: Any, data: Any, link_of: Mapping[int, Link]) -> None:
         self._model, self._data = model, data
-        shapes = [n for n in range(model.ngeom) if model.geom_group[n] == SHAPES]
+        shapes = [n for n in range(model.ngeom) if model.geom_group[n] == SOLID]
         self._link = [link_of.get(int(body), (-1, -1)) for body in model.geom_bodyid]
         self._shapes = np.array(shapes, dtype=np.int64)
         self._geoms: dict[Link, list[int]] = {}

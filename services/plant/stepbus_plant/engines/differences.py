@@ -1,0 +1,63 @@
+"""What each engine does otherwise, or cannot do: the table of docs/guide/running/engines.md."""
+
+from typing import NamedTuple
+
+
+class Difference(NamedTuple):
+    """What the engines do not do alike, and what each one does."""
+
+    what: str
+    pybullet: str
+    mujoco: str
+
+
+STIFFNESS = "`<stiffness>` and `<damping>` of a link's `<contact>`"
+SHAPES = "shapes other than box, sphere, cylinder, capsule, mesh and plane"
+
+DIFFERENCES = (
+    Difference("Python", "3.11", "3.11 and later"),
+    Difference(
+        "checkpoints",
+        "bodies with a fixed base, at steps without contact",
+        "to the bit, with contacts; not with cameras or contact sensors that an output shows",
+    ),
+    Difference("joint damping", "explicit: too much of it diverges", "implicit: always stable"),
+    Difference(
+        "contacts",
+        "impulses in sequence, shapes up to 1 mm apart where they rest",
+        "one convex problem; what rests overlaps by some µm",
+    ),
+    Difference(
+        "friction of two links",
+        "the product of their coefficients",
+        "the same: the larger one, MuJoCo's own choice, is overridden",
+    ),
+    Difference("cylinders of a URDF", "32 faces and a margin", "exact"),
+    Difference(
+        "meshes",
+        "convex hulls, one for each object of an OBJ",
+        "convex hulls, one for each file; a flat one is seen and touches nothing",
+    ),
+    Difference("an inertia that no body can have", "taken", "the nearest one that a body can have"),
+    Difference("`<mimic>` and the coupling of a gripper", "with a largest force", "without one"),
+    Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),
+    Difference(STIFFNESS, "taken", "refused"),
+    Difference(SHAPES, "left out", "refused"),
+    Difference(
+        "images",
+        "TinyRenderer: the same bytes on every machine, drawn beside the steps",
+        "OpenGL (EGL, OSMesa or GLFW): bytes depend on the driver, which the recording names; "
+        "drawn within the step; textures are left out",
+    ),
+)
+
+
+def table() -> str:
+    """Return the table as Markdown."""
+    rows = [("", "pybullet", "mujoco"), ("---", "---", "---"), *DIFFERENCES]
+    return "".join(f"| {' | '.join(row)} |\n" for row in rows).replace("|  |", "| |")
+
+
+def refused(what: str) -> str:
+    """Return the sentence that MuJoCo cannot do something."""
+    return f"{what}: not with engine mujoco; use engine pybullet, or leave it out"

@@ -1,0 +1,98 @@
+"""What is particular to the engine MuJoCo: its refusals, its pictures, its state."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+from support.paths import CHECKOUT
+from support.services.devices import box, link
+
+from stepbus_participant import Problems
+from stepbus_plant.engine import PhysicsError
+from stepbus_plant.engines.differences import DIFFERENCES, table
+from stepbus_plant.params import Params
+from stepbus_plant.physics import Physics
+from stepbus_plant.world_file import load_world
+from stepbus_schemas import WiringError
+
+pytest.importorskip("mujoco", reason="the engine MuJoCo is not installed")
+
+
+def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
+    """Return a world with one body in MuJoCo."""
+    (folder / "one.urdf").write_text(f'<robot name="one">{urdf}</robot>')
+    (folder / "world.yaml").write_text(f"engine: mujoco\n{world}")
+    file = folder / "world.yaml"
+    return Physics(load_world(file), 10**6, Params(world=file), Problems())
+
+
+@pytest.mark.parametrize(
+    ("found", "sentence"),
+    [
+        ("<box size='1 1 1'/>", ""),
+        ("<torus radius='1'/>", "link 'base': <torus>: shapes other than box, sphere,"),
+        ("<box size='1 2'/>", "link 'base': size='1 2' of <box> is not 3 numbers"),
+        ("<sphere radius='x'/>", "link 'base': radius='x' of <sphere> is not 1 number"),
+    ],
+)
+def test_a_shape_that_it_does_not_know_is_refused_with_its_link(tmp_path, found, sentence):
+    urdf = link("base", 1.0, found)
+    if not sentence:
+        assert load(tmp_path, urdf).engine.name == "mujoco"
+        return
+    with pytest.raises(WiringError) as refused:
+        load(tmp_path, urdf)
+    assert f"world.yaml:2: bodies.one.urdf: {tmp_path}/one.urdf: {sentence}" in str(refused.value)
+
+
+def test_a_soft_contact_is_refused_by_name(tmp_path):
+    urdf = link("base", 1.0, box("1 1 1")).replace(
+        "</link>", "<contact><stiffness value='1e3'/></contact></link>"
+    )
+    with pytest.raises(WiringError, match="`<stiffness>` and `<damping>` .* use engine pybullet"):
+        load(tmp_path, urdf)
+
+
+def test_a_body_that_cannot_be_is_one_sentence(tmp_path):
+    urdf = link("base", 0.0, box("1 1 1"))
+    with pytest.raises(PhysicsError, match="MuJoCo cannot build the world: .*mass"):
+        load(tmp_path, urdf)
+
+
+def test_the_docs_have_the_table_of_the_code():
+    text = (CHECKOUT / "docs/guide/running/engines.md").read_text(encoding="utf-8")
+    assert table() in text
+    assert len(DIFFERENCES) > 10
+
+
+SEE = """
+import numpy as np
+from stepbus_plant.engine import Light
+from stepbus_plant.engines import open_engine
+engine = open_engine("mujoco", 1e-3, (0.0, 0.0, -9.81), 50)
+engine.image((8, 8), np.eye(4), np.eye(4), Light(direction=(0, 0, 1), distance=1, ambient=1,
+             diffuse=0, specular=0, has_shadow=False))
+"""
+
+
+@pytest.mark.parametrize("kind", ["osmesa", "nothing"])
+def test_without_a_renderer_it_says_what_to_install(kind):
+    if kind == "osmesa" and has_osmesa():
+        pytest.skip("OSMesa is installed")
+    environment = {**os.environ, "MUJOCO_GL": kind}
+    environment.pop("PYOPENGL_PLATFORM", None)
+    tried = subprocess.run(
+        [sys.executable, "-c", SEE], env=environment, capture_output=True, text=True, timeout=60
+    )
+    assert tried.returncode == 1
+    last = tried.stderr.strip().splitlines()[-1]
+    assert f"can draw no images with MUJOCO_GL={kind}" in last
+    assert "install libegl1" in last
+    assert "`cameras: false`" in last
+
+
+def has_osmesa():
+    from ctypes.util import find_library  # noqa: PLC0415
+
+    return find_library("OSMesa") is not None
