@@ -53,11 +53,13 @@ def stepbus_command(*words):
         *(pytest.param(words, marks=pytest.mark.slow) for words in [("describe",), ("verify",)]),
     ],
 )
-@pytest.mark.parametrize(("module", "who"), [("pybullet", "plant"), ("pinocchio", "controller")])
+@pytest.mark.parametrize(
+    ("module", "who"), [("pybullet or mujoco", "plant"), ("pinocchio", "controller")]
+)
 def test_a_participant_without_its_extra_is_one_sentence_before_the_start(
     without, tmp_path, monkeypatch, module, who, words
 ):
-    without(module)
+    without(*module.split(" or "))
     folder = tmp_path / "here"
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -73,7 +75,7 @@ def test_a_participant_without_its_extra_is_one_sentence_before_the_start(
 
 
 def test_every_participant_that_lacks_its_extra_is_named(without):
-    without("pinocchio", "pybullet")
+    without("mujoco", "pinocchio", "pybullet")
     text = stepbus_command("validate", "two_link")[1]
     assert [who for who in ("controller", "mission", "plant") if f"stepbus_{who} needs" in text] == [
         "controller", "plant",
@@ -100,7 +102,9 @@ def test_a_run_without_matplotlib_says_how_to_get_the_plots(without, tmp_path):
 
 
 def test_what_needs_no_extra_works_without_any(without):
-    without("coal", "cv2", "matplotlib", "ompl", "pinocchio", "pybullet", "ruckig", "toppra")
+    without(
+        "coal", "cv2", "matplotlib", "mujoco", "ompl", "pinocchio", "pybullet", "ruckig", "toppra"
+    )
     assert stepbus_command("--help")[0] == 0
     assert stepbus_command("conformance", "--list")[0] == 0
 

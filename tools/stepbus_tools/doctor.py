@@ -26,6 +26,7 @@ Verdict = Literal["ok", "warn", "fail"]
 EXTRAS = {
     "run": "runs, recordings, and this command line",
     "sim": "physics and dynamics: the plant and the controller that ship",
+    "mujoco": "physics with MuJoCo, on every current Python",
     "report": "the plots of a run, report.png",
     "export": "tables, video, and files for ROS 2 and Foxglove",
     "rerun": "files for Rerun: `export --rerun` (170 MB)",
@@ -37,11 +38,12 @@ EXTRAS = {
 }
 """Extra of stepbus → what it is for."""
 
-_NATIVE = {"pin": "pinocchio", "pybullet": "pybullet"}
+_NATIVE = {"pin": "pinocchio", "pybullet": "pybullet", "mujoco": "mujoco"}
 """Package → its module, of those that only participants load."""
 
 _OLDEST_PYTHON = (3, 11)
 _REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
+_PYTHON = re.compile(r'python_version (<|>=) "(\d+)\.(\d+)"')
 _LOAD_DEADLINE_S = 30.0
 _KILL_S = 5.0
 _BUS_DEADLINE_S = 5.0
@@ -88,12 +90,23 @@ def needed(extra: str = "") -> list[tuple[str, str]]:
 
     Raises PackageNotFoundError when stepbus itself is not installed.
     """
-    wanted = f'extra == "{extra}"' if extra else ""
     rows = (row.partition(";") for row in requires("stepbus") or [])
-    named = (row for row, _, marker in rows if marker.replace("'", '"').strip() == wanted)
+    named = (row for row, _, marker in rows if _applies(marker, extra))
     matches = [match for match in map(_REQUIREMENT.match, named) if match]
     # An extra may include another one: `stepbus[sim]`.
     return [(match[1], match[2] or "") for match in matches if match[1] != "stepbus"]
+
+
+def _applies(marker: str, extra: str) -> bool:
+    """Return whether a requirement is one of an extra, on this Python; no extra: of all."""
+    parts = [part.strip(" ()") for part in marker.replace("'", '"').split(" and ")]
+    if [f'extra == "{extra}"'] * bool(extra) != [p for p in parts if p.startswith("extra")]:
+        return False
+    for found in filter(None, map(_PYTHON.match, parts)):
+        version = int(found[2]), int(found[3])
+        if (sys.version_info[:2] < version) != (found[1] == "<"):
+            return False
+    return True
 
 
 def versions() -> Iterator[Finding]:

@@ -211,13 +211,15 @@ def missing(spec: ParticipantSpec) -> str:
     """Return which packages a participant lacks here, and how to install them; empty: none."""
     module = spec.participant.rpartition(":")[0]
     needs = (needed for key, needed in NEEDS.items() if f"{module}.".startswith(f"{key}."))
-    lacking = [name for names in needs for name in names if not _is_here(name)]
+    lacking = [
+        name for names in needs for name in names if not any(map(_is_here, name.split(" or ")))
+    ]
     return lacks(module, *lacking) if lacking else ""
 
 
 def _is_here(module: str) -> bool:
     try:
-        return any(importlib.util.find_spec(name) for name in module.split(" or "))
+        return importlib.util.find_spec(module) is not None
     except ModuleNotFoundError:
         return False
 

@@ -185,8 +185,8 @@ class Params(Settings):
     world: File
     """Relative to the scenario, absolute, or `package://<package>/<path>`."""
     engine: EngineName | None = None
-    """Physics engine, see [Engines](../running/engines.md); overrides the world file. Default: the
-    world's."""
+    """Physics engine, see [Engines](../guide/running/engines.md); overrides the world file.
+    Default: the world's."""
     joints: Names | None = None
     """Joints to sense, in this order. The others are simulated, driven and commanded all the same.
     Default: all movable ones, in the order of the bodies and their models."""

@@ -275,8 +275,8 @@ class WorldFile(Settings):
     substeps: Count | None = None
     """Physics substeps per plant's step; instead of `physics_step`. Default: 1."""
     engine: EngineName | None = None
-    """Physics engine, see [Engines](../running/engines.md). Default: pybullet, or mujoco where
-    PyBullet is not installed."""
+    """Physics engine, see [Engines](../guide/running/engines.md). Default: pybullet, or mujoco
+    where PyBullet is not installed."""
     solver_iterations: Count = 50
     """Of the engine's constraint solver."""
     sleeping: bool = False

@@ -14,7 +14,10 @@ ENGINES: tuple[EngineName, ...] = get_args(EngineName)
 
 def is_here(name: str) -> bool:
     """Return whether the package of an engine is installed."""
-    return find_spec(name) is not None
+    try:
+        return find_spec(name) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def default_engine() -> EngineName:

@@ -50,14 +50,14 @@ def test_a_soft_contact_is_refused_by_name(tmp_path):
     urdf = link("base", 1.0, box("1 1 1")).replace(
         "</link>", "<contact><stiffness value='1e3'/></contact></link>"
     )
-    with pytest.raises(WiringError, match="`<stiffness>` and `<damping>` .* use engine pybullet"):
+    with pytest.raises(WiringError, match=r"`<stiffness>` and `<damping>` .* use engine pybullet"):
         load(tmp_path, urdf)
 
 
 def test_a_body_that_cannot_be_is_one_sentence(tmp_path):
     urdf = link("base", 0.0, box("1 1 1"))
-    with pytest.raises(PhysicsError, match="MuJoCo cannot build the world: .*mass"):
-        load(tmp_path, urdf)
+    with pytest.raises(PhysicsError, match=r"MuJoCo cannot build the world: .*mass"):
+        load(tmp_path, urdf).engine.frame((0, 0))
 
 
 def test_the_docs_have_the_table_of_the_code():
@@ -83,7 +83,12 @@ def test_without_a_renderer_it_says_what_to_install(kind):
     environment = {**os.environ, "MUJOCO_GL": kind}
     environment.pop("PYOPENGL_PLATFORM", None)
     tried = subprocess.run(
-        [sys.executable, "-c", SEE], env=environment, capture_output=True, text=True, timeout=60
+        [sys.executable, "-c", SEE],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
     )
     assert tried.returncode == 1
     last = tried.stderr.strip().splitlines()[-1]
