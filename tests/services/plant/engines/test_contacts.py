@@ -41,11 +41,14 @@ def test_a_box_holds_on_a_slope_below_the_angle_of_friction(tmp_path, engine):
     assert centre(advance(plant, 1000), "thing") @ down == pytest.approx(before, abs=1e-3)
 
 
+@not_yet("mujoco", "a box that slides rattles: sliding lifts it off its contacts")
 def test_a_box_slides_on_a_slope_above_the_angle_of_friction(tmp_path, engine):
     plant, down = on_slope(tmp_path, engine, 0.7)
     angle = math.atan(0.7)
     expected = G * (math.sin(angle) - 0.5 * math.cos(angle))
     assert acceleration(plant, "thing", down, 200, 700) == pytest.approx(expected, rel=0.03)
+    spin = plant.physics.engine.motion((1, BASE)).spin
+    assert spin == pytest.approx((0, 0, 0), abs=0.05)
 
 
 @pytest.mark.parametrize("share", [2 / 5, 1 / 2])
