@@ -2,11 +2,12 @@
 
     stepbus run store --out runs/store && python store/scripts/store_movie.py runs/store/run.mcap
 
-Nothing is simulated again: TinyRenderer draws the world of the recording with the robot and every
-item where they stood. Needs `make robots`.
+Nothing is simulated again: the plant's engine draws the world of the recording with the robot and
+every item where they stood. Needs `make robots`.
 """
 
 import argparse
+import dataclasses
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -16,7 +17,7 @@ from typing import NamedTuple
 import cv2
 import numpy as np
 from PIL import Image
-from store_pictures import FOLDER, Log, Look, Moments, Picture, Scene
+from store_pictures import FOLDER, LIGHT, Log, Look, Moments, Picture, Scene
 
 from stepbus import Event
 from stepbus.messages import BaseState
@@ -30,6 +31,9 @@ LIT_FLOOR = 138.0
 """Grey of the floor in the light, as the world has it; a shadow is a few values darker."""
 FLOOR = np.array([212.0, 216.0, 222.0])
 """Red, green, blue of the floor in the light, as drawn: lighter, with deeper shadows."""
+SUN = dataclasses.replace(LIGHT, distance=20.0, ambient=0.62, diffuse=0.42, has_shadow=True)
+_FLAT = 3e-3
+"""What is no higher is the floor [m]."""
 
 
 class Shot(NamedTuple):
@@ -83,11 +87,10 @@ def frames(log: Log, scene: Scene, film: Sequence[Shot], step_s: float) -> Itera
 
 def draw(scene: Scene, look: Look) -> Picture:
     """Return what is seen, with a plain sky, drawn in twice the size first."""
-    light = {"lightDistance": 20.0, "lightAmbientCoeff": 0.62, "lightDiffuseCoeff": 0.42}
-    picture, body = scene.render(look, 2 * SIZE[0], 2 * SIZE[1], shadow=1, **light)
-    floor = body == scene.body("ground")
+    picture, height = scene.render(look, 2 * SIZE[0], 2 * SIZE[1], SUN)
+    floor = np.abs(height) < _FLAT
     picture[floor] = np.clip(FLOOR + 3.0 * (picture[floor] - LIT_FLOOR), 150, 255)
-    picture[body < 0] = SKY
+    picture[np.isinf(height)] = SKY
     return np.asarray(cv2.resize(picture, SIZE, interpolation=cv2.INTER_AREA), dtype=np.uint8)
 
 

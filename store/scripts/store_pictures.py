@@ -2,9 +2,9 @@
 
     stepbus run store --out runs/store && python store/scripts/store_pictures.py runs/store/run.mcap
 
-Nothing is simulated again: TinyRenderer, which the plant's cameras use too, draws the world of the
-recording with the robot and every item where they stood at that step. The recording has what the
-camera saw and what was detected. Needs `make robots`.
+Nothing is simulated again: the plant's engine, which draws what its cameras see too, draws the
+world of the recording with the robot and every item where they stood at that step. The recording
+has what the camera saw and what was detected. Needs `make robots`.
 """
 
 import argparse
@@ -18,7 +18,6 @@ from typing import Any, NamedTuple, TypeVar
 import cv2
 import msgspec
 import numpy as np
-import pybullet as bullet
 from numpy.typing import NDArray
 from ruamel.yaml import YAML
 
@@ -26,7 +25,10 @@ from stepbus import Event, JointState, Message, Recording, testing
 from stepbus.messages import Detections, GripperState, Image, Poses
 from stepbus_participant import Problems
 from stepbus_plant import Params, load_world
+from stepbus_plant.engine import Light
+from stepbus_plant.geometry import rotation
 from stepbus_plant.physics import Physics
+from stepbus_plant.viewpoint import projection_matrix, view_matrix
 
 Picture = NDArray[np.uint8]
 """Red, green, blue, shape (h, w, 3)."""
@@ -36,6 +38,15 @@ M = TypeVar("M", bound=Message)
 FOLDER = Path(__file__).parents[2] / "docs" / "pictures"
 _LINE = (255, 255, 255)
 _DARK = (30, 30, 30)
+_NEAR, _FAR = 0.05, 40.0
+LIGHT = Light(
+    direction=(-2.0, 2.5, 6.0),
+    distance=2.0,
+    ambient=0.55,
+    diffuse=0.5,
+    specular=0.0,
+    has_shadow=False,
+)
 
 
 class Look(NamedTuple):
@@ -126,10 +137,6 @@ class Scene:
         world = msgspec.structs.replace(world, bodies={**world.bodies, "robot": robot})
         self._physics = Physics(world, 1_000_000, params, Problems())
 
-    def body(self, name: str) -> int:
-        """Return the number of a body, which the segmentation of a picture has."""
-        return self._physics.bodies.index(name)
-
     def show(self, step: int) -> None:
         """Put everything where it was at a step."""
         log, poses = self._log, self._log.poses(step)
@@ -148,30 +155,33 @@ class Scene:
 
     def draw(self, look: Look, width: int, height: int) -> Picture:
         """Return what is seen, drawn in twice the size first to have smooth edges."""
-        light = {"lightAmbientCoeff": 0.55, "lightDiffuseCoeff": 0.5}
-        large, _ = self.render(look, 2 * width, 2 * height, shadow=0, **light)
+        large, _ = self.render(look, 2 * width, 2 * height, LIGHT)
         return _picture(cv2.resize(large, (width, height), interpolation=cv2.INTER_AREA))
 
-    def render(
-        self, look: Look, width: int, height: int, **light: float
-    ) -> tuple[Picture, NDArray[np.int32]]:
-        """Return what is seen, and the number of the body that each pixel shows."""
-        view = bullet.computeViewMatrixFromYawPitchRoll(
-            look.target, look.distance, look.yaw - 90, -look.pitch, 0, 2
-        )
-        _, _, pixels, _, seen = bullet.getCameraImage(
-            width,
-            height,
-            viewMatrix=view,
-            projectionMatrix=bullet.computeProjectionMatrixFOV(look.fov, width / height, 0.05, 40),
-            renderer=bullet.ER_TINY_RENDERER,
-            lightDirection=(-2.0, 2.5, 6.0),
-            lightSpecularCoeff=0.0,
-            physicsClientId=self._physics.engine.client,
-            **light,
-        )
-        colours = np.reshape(np.asarray(pixels, dtype=np.uint8), (height, width, 4))[..., :3]
-        return colours.copy(), np.reshape(np.asarray(seen), (height, width))
+    def render(self, look: Look, width: int, height: int, light: Light) -> tuple[Picture, Matrix]:
+        """Return what is seen, and how high above the floor each pixel is [m]; the sky: infinite.
+
+        Both have the shape (height, width), colours also three channels.
+        """
+        yaw, pitch = math.radians(look.yaw - 90), -math.radians(look.pitch)
+        view = view_matrix(look.target, look.distance, yaw, pitch)
+        projection = projection_matrix(math.radians(look.fov), width / height, _NEAR, _FAR)
+        colours, depth = self._physics.engine.image((width, height), view, projection, light)
+        return colours.copy(), _heights(depth, np.linalg.inv(projection @ view))
+
+
+def _heights(depth: Matrix, to_world: Matrix) -> Matrix:
+    """Return the height of each pixel of a depth buffer, shape (h, w) [m].
+
+    to_world: the inverse of view and projection, shape (4, 4).
+    """
+    height, width = depth.shape
+    # The renderer samples the lower left corner of a pixel.
+    right = 2 * np.arange(width) / width - 1
+    up = 1 - 2 * np.arange(1, height + 1) / height
+    x, y = np.meshgrid(right, up)
+    z, w = (row[0] * x + row[1] * y + row[2] * (2 * depth - 1) + row[3] for row in to_world[2:])
+    return np.where(depth < 1.0, z / w, np.inf)
 
 
 def _picture(pixels: Any) -> Picture:
@@ -181,7 +191,7 @@ def _picture(pixels: Any) -> Picture:
 def _matrix(pose: tuple[Any, Any]) -> Matrix:
     """Return a pose as matrix, shape (4, 4)."""
     matrix = np.eye(4)
-    matrix[:3, :3] = np.reshape(bullet.getMatrixFromQuaternion(pose[1]), (3, 3))
+    matrix[:3, :3] = rotation(pose[1])
     matrix[:3, 3] = pose[0]
     return matrix
 

@@ -313,6 +313,13 @@ class Engine(Protocol):
         """
         ...
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """Return the lower and the upper corner of the box around a link's collision shapes [m].
+
+        It is that of `neighbours`; that of a link without shapes is around its centre of mass.
+        """
+        ...
+
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""
         ...

@@ -1,10 +1,12 @@
 """A world in the physics engine: its bodies, links and joints by name."""
 
 import dataclasses
+import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import TypeVar
+from weakref import WeakValueDictionary
 
 from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
@@ -23,6 +25,8 @@ _GEAR_ERP = 0.2
 _GEAR_FORCE = 1e4
 _STANDS = 1e-3
 """Gap below which a thing stands on what is beneath it [m]."""
+_NUMBERS = itertools.count()
+_OPEN: WeakValueDictionary[int, "Physics"] = WeakValueDictionary()
 
 
 class Physics:
@@ -52,6 +56,8 @@ class Physics:
         self._actuation = params.actuation
         self._followers: dict[Link, list[Joint]] = {}
         self._goods: list[int] = []
+        self._number = next(_NUMBERS)
+        _OPEN[self._number] = self
         try:
             loaded = [row for name, body in world.bodies.items() for row in self._load(name, body)]
             if any(keys[-1] == "urdf" for keys, _ in self.mistakes):
@@ -120,6 +126,7 @@ class Physics:
 
     def close(self) -> None:
         """Disconnect from the engine."""
+        _OPEN.pop(self._number, None)
         self.engine.close()
 
     # --- loading --------------------------------------------------------------------------
@@ -261,6 +268,11 @@ class Physics:
         for follower in self._followers.get(leader, ()):
             if follower.mimic is not None:
                 yield follower, follower.mimic
+
+
+def open_worlds() -> list[Physics]:
+    """Return the worlds that are open in this process, in the order in which they were opened."""
+    return [world for _, world in sorted(_OPEN.items())]
 
 
 def _by_name(rows: Iterable[tuple[str, str, T]]) -> dict[str, T]:

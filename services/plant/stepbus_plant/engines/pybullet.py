@@ -29,6 +29,8 @@ from stepbus_schemas import Point, Quaternion, WiringError
 # What the engine gives a moving link: collision group, and groups that it collides with.
 _GROUP, _ALL_GROUPS = 1, -1
 _WHITE = (1.0, 1.0, 1.0)
+_NOTHING = 1.0 - 1e-7
+"""Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
 
 
 def _import_pybullet() -> Any:
@@ -430,13 +432,18 @@ class BulletEngine:
             bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
         )
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """Return the lower and the upper corner of the box around a link's shapes [m]."""
+        corners: tuple[Point, Point] = bullet.getAABB(*link, self.client)
+        return corners
+
     def neighbours(self, link: Link, within: float) -> list[Link]:
         """Return links of other bodies whose boxes are near that of a link, sorted.
 
         The boxes are those of the latest physics substep. The engine makes them 20 mm larger than
         the link (gContactBreakingThreshold), which is more than it moves in a substep.
         """
-        low, high = bullet.getAABB(*link, self.client)
+        low, high = self.box(link)
         pairs = bullet.getOverlappingObjects(
             [x - within for x in low], [x + within for x in high], **self._here
         )
@@ -483,7 +490,8 @@ class BulletEngine:
         )
         width, height = size
         colours = np.reshape(np.asarray(rgba, dtype=np.uint8), (height, width, 4))[..., :3]
-        return colours, np.asarray(depth, dtype=np.float64)
+        buffer = np.asarray(depth, dtype=np.float64)
+        return colours, np.where(buffer < _NOTHING, buffer, 1.0)
 
 
 def _contacts(rows: Iterable[Any]) -> list[Contact]:

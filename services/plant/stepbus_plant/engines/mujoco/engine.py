@@ -326,6 +326,12 @@ class MujocoEngine:
         """See `Engine`."""
         return self._world.looked().space.neighbours(link, within)
 
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """See `Engine`."""
+        corners = self._world.looked().space.box(link)
+        centre = self.motion(link).centre
+        return corners or (centre, centre)
+
     def forget_contacts(self, link: Link) -> None:
         """Do nothing: each substep finds its contacts anew."""
 

@@ -81,6 +81,14 @@ class Space:
             near |= {self._link[other] for other in self._shapes[overlap]}
         return sorted(other for other in near if other[0] != link[0])
 
+    def box(self, link: Link) -> tuple[Point, Point] | None:
+        """Return the corners of the box around the shapes of a link; None: it has none."""
+        own = np.isin(self._shapes, self._geoms.get(link, ()))
+        if not own.any():
+            return None
+        low, high = self._boxes()
+        return _point(low[own].min(axis=0)), _point(high[own].max(axis=0))
+
     def _boxes(self) -> tuple[Array, Array]:
         """Return the corners of the boxes of all shapes, shape (n, 3) each."""
         model, data, shapes = self._model, self._data, self._shapes
