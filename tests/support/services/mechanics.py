@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import pytest
 
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_plant.engine import BASE, Contact
-from stepbus_plant.engines import ENGINES
 from stepbus_plant.geometry import rotation
 from stepbus_schemas import JointCommand
 
@@ -18,13 +16,6 @@ G = 9.81
 MS = 1_000_000
 STEP = 1e-3
 """Length of a physics substep, and of the plant's step, unless a test says otherwise [s]."""
-
-
-def not_yet(name: str, reason: str) -> pytest.MarkDecorator:
-    """Mark a test of every engine that one of them does not pass yet; it says when it does."""
-    marks = pytest.mark.xfail(strict=True, reason=reason)
-    rows = [pytest.param(n, marks=marks) if n == name else n for n in ENGINES]
-    return pytest.mark.parametrize("engine", rows, indirect=True)
 
 
 Inertia = tuple[float, float, float]

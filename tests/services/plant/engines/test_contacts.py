@@ -16,7 +16,6 @@ from support.services.mechanics import (
     centre,
     fixed,
     make,
-    not_yet,
     number,
     slope,
     velocity,
@@ -41,7 +40,6 @@ def test_a_box_holds_on_a_slope_below_the_angle_of_friction(tmp_path, engine):
     assert centre(advance(plant, 1000), "thing") @ down == pytest.approx(before, abs=1e-3)
 
 
-@not_yet("mujoco", "a box that slides rattles: sliding lifts it off its contacts")
 def test_a_box_slides_on_a_slope_above_the_angle_of_friction(tmp_path, engine):
     plant, down = on_slope(tmp_path, engine, 0.7)
     angle = math.atan(0.7)
@@ -65,7 +63,6 @@ def test_a_ball_rolls_down_a_slope_without_slipping(tmp_path, engine, share):
     assert motion.spin[1] * radius == pytest.approx(np.dot(motion.velocity, down), rel=0.01)
 
 
-@not_yet("mujoco", "its contacts throw things back with up to 0.23 of their velocity")
 def test_a_box_that_falls_stays_on_the_floor(tmp_path, engine):
     falling = Row(box("crate", 1.0, 0.1, 0.1, 0.1), "position: [0, 0, 0.3]")
     plant = make(tmp_path, engine, {"ground": fixed(FLOOR), "crate": falling})
@@ -150,7 +147,6 @@ def test_the_nearest_points_of_two_boxes(tmp_path, engine):
     assert (*low, *high) == pytest.approx((0.15, -0.1, -0.1, 0.35, 0.1, 0.1), abs=0.025)
 
 
-@not_yet("mujoco", "a box that slides rattles: sliding lifts it off its contacts")
 def test_friction_is_the_same_in_every_direction(tmp_path, engine):
     angle = math.atan(0.7)
     ground, down, thing = slope(angle, 0.5, FLAT[2] / 2)
@@ -193,7 +189,6 @@ def test_spinning_friction_slows_a_ball_that_turns_on_the_spot(tmp_path, engine)
     assert spin[2] == pytest.approx(max(expected, 0.0), abs=0.5)
 
 
-@not_yet("mujoco", "a wall that moves throws the crate ahead, by 0.42 of its velocity")
 def test_a_fixed_body_that_moves_pushes_what_is_before_it(tmp_path, engine):
     """A wall goes 0.3 m in 1 s; the crate is pushed ahead of it, and slides on by v² / 2 μ g."""
     bodies = {

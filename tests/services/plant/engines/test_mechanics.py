@@ -23,7 +23,6 @@ from support.services.mechanics import (
     joint,
     link,
     make,
-    not_yet,
     robot,
     state,
     velocity,
@@ -45,7 +44,6 @@ def test_free_fall_is_that_of_semi_implicit_euler(tmp_path, engine):
     assert velocity(plant, "stone")[2] == pytest.approx(-G * STEP * n, rel=1e-9)
 
 
-@not_yet("mujoco", "it integrates the velocity of the frame, not that of the centre of mass")
 def test_a_thrown_body_turns_about_its_centre_of_mass(tmp_path, engine):
     thrown = Row(box("club", 2.0, 0.4, 0.1, 0.2, centre="0.3 0 0.1"))
     plant = make(tmp_path, engine, {"club": thrown}, "gravity: [0, 0, 0]")
@@ -191,7 +189,6 @@ def test_a_joint_with_mimic_follows(tmp_path, engine):
     assert abs(errors[-1]) < 2e-3
 
 
-@not_yet("mujoco", "it cannot build a joint whose stops are one place")
 def test_a_joint_whose_stops_are_one_place_is_locked(tmp_path, engine):
     plant = rod(tmp_path, engine, "lower: 0.4, upper: 0.4")
     places = [state(advance(plant, 1), "hinge")[0] for _ in range(500)]

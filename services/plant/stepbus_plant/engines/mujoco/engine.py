@@ -29,6 +29,8 @@ from stepbus_schemas import Point
 _FRICTION_RATIO = 30.0
 """How much harder friction is than what presses: what is held does not creep."""
 _TOLERANCE = 1e-12
+_LEAST_RANGE = 1e-9
+"""MuJoCo has no joint that is locked by its stops [rad]."""
 
 
 class MujocoEngine:
@@ -187,7 +189,7 @@ class MujocoEngine:
         joint.damping = [damping, 0.0, 0.0] if np.size(joint.damping) > 1 else damping
         is_limited = math.isfinite(lower) and math.isfinite(upper)
         joint.limited = int(is_limited)
-        joint.range = [lower, upper] if is_limited else [0.0, 0.0]
+        joint.range = [lower, max(upper, lower + _LEAST_RANGE)] if is_limited else [0.0, 0.0]
         self._is_changed = True
 
     def couple(

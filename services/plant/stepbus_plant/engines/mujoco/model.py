@@ -44,8 +44,10 @@ class Body:
     """A loaded body. names: of its links, the root first. infos: its joints.
 
     parents: link → the one above it. inertials: link → pose of its centre of mass. is_fixed:
-    whether its root stands. standing: links that cannot move. solid: links with a shape. root: its
-    place when it was loaded. frictions: lateral, spinning and rolling, by shape.
+    whether its root stands. standing: links that cannot move. solid: links with a shape.
+    root: its place when it was loaded. shift: the frame of a free root as the model has it, in that
+    of the URDF [m]: at its centre of mass, which flies in a straight line, however it spins.
+    frictions: lateral, spinning and rolling, by shape.
     """
 
     number: int
@@ -56,6 +58,7 @@ class Body:
     masses: dict[int, float]
     root: Pose
     is_fixed: bool
+    shift: Point = (0.0, 0.0, 0.0)
     frictions: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     standing: set[int] = field(default_factory=set)
     solid: set[int] = field(default_factory=set)
@@ -67,7 +70,7 @@ class Body:
 
 def hard(dt: float) -> dict[str, Any]:
     """Return the parameters of hard constraints; dt: length of a substep [s]."""
-    return {"solref": [2 * dt, 1.0], "solimp": list(_CONTACT)}
+    return {"solref": [2 * dt, 2.0], "solimp": list(_CONTACT)}
 
 
 class Builder:
@@ -108,18 +111,20 @@ class Builder:
         } if has_visuals else None  # fmt: skip
         place = _Place(urdf.parent, palette, friction)
         base = self._spec.worldbody.add_body(name=body.body_name(BASE))
-        _set_pose(base, pose)
         base.mocap = is_fixed
         if is_fixed:
             body.standing.add(BASE)
         else:
             base.add_freejoint(name=f"{number}/free")
+            inertial = links[top].find("inertial")
+            body.shift = (0.0, 0.0, 0.0) if inertial is None else _origin(inertial)[0]
         made = {BASE: base}
         self._fill(body, BASE, base, links[top], place)
         for n, joint in enumerate(order):
             above = body.parents[n]
             made[n] = link = made[above].add_body(name=body.body_name(n))
-            _set_pose(link, _origin(joint))
+            at, turn = _origin(joint)
+            link.pos, link.quat = _shifted(at, body, above), _wxyz(turn)
             if body.infos[n].type == "fixed":
                 body.standing |= {n} if above in body.standing else set()
             else:
@@ -155,6 +160,7 @@ class Builder:
             shape = self._shape(collision, place.folder, is_solid=True)
             if shape is None:
                 continue
+            shape["pos"] = _shifted(shape["pos"], body, n)
             stands = n in body.standing
             link.add_geom(
                 **shape,
@@ -170,6 +176,7 @@ class Builder:
         for seen in element.findall("collision" if place.palette is None else "visual"):
             shape = self._shape(seen, place.folder, is_solid=False)
             if shape is not None:
+                shape["pos"] = _shifted(shape["pos"], body, n)
                 rgba = _colour(seen, place.palette or {})
                 link.add_geom(**shape, group=LOOKS, contype=0, conaffinity=0, rgba=rgba)
 
@@ -185,7 +192,7 @@ class Builder:
             _attribute(tensor, key, 1, "0")[0] for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         link.explicitinertial = True
-        link.mass, link.ipos = mass, pose[0]
+        link.mass, link.ipos = mass, _shifted(pose[0], body, n)
         if not (xy or xz or yz):
             link.inertia, link.iquat = [xx, yy, zz], _wxyz(pose[1])
             return
@@ -347,8 +354,12 @@ def _origin(element: ET.Element) -> Pose:
     return _vector(origin, "xyz", "0 0 0"), quaternion(_vector(origin, "rpy", "0 0 0"))
 
 
-def _set_pose(body: Any, pose: Pose) -> None:
-    body.pos, body.quat = pose[0], _wxyz(pose[1])
+def _shifted(position: Point, body: Body, link: int) -> Point:
+    """Return a position in the frame of a link as the model has it."""
+    if link != BASE:
+        return position
+    x, y, z = (a - b for a, b in zip(position, body.shift, strict=True))
+    return x, y, z
 
 
 def _wxyz(orientation: Quaternion) -> list[float]:

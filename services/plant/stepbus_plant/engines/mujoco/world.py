@@ -15,6 +15,9 @@ from stepbus_plant.engines.mujoco.state import State
 from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_schemas import Point
 
+_SLIDES = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
+_ROUNDS = 3
+
 
 class World:
     """A compiled model, its state, and what we keep beside it."""
@@ -73,6 +76,7 @@ class World:
         mujoco.mj_fwdActuation(model, data)
         mujoco.mj_fwdAcceleration(model, data)
         mujoco.mj_fwdConstraint(model, data)
+        self._let_slide()
         self.motors.feel(data)
         if self.reactions:
             self._feel()
@@ -90,9 +94,11 @@ class World:
     def _push_along(self) -> None:
         """Let contacts with standing bodies that are moved know their velocity."""
         data = self.data
-        if not self._drift:
+        if not (self._drift and data.ncon):
             return
-        for contact in data.contact:
+        bodies = self.model.geom_bodyid[data.contact.geom]
+        for n in np.flatnonzero(np.isin(bodies, list(self._drift)).any(axis=1)):
+            contact = data.contact[int(n)]
             if contact.efc_address < 0:
                 continue
             for side, sign in ((0, 1.0), (1, -1.0)):
@@ -104,6 +110,27 @@ class World:
                     rows = slice(contact.efc_address, contact.efc_address + min(contact.dim, 3))
                     damping = data.efc_KBIP.reshape(-1, 4)[rows, 1]
                     data.efc_aref[rows] += sign * damping * along[: len(damping)]
+
+    def _let_slide(self) -> None:
+        """Keep what slides on what it slides on.
+
+        MuJoCo's convex cone lifts a sliding contact at a rate of friction times speed: it would
+        rattle. Less of that is asked for, by as much as it lifts, until it does not.
+        """
+        model, data = self.model, self.data
+        if not (data.ncon and data.nefc):
+            return
+        first = data.contact.efc_address
+        keep = (first >= 0) & (data.efc_state[first] == _SLIDES)
+        if not keep.any():
+            return
+        rows, friction = first[keep], data.contact.friction[keep, 0]
+        wanted, acceleration = data.efc_aref[rows].copy(), np.empty(data.nefc)
+        for _ in range(_ROUNDS):
+            mujoco.mj_mulJacVec(model, data, acceleration, data.qacc)
+            along = acceleration - data.efc_aref
+            data.efc_aref[rows] = wanted - friction * np.hypot(along[rows + 1], along[rows + 2])
+            mujoco.mj_fwdConstraint(model, data)
 
     def _feel(self) -> None:
         """Keep the reactions of watched joints, as they are before the bodies move."""
@@ -188,8 +215,11 @@ class World:
     def frame(self, link: Link) -> Pose:
         """Return the pose of a link's frame."""
         data = self.looked().data
-        x, y, z = data.xpos[self._id[link]].tolist()
-        w, i, j, k = data.xquat[self._id[link]].tolist()
+        number = self._id[link]
+        x, y, z = data.xpos[number].tolist()
+        w, i, j, k = data.xquat[number].tolist()
+        if link[1] == BASE and any(shift := self._bodies[link[0]].shift):
+            x, y, z = (data.xpos[number] - data.xmat[number].reshape(3, 3) @ shift).tolist()
         return (x, y, z), (i, j, k, w)
 
     def motion(self, link: Link) -> Motion:
@@ -213,7 +243,8 @@ class World:
             data.mocap_pos[mocap], data.mocap_quat[mocap] = (x, y, z), (w, i, j, k)
         else:
             at = self.model.jnt_qposadr[self.model.body_jntadr[number]]
-            data.qpos[at : at + 7] = (x, y, z, w, i, j, k)
+            data.qpos[at : at + 3] = np.array(frame[0]) + _matrix(frame) @ self._bodies[body].shift
+            data.qpos[at + 3 : at + 7] = (w, i, j, k)
         self._is_seen = False
 
     def put(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
@@ -221,9 +252,9 @@ class World:
         self.place(body, frame)
         number = self._id[body, BASE]
         turn = _matrix(frame)
-        arm = turn @ np.array(self._bodies[body].inertials[BASE][0])
-        linear, angular = np.array(velocity) - np.cross(spin, arm), np.array(spin)
+        linear, angular = np.array(velocity), np.array(spin)
         if self._bodies[body].is_fixed:
+            linear -= np.cross(spin, turn @ self._bodies[body].inertials[BASE][0])
             self._drift.pop(number, None)
             if linear.any() or angular.any():
                 self._drift[number] = linear, angular
