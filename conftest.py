@@ -25,11 +25,13 @@ ROBOTS_MISSING = re.compile(r"run `make robots`")
 
 
 def pytest_addoption(parser):
-    """Add `--unit` (`make test-unit`) and `--fresh-examples` (part of `make test-slow`)."""
+    """Add `--unit` (`make test-unit`), `--fresh-examples` (`make test-slow`) and `--engine`."""
     parser.addoption("--unit", action="store_true", help="skip tests that start a process")
     text = "property tests draw from a fresh seed, and ten times as many examples"
     parser.addoption("--fresh-examples", action="store_true", help=text)
     parser.addoption("--passed-to", metavar="FILE", help="write the names of passed tests there")
+    text = "the engine of worlds that name none, in tests that start no process"
+    parser.addoption("--engine", metavar="NAME", help=text)
     parser.addoption("--but", metavar="FILE", help="leave out the tests that are named there")
 
 
@@ -43,6 +45,10 @@ def pytest_configure(config):
     settings.register_profile("fixed", derandomize=True, deadline=None)
     settings.register_profile("fresh", max_examples=10 * DEFAULT, deadline=None, print_blob=True)
     settings.load_profile("fresh" if config.getoption("--fresh-examples") else "fixed")
+    if engine := config.getoption("--engine"):
+        from stepbus_plant import engines  # noqa: PLC0415  others need no engine
+
+        engines.ENGINES = (engine, *(name for name in engines.ENGINES if name != engine))
 
 
 # Tests that are started in the background or with nohup ignore signals, and so would all

@@ -1,10 +1,7 @@
 """PyBullet: the reference, whose recordings have the same bytes on every machine."""
 
-import ctypes
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +20,9 @@ from stepbus_plant.engine import (
     Motion,
     PhysicsError,
 )
+from stepbus_plant.engines.bullet import BulletGeometry, bullet
 from stepbus_plant.geometry import Array, Geometry, Pose
-from stepbus_schemas import Point, Quaternion, WiringError
+from stepbus_schemas import Point, WiringError
 
 # What the engine gives a moving link: collision group, and groups that it collides with.
 _GROUP, _ALL_GROUPS = 1, -1
@@ -33,65 +31,11 @@ _NOTHING = 1.0 - 1e-7
 """Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
 
 
-def _import_pybullet() -> Any:
-    """Import PyBullet, which prints when it was built: to descriptor 2 instead of 1.
-
-    It does so in C, and where a run is in the process of the user's program, 1 is that program's.
-    """
-    flush = ctypes.CDLL(None).fflush
-    try:
-        stdout, stderr = os.dup(1), os.dup(2)
-    except OSError:
-        return import_module("pybullet")
-    flush(None)
-    os.dup2(stderr, 1)
-    try:
-        return import_module("pybullet")
-    finally:
-        flush(None)
-        os.dup2(stdout, 1)
-        os.close(stdout)
-        os.close(stderr)
-
-
-bullet = _import_pybullet()
-
-
 _TYPES = {
     bullet.JOINT_REVOLUTE: "revolute",
     bullet.JOINT_PRISMATIC: "prismatic",
     bullet.JOINT_FIXED: "fixed",
 }
-
-
-class BulletGeometry(Geometry):
-    """PyBullet's own geometry: in single precision, but for angles."""
-
-    def compose(self, one: Pose, other: Pose) -> Pose:
-        """See `Geometry`."""
-        pose: Pose = bullet.multiplyTransforms(*one, *other)
-        return pose
-
-    def inverse(self, pose: Pose) -> Pose:
-        """See `Geometry`."""
-        inverted: Pose = bullet.invertTransform(*pose)
-        return inverted
-
-    def turned(self, orientation: Quaternion, direction: Point) -> Point:
-        """See `Geometry`."""
-        in_world: Point = bullet.rotateVector(orientation, direction)
-        return in_world
-
-    def _slerp(self, one: Quaternion, other: Quaternion, share: float) -> Quaternion:
-        orientation: Quaternion = bullet.getQuaternionSlerp(one, other, share)
-        return orientation
-
-    def spin_between(self, one: Quaternion, other: Quaternion, seconds: float) -> Point:
-        """See `Geometry`."""
-        axis, angle = bullet.getAxisAngleFromQuaternion(bullet.getDifferenceQuaternion(one, other))
-        angle = math.remainder(angle, 2 * math.pi)
-        x, y, z = (part * angle / seconds for part in axis)
-        return x, y, z
 
 
 class BulletEngine:
@@ -176,7 +120,7 @@ class BulletEngine:
         return body
 
     def joints(self, body: int) -> list[JointInfo]:
-        """Return all joints of a body, in the order of their numbers."""
+        """See `Engine`."""
         infos = (
             bullet.getJointInfo(body, index, self.client)
             for index in range(bullet.getNumJoints(body, **self._here))
@@ -197,16 +141,16 @@ class BulletEngine:
         ]
 
     def links(self, body: int) -> dict[str, Link]:
-        """Return each link of a body by its name, the root first."""
+        """See `Engine`."""
         root = bullet.getBodyInfo(body, self.client)[0].decode()
         return {root: (body, BASE), **{j.link: (body, j.index) for j in self.joints(body)}}
 
     def is_solid(self, link: Link) -> bool:
-        """Return whether a link has a collision shape."""
+        """See `Engine`."""
         return bool(bullet.getCollisionShapeData(*link, **self._here))
 
     def let_through(self, one: Link, other: Link) -> None:
-        """Disable collisions between two links."""
+        """See `Engine`."""
         bullet.setCollisionFilterPair(one[0], other[0], one[1], other[1], 0, **self._here)
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
@@ -223,17 +167,17 @@ class BulletEngine:
     # --- joints ---------------------------------------------------------------------------
 
     def read(self, body: int, indices: Sequence[int]) -> Any:
-        """Return (position, velocity, reaction, applied torque) of joints of a body."""
+        """See `Engine`."""
         return bullet.getJointStates(body, indices, self.client)
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
-        """Set position [rad] and velocity [rad/s] of a joint, regardless of forces."""
+        """See `Engine`."""
         bullet.resetJointState(body, index, position, velocity, **self._here)
 
     def set_joint(
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
-        """Set damping [N·m·s/rad] and stops [rad] of a joint; infinite: none."""
+        """See `Engine`."""
         stops = {"jointLowerLimit": lower, "jointUpperLimit": upper} if lower > -math.inf else {}
         bullet.changeDynamics(body, index, jointDamping=damping, **stops, **self._here)
 
@@ -248,10 +192,7 @@ class BulletEngine:
         erp: float,
         force: float,
     ) -> None:
-        """Keep a joint where another one takes it, as by gears.
-
-        erp: share of the error that a substep corrects. force: the largest [N or N·m].
-        """
+        """See `Engine`."""
         origins = {"parentFramePosition": (0.0, 0.0, 0.0), "childFramePosition": (0.0, 0.0, 0.0)}
         pair, axis = (body, follower, body, leader), (1.0, 0.0, 0.0)
         gear = bullet.createConstraint(
@@ -267,7 +208,7 @@ class BulletEngine:
         )
 
     def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
-        """Apply torques [N·m] to joints in the next substep only."""
+        """See `Engine`."""
         bullet.setJointMotorControlArray(
             body, indices, bullet.TORQUE_CONTROL, forces=torques, physicsClientId=self.client
         )
@@ -279,7 +220,7 @@ class BulletEngine:
         velocities: Sequence[float],
         torques: Sequence[float],
     ) -> None:
-        """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
+        """See `Engine`."""
         bullet.setJointMotorControlArray(
             body,
             indices,
@@ -290,7 +231,7 @@ class BulletEngine:
         )
 
     def resist(self, body: int, index: int, torque: float) -> None:
-        """Set a motor that resists any motion of a joint with up to a torque [N·m]."""
+        """See `Engine`."""
         bullet.setJointMotorControl2(
             body,
             index,
@@ -311,11 +252,7 @@ class BulletEngine:
         max_velocity: float = 0.0,
         gain: float = 0.0,
     ) -> None:
-        """Set a motor that tracks a position [rad] and its velocity with a limited torque [N·m].
-
-        max_velocity: [rad/s]; 0: none. gain: share of the error that a substep corrects; 0: the
-        engine's.
-        """
+        """See `Engine`."""
         more = {"maxVelocity": max_velocity} if max_velocity > 0.0 else {}
         more |= {"positionGain": gain, "velocityGain": 1.0} if gain else {}
         bullet.setJointMotorControl2(
@@ -330,36 +267,33 @@ class BulletEngine:
         )
 
     def watch_reaction(self, joint: Link) -> None:
-        """Measure from now on what everything beyond a joint exerts on it."""
+        """See `Engine`."""
         bullet.enableJointForceTorqueSensor(*joint, True, self.client)
 
     def reaction(self, joint: Link) -> tuple[Array, Array]:
-        """Return the reaction of the latest substep: force [N] and torque [N·m], shape (3,) each.
-
-        Both in the frame of the child's centre of mass, and about it.
-        """
+        """See `Engine`."""
         values = np.array(bullet.getJointState(*joint, self.client)[2])
         return values[:3], values[3:]
 
     # --- poses ----------------------------------------------------------------------------
 
     def mass(self, link: Link) -> float:
-        """Return the mass of a link [kg]; 0: it is fixed."""
+        """See `Engine`."""
         mass: float = bullet.getDynamicsInfo(*link, self.client)[0]
         return mass
 
     def inertial(self, link: Link) -> Pose:
-        """Return the pose of a link's centre of mass in its frame."""
+        """See `Engine`."""
         pose: Pose = bullet.getDynamicsInfo(*link, self.client)[3:5]
         return pose
 
     def centre(self, body: int) -> Pose:
-        """Return the pose of the centre of mass of a body's root link."""
+        """See `Engine`."""
         pose: Pose = bullet.getBasePositionAndOrientation(body, self.client)
         return pose
 
     def frame(self, link: Link) -> Pose:
-        """Return the pose of a link's frame, that of the URDF."""
+        """See `Engine`."""
         body, index = link
         if index == BASE:
             if body not in self._to_frame:
@@ -376,12 +310,12 @@ class BulletEngine:
         return self.frames(body, [index])[0]
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
-        """Return the frames of links other than the root."""
+        """See `Engine`."""
         states = bullet.getLinkStates(body, indices, computeForwardKinematics=True, **self._here)
         return [state[4:6] for state in states]
 
     def motion(self, link: Link) -> Motion:
-        """Return pose and velocity of a link."""
+        """See `Engine`."""
         body, index = link
         if index == BASE:
             velocity, spin = bullet.getBaseVelocity(body, self.client)
@@ -392,16 +326,16 @@ class BulletEngine:
         return Motion(state[4:6], state[0], state[6], state[7])
 
     def put(self, body: int, frame: Pose) -> None:
-        """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
+        """See `Engine`."""
         self.put_centre(body, self.geometry.compose(frame, self.inertial((body, BASE))))
 
     def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """Put the frame of a body's root link somewhere, moving like that [m/s, rad/s]."""
+        """See `Engine`."""
         self.put(body, frame)
         bullet.resetBaseVelocity(body, velocity, spin, **self._here)
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
-        """Put the centre of mass of a body's root link somewhere, at rest or moving as before."""
+        """See `Engine`."""
         velocity = bullet.getBaseVelocity(body, self.client) if keeps_velocity else None
         bullet.resetBasePositionAndOrientation(body, *pose, self.client)
         if velocity is not None:
@@ -410,30 +344,24 @@ class BulletEngine:
     # --- contacts, rays, images -----------------------------------------------------------
 
     def update_shapes(self) -> None:
-        """Update the shapes that contacts, boxes and rays see to where they are now.
-
-        Otherwise these are where they were in the latest substep, or when they were loaded.
-        """
+        """See `Engine`."""
         bullet.performCollisionDetection(self.client)
 
     def contacts(
         self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
     ) -> list[Contact]:
-        """Return the contacts of the latest substep; of one body or link, it is the first one.
-
-        are_pressed: only those with a force.
-        """
+        """See `Engine`."""
         rows = bullet.getContactPoints(bodyA=body, linkIndexA=link, **self._here)
         return _contacts([row for row in rows if row[9] > 0.0] if are_pressed else rows)
 
     def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
-        """Return the nearest points of a link and of another body or its link, if within [m]."""
+        """See `Engine`."""
         return _contacts(
             bullet.getClosestPoints(link[0], body, within, link[1], other, **self._here)
         )
 
     def box(self, link: Link) -> tuple[Point, Point]:
-        """Return the lower and the upper corner of the box around a link's shapes [m]."""
+        """See `Engine`."""
         corners: tuple[Point, Point] = bullet.getAABB(*link, self.client)
         return corners
 
@@ -455,10 +383,7 @@ class BulletEngine:
         bullet.setCollisionFilterGroupMask(*link, _GROUP, _ALL_GROUPS, **self._here)
 
     def cast(self, starts: Array, ends: Array) -> Array:
-        """Return how far along each ray the first hit is, from 0 to 1, or infinity.
-
-        starts, ends: shape (n, 3) [m].
-        """
+        """See `Engine`."""
         hits = bullet.rayTestBatch(starts.tolist(), ends.tolist(), numThreads=1, **self._here)
         return np.array([hit[2] if hit[0] >= 0 else math.inf for hit in hits])
 

@@ -27,7 +27,7 @@ SOURCES = (
     "participant",
 )
 FOLDER = "services/plant/stepbus_plant/engines/"
-OWNERS = {"pybullet": f"{FOLDER}pybullet.py", "mujoco": f"{FOLDER}mujoco/"}
+OWNERS = {"pybullet": f"{FOLDER}bullet.py", "mujoco": f"{FOLDER}mujoco/"}
 
 
 def imported(tree):
