@@ -24,7 +24,7 @@ from stepbus_plant.engines.mujoco.image import Painter
 from stepbus_plant.engines.mujoco.model import Body, Builder, hard
 from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Geometry, Pose
-from stepbus_schemas import Point
+from stepbus_schemas import Point, WiringError
 
 _FRICTION_RATIO = 30.0
 """How much harder friction is than what presses: what is held does not creep."""
@@ -131,6 +131,8 @@ class MujocoEngine:
             body = self._builder.add(
                 number, urdf, pose, friction, is_fixed=is_fixed, has_visuals=has_visuals
             )
+        except WiringError:
+            raise
         except ValueError as exc:
             raise PhysicsError(str(exc)) from exc
         self._bodies.append(body)
