@@ -130,6 +130,7 @@ def test_a_recording_is_named_by_its_result_folder_or_file(result, source):
     assert stepbus.diff(where, result).equal
 
 
+@pytest.mark.slow
 def test_a_replay_compares_within_a_tolerance(result):
     override = {"controller.params.kp": 101}
     assert not stepbus.replay(result, "controller", set=override).equal

@@ -16,6 +16,7 @@ def asked(monkeypatch):
     return calls
 
 
+@pytest.mark.slow
 def test_axes_are_texts_or_a_map_of_values(asked):
     by_map = {
         "controller.params.kp": [50, 100.5],

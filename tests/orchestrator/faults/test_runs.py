@@ -115,6 +115,7 @@ def test_a_held_participant_is_replaced_by_its_last_and_then_a_safe_command(tmp_
     assert (len(commands), result.steps) == (64, 64)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("window", [pytest.param(1, marks=pytest.mark.slow), 64])
 def test_a_frozen_participant_is_held_with_the_same_result_in_every_window(tmp_path, window):
     overrides = [*FAST, "controller.on_fault=hold", f"window={window}"]

@@ -142,6 +142,8 @@ def test_without_its_warm_parent_a_participant_is_started(tmp_path, forked, monk
     monkeypatch.setattr(warm, "_ANSWER_S", 0.2)
     before = living_children()
     with warm.warm_parent():
+        # Between fork and exec it still has our command line.
+        assert comes_true(lambda: warm_ones(living_children() - before))
         (parent,) = warm_ones(living_children() - before)
         parent.send_signal(number)
         result = run_joints(tmp_path, "duration=50ms")

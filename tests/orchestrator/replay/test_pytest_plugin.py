@@ -95,6 +95,7 @@ def test_a_log_may_be_the_folder_of_its_run(logs, two_link_recording):
     logs.runpytest_inprocess(*PLUGIN).assert_outcomes(passed=1)
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("starts_a_process")
 def test_a_test_catches_a_gain_changed_in_the_work_tree(pytester):
     (pytester.path / ".git").mkdir()

@@ -243,6 +243,7 @@ def test_ctrl_c_ends_one_that_computes(tmp_path):
     assert json.loads(output)["outcome"] == "failed"
 
 
+@pytest.mark.slow
 def test_the_command_prints_json_and_nothing_else(tmp_path):
     done = subprocess.run(
         [*STEPBUS, "run", "two_link", "--in-process", "--json", "--set", "duration=100ms",

@@ -28,6 +28,7 @@ def test_a_describe_that_fails_quotes_the_log_and_leaves_nothing(own_temp, broke
     assert not list(own_temp.iterdir())
 
 
+@pytest.mark.slow
 def test_a_replay_that_fails_quotes_the_log_and_leaves_nothing(own_temp, tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
     assert main(["run", str(path), "--set", "duration=50ms", "--out", str(tmp_path / "run")]) == 0

@@ -83,6 +83,7 @@ def test_where_no_further_process_may_be_started_they_are_the_same(tmp_path, mon
     assert shown(tmp_path, world) == two
 
 
+@pytest.mark.slow
 def test_cameras_drawn_at_once_see_what_they_see_one_by_one(tmp_path, monkeypatch):
     ports = {"wrist_rgb": "Image/1", "other_depth": "Image/1", "other_points": "PointCloud/1"}
     forks, fork = [], os.fork
