@@ -159,6 +159,14 @@ class Camera:
         """Ask for one image, at the next step."""
         self._is_asked = True
 
+    def save(self) -> Any:
+        """Return whether it is on, for a checkpoint; None where it waits for requests."""
+        return None if self._is_triggered else self.is_on
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        self.is_on = saved
+
     def takes(self, t_ns: int) -> bool:
         """Return whether it takes an image at a time [ns], to be asked once; requests end here."""
         is_asked, self._is_asked = self._is_asked, False

@@ -2,7 +2,9 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Any, NamedTuple
+
+import msgspec
 
 from stepbus_plant.engine import Contact, Link
 from stepbus_plant.noise import Noise
@@ -22,21 +24,22 @@ Pair = tuple[str, str]
 class Skin:
     """Electrodes all over some links: each measures the nearest surface, wherever that is.
 
-    links: those with a skin. errors: of its distances. random: numbers for that.
+    links: those with a skin. errors: of its distances. random: numbers for that. readings: how many
+    there were.
     """
 
     def __init__(self, links: Sequence[str], errors: ProximityErrors, random: Noise) -> None:
         self._noise, self._random = errors.noise, random
         gains = random.at(_CALIBRATION).normal(1.0, errors.gain, len(links)).tolist()
         self._gains: dict[str, float] = dict(zip(links, gains, strict=True))
-        self._readings = _CALIBRATION
+        self.readings = _CALIBRATION
 
     def measure(self, links: Sequence[str], distances: Sequence[float]) -> list[float]:
         """Return what the skins of some links measure of these distances in a step [m], ≥ 0."""
-        self._readings += 1
+        self.readings += 1
         if not links:
             return []
-        noise = self._random.at(self._readings).normal(1.0, self._noise, len(links)).tolist()
+        noise = self._random.at(self.readings).normal(1.0, self._noise, len(links)).tolist()
         return [
             max(distance * self._gains[link] * factor, 0.0)
             for link, distance, factor in zip(links, distances, noise, strict=True)
@@ -67,6 +70,9 @@ class _Load:
         self.peak = max(self.peak, force)
         self.impulse += force * seconds
         self.point = point
+
+
+_SavedLoad = tuple[Pair, float, float, _Point | None]
 
 
 class ContactSensor:
@@ -112,6 +118,18 @@ class ContactSensor:
         near = [(link, other) for link in self._near for other in self._neighbours(link)]
         ground = {other for link, other in near if self._closest(link, other, _STANDS_ON)}
         return {(link, other) for link, other in near if other in ground}
+
+    def save(self) -> Any:
+        """Return what has pressed since the latest reading, for a checkpoint."""
+        loads = [(pair, row.peak, row.impulse, row.point) for pair, row in self._loads.items()]
+        return loads, 0 if self._skin is None else self._skin.readings
+
+    def restore(self, saved: Any) -> None:
+        """Take what `save` returned."""
+        loads, readings = msgspec.convert(saved, tuple[list[_SavedLoad], int])
+        self._loads = {pair: _Load(peak, total, at) for pair, peak, total, at in loads}
+        if self._skin is not None:
+            self._skin.readings = readings
 
     def after_substep(self, seconds: float) -> None:
         """Add up what presses on the watched links; seconds: length of the substep."""

@@ -113,14 +113,15 @@ class Devices:
         }
 
     def save(self) -> dict[str, Any] | None:
-        """Return what devices remember; None where contacts are summed up, or images drawn."""
-        if self.felt or self.drawing.has_cameras:
-            return None
+        """Return what devices remember; None where that cannot be had."""
+        cameras = self.drawing.save()
         rows = {"/".join(key): sensor for key, sensor in self._sensors.items()}
-        return {key: row.save() for key, row in rows.items() if isinstance(row, _Remembers)}
+        states = {key: row.save() for key, row in rows.items() if isinstance(row, _Remembers)}
+        return None if cameras is None else {**states, "cameras": cameras}
 
     def restore(self, saved: Mapping[str, Any]) -> None:
         """Take what `save` returned."""
+        self.drawing.restore(saved["cameras"])
         for key, sensor in self._sensors.items():
             if isinstance(sensor, _Remembers):
                 sensor.restore(saved["/".join(key)])

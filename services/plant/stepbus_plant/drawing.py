@@ -8,9 +8,10 @@ where is decided by what it takes, and changes no result.
 import contextlib
 import os
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cached_property, partial
 from time import perf_counter
+from typing import Any
 
 from stepbus_participant.beside import Copy
 from stepbus_plant.camera import Camera, Rendering
@@ -73,6 +74,16 @@ class Drawing:
         self._took_s: dict[str, float] = {}
         self._under_way: list[_Picture] = []
         self._shown: dict[str, _Picture] = {}
+
+    def save(self) -> dict[str, Any] | None:
+        """Return the state of the cameras; None where one has no such, or images are under way."""
+        states = {camera.name: camera.save() for camera in self._cameras}
+        return None if self._under_way or None in states.values() else states
+
+    def restore(self, saved: Mapping[str, Any]) -> None:
+        """Take what `save` returned."""
+        for camera in self._cameras:
+            camera.restore(saved[camera.name])
 
     @property
     def has_cameras(self) -> bool:

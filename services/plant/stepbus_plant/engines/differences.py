@@ -19,7 +19,8 @@ DIFFERENCES = (
     Difference(
         "checkpoints",
         "bodies with a fixed base, at steps without contact",
-        "to the bit, with contacts; not with cameras or contact sensors that an output shows",
+        "to the bit, with contacts; not while images with a latency are drawn, and not with "
+        "cameras that wait for requests",
     ),
     Difference("joint damping", "explicit: too much of it diverges", "implicit: always stable"),
     Difference(

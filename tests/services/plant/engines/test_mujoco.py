@@ -6,7 +6,7 @@ import sys
 
 import pytest
 from support.paths import CHECKOUT
-from support.services.devices import box, link
+from support.services.devices import box, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
 from stepbus_plant.engine import PhysicsError
@@ -14,7 +14,7 @@ from stepbus_plant.engines.differences import DIFFERENCES, table
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.world_file import load_world
-from stepbus_schemas import WiringError
+from stepbus_schemas import GripperCommand, JointCommand, WiringError
 
 pytest.importorskip("mujoco", reason="the engine MuJoCo is not installed")
 
@@ -101,3 +101,66 @@ def has_osmesa():
     from ctypes.util import find_library  # noqa: PLC0415
 
     return find_library("OSMesa") is not None
+
+
+HOLDS = """
+engine: mujoco
+grippers: {gripper: {left: left, right: right}}
+contacts: {touch: {links: [left_pad, right_pad, can], within: 0.02}}
+imus: {shaken: {link: can, noise: {linear_acceleration: 0.01}}}
+lidars: {scan: {link: left_pad, rays: 5, noise: 0.01}}
+transforms: {seen: {links: [can], noise: {position: 0.001}}}
+wrenches: {felt: {joint: lift, noise: {force: 0.1}}}
+cameras: {eye: {link: left_pad, width: 32, height: 24, period: 100ms}}
+bodies:
+  ground: {urdf: ground.urdf, fixed_base: true}
+  gripper:
+    urdf: gripper.urdf
+    position: [0, 0, 0.1575]
+    fixed_base: true
+    joint_defaults: {mode: velocity}
+    joints: {left: {position: 0.045}, right: {position: 0.045}}
+  can: {urdf: can.urdf, position: [0, 0, 0.0575]}
+"""
+SHOWS = {
+    "gripper": "GripperState/1",
+    "touch": "Contacts/1",
+    "shaken": "Imu/1",
+    "scan": "LaserScan/1",
+    "seen": "Transforms/1",
+    "felt": "Wrench/1",
+    "truth": "Poses/1",
+    "rgb": "Image/1",
+}
+ASKED = {
+    1: {"gripper": GripperCommand(width=0.0, force=15.0)},
+    60: {"lift": JointCommand(mode="velocity", values=[0.1])},
+    110: {"gripper": GripperCommand(width=0.1, force=15.0)},
+}
+
+
+def hold(folder):
+    write_gripper(folder)
+    inputs = {"gripper": "GripperCommand/1", "lift": "JointCommand/1"}
+    errors = {"noise": 0.1, "gain": 0.1}
+    return make_stand(folder, HOLDS, SHOWS, inputs, proximity=errors, lift=["lift"])
+
+
+def test_a_plant_restored_in_the_middle_of_a_grasp_goes_on_to_the_bit_with_all_its_devices(
+    tmp_path,
+):
+    stand, shown, saved = hold(tmp_path), {}, {}
+    for step in range(140):
+        if step in (20, 55, 80, 115):
+            saved[step] = stand.participant.save()
+        shown[step] = stand.participant.output(None)
+        stand.update(step, **ASKED.get(step, {}))
+    assert [shown[step]["gripper"].holding for step in (20, 55, 80, 139)] == [
+        False, True, True, False,
+    ]  # fmt: skip
+    for start, state in saved.items():
+        again = hold(tmp_path)
+        again.participant.restore(state)
+        for step in range(start, 140):
+            assert again.participant.output(None) == shown[step], (start, step)
+            again.update(step, **ASKED.get(step, {}))
