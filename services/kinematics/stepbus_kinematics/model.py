@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from stepbus_kinematics.pinocchio_text import pinocchio_text
 from stepbus_participant import mimics, parse_urdf, read_urdf_text, suggest
 from stepbus_schemas import RunError, WiringError
 
@@ -38,9 +39,10 @@ class Overload:
 class RobotModel:
     """A robot with a fixed base of which some joints move, and all others stand still.
 
-    path: URDF or `.xacro`. joints: those that move, in the order of every vector of shape (n,);
-    None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those not named
-    are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,) [m/s²].
+    path: URDF, `.xacro`, SDF or MJCF. joints: those that move, in the order of every vector of
+    shape (n,); None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those
+    not named are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,)
+    [m/s²].
     bounded: every joint needs position limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
@@ -63,7 +65,7 @@ class RobotModel:
         self.path = path
         self.text = read_urdf_text(path)
         try:
-            self.full: Any = pin.buildModelFromXML(self.text)
+            self.full: Any = pin.buildModelFromXML(pinocchio_text(self.text))
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
         self._mimics = mimics(parse_urdf(self.text))
