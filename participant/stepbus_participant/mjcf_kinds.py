@@ -66,12 +66,6 @@ def _springs(mjcf: Mjcf) -> Iterator[str]:
             yield name
 
 
-def _endless_slides(mjcf: Mjcf) -> Iterator[str]:
-    for joint, name in enumerate(mjcf.joints):
-        if mjcf.joint_kind(joint) == "slide" and not mjcf.model.jnt_limited[joint]:
-            yield name
-
-
 _TENDON_FORCES = (
     *("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "armature"),
     *("limited",),
@@ -208,7 +202,6 @@ def _fluid(mjcf: Mjcf) -> Iterator[str]:
 KINDS = (
     Kind("ball joints", "refused", "use three hinges in one body", _ball_joints),
     Kind("springs of joints (`stiffness`)", "refused", "take them out", _springs),
-    Kind("slides without a `range`", "refused", "give each a range", _endless_slides),
     Kind(
         "tendons with a spring, damping, friction, armature or limits",
         "refused",
@@ -285,9 +278,7 @@ KINDS = (
     Kind("tendons that only measure or transmit", "left out", "commands go to joints"),
     Kind("constraints that are not active", "left out", "nothing activates them"),
     Kind("sensors", "left out", "the world file has its own"),
-    Kind(
-        "sites, cameras, lights, textures, skins, custom data", "left out", "nothing moves by them"
-    ),
+    Kind("sites, cameras, lights, textures, skins", "left out", "nothing moves by them"),
     Kind("geoms of groups 3 to 5", "left out", "of what is seen; solid ones collide"),
 )
 

@@ -35,7 +35,7 @@ class Mjcf:
         try:
             with warnings.catch_warnings(record=True) as given:
                 warnings.simplefilter("always")
-                spec = self.mj.MjSpec.from_file(str(path))
+                spec = self.mj.MjSpec.from_file(str(path.absolute()))
                 self.model: Any = compiled(spec)
         except (ValueError, self.mj.FatalError) as exc:
             reason = _one_line(exc).removeprefix("XML Error: ").removeprefix("Error: ")
@@ -102,12 +102,11 @@ class Mjcf:
 
     def colour(self, geom: int) -> list[float]:
         """Return red, green, blue and alpha of a geom, 0 to 1: its own, or its material's."""
-        own: list[float] = self.model.geom_rgba[geom].tolist()
-        material = self.model.geom_matid[geom]
-        if material < 0 or own != _DEFAULT_COLOUR:
-            return own
-        colour: list[float] = self.model.mat_rgba[material].tolist()
-        return colour
+        colour, material = self.model.geom_rgba[geom].tolist(), self.model.geom_matid[geom]
+        if material >= 0 and colour == _DEFAULT_COLOUR:
+            colour = self.model.mat_rgba[material].tolist()
+        # They have single precision.
+        return [round(value, 6) for value in colour]
 
     def geom_pose(self, geom: int) -> Pose:
         """Return the pose of a geom in its body; of a mesh, that of the frame of its file."""
@@ -136,7 +135,7 @@ class Mjcf:
         if address < 0:
             return None
         name: bytes = self.model.paths[address:].split(b"\0", 1)[0]
-        return self.path.parent / name.decode()
+        return self.path.parent.absolute() / name.decode()
 
     def mesh_problem(self, geom: int) -> str:
         """Return why a URDF cannot have a mesh as it is; empty: it can."""

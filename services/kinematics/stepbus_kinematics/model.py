@@ -68,7 +68,8 @@ class RobotModel:
             self.full: Any = pin.buildModelFromXML(pinocchio_text(self.text))
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
-        self._mimics = mimics(parse_urdf(self.text))
+        root = parse_urdf(self.text)
+        self._mimics, self._endless = mimics(root), _endless(root)
         movable = [name for name in self._movable() if name not in self._mimics]
         self.joints = tuple(movable if joints is None else joints)
         problems = list(self._problems(posture or {}, links, bounded=bounded))
@@ -163,8 +164,9 @@ class RobotModel:
             and position.tolist() == list(range(model.nq))
             and not continuous.any()
         )
-        self.lower: Vector = np.where(continuous, -np.inf, model.lowerPositionLimit[position])
-        self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
+        endless = continuous | np.array([name in self._endless for name in self.joints])
+        self.lower: Vector = np.where(endless, -np.inf, model.lowerPositionLimit[position])
+        self.upper: Vector = np.where(endless, np.inf, model.upperPositionLimit[position])
         self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
         self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
 
@@ -367,3 +369,10 @@ class RobotModel:
 def link_names(model: Any) -> tuple[str, ...]:
     """Return the names of all links of Pinocchio's model, in its order."""
     return tuple(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
+
+
+def _endless(root: Any) -> set[str]:
+    """Return the joints of a checked URDF that have no stops, as the plant reads it."""
+    joints = ((joint.get("name"), joint.find("limit")) for joint in root.findall("joint"))
+    keys = {name: () if limit is None else limit.attrib for name, limit in joints}
+    return {name for name, given in keys.items() if not {"lower", "upper"} & set(given)}

@@ -42,7 +42,7 @@ CART = """<mujoco model="cart"><default><geom size=".05" mass="1"/></default>
 </body></body></worldbody></mujoco>"""
 
 POLE = """<mujoco model="pole"><worldbody><body name="cart" pos="0 0 1" euler="0 0 90">
-<joint name="slide" type="slide" axis="1 0 0" range="-2 2"/><geom type="box" size=".2 .1 .1" mass="2"/>
+<joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".2 .1 .1" mass="2"/>
 <body name="pole"><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .1 0 .5"
 size=".02" mass=".4"/></body></body></worldbody></mujoco>"""
 
@@ -140,7 +140,7 @@ def stl(vertices, triangles):
         'scale=".2 .2 .2" refpos=".1 .2 .3" refquat=".5 .1 .2 .3"',
     ],
 )
-def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, given):
+def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, monkeypatch, given):
     corners = np.random.default_rng(5).uniform(-1, 1, (4, 3)).astype(np.float32)
     sides = [(0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3)]
     (tmp_path / "parts").mkdir()
@@ -151,7 +151,10 @@ def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, given):
         body='<geom name="w" type="mesh" mesh="wedge" pos="1 2 3" euler="10 20 30" mass="1"/>',
     )
     path = save(tmp_path, text, "model/arm.xml")
-    (mesh,) = parse_urdf(read_urdf_text(path)).findall("link[@name='arm']/collision[@name='w']")
+    monkeypatch.chdir(tmp_path)
+    text = read_urdf_text(path.relative_to(tmp_path))
+    assert text == read_urdf_text(path)
+    (mesh,) = parse_urdf(text).findall("link[@name='arm']/collision[@name='w']")
     assert mesh.find("geometry/mesh").get("filename") == "../parts/wedge.stl"
     (seen,) = [v for v in load_model(path).links["arm"] if len(v.mesh.vertices) <= 12]
     rows = np.array(seen.mesh.vertices)
@@ -176,7 +179,6 @@ FLAT = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
 FOUND = {
     "ball joints": part(body='<body><joint name="b" type="ball"/><geom size=".1"/></body>'),
     "springs of joints": part(joint='stiffness="5"'),
-    "slides without a": part(body=FINGER.replace('range="0 1"', "")),
     "tendons with a spring": part(SPRING.format('limited="true" range="-1 1"')),
     "constraints `connect`": part('<equality><weld body1="arm"/></equality>'),
     "couplings of joints": part(
@@ -215,7 +217,7 @@ FOUND = {
     ),
     "other friction": part(body='<geom size=".1" friction=".3"/>'),
     "contact pairs": part('<contact><pair geom1="arm" geom2="finger"/></contact>', body=FINGER),
-    "adhesion, surface": part(solid='surfacevel="1 0 0 0 0 0"'),
+    "adhesion and surface": part(solid='surfacevel="1 0 0 0 0 0"'),
     "density, viscosity": part(before='<option density="1000"/>'),
 }
 
@@ -226,8 +228,7 @@ def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
     if kind.fate == "refused":
         with pytest.raises(WiringError) as refused:
             converted(tmp_path, FOUND[start])
-        # The vertices of a flex are bodies on slides.
-        (line,) = [row for row in str(refused.value).splitlines() if kind.what in row]
+        (line,) = str(refused.value).splitlines()
         assert line.startswith(f"{tmp_path}/arm.xml: {kind.what} (")
         assert line.endswith(f"): not supported; {kind.instead}")
     else:
@@ -307,6 +308,15 @@ def test_limits_damping_friction_and_colours_are_taken(tmp_path):
     assert frictions == {"lateral_friction": "0.4", "spinning_friction": "0.02"}
 
 
+def test_a_slide_without_a_range_has_no_stops(tmp_path):
+    text = part(body=FINGER.replace('range="0 1"', ""))
+    robot = RobotModel(save(tmp_path, text), ["slide", "hinge"])
+    assert robot.lower.tolist() == [-np.inf, -np.inf]
+    assert robot.upper.tolist() == [np.inf, np.inf]
+    with pytest.raises(WiringError, match=r"joint .slide. of arm\.xml has no position limits"):
+        RobotModel(save(tmp_path, text), ["slide"], bounded=True)
+
+
 def test_shapes_are_as_large_as_in_mujoco(tmp_path):
     shapes = ('box" size=".1 .2 .3', 'cylinder" size=".1 .2', 'capsule" size=".1 .2')
     robot = converted(tmp_path, part(body="".join(f'<geom type="{shape}"/>' for shape in shapes)))
@@ -351,6 +361,11 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
         ('<mujoco><include file="no.xml"/></mujoco>', "MuJoCo cannot compile it: .*'no.xml'"),
         ('<mujoco><include file="arm.xml"/></mujoco>', "compile it: .*already included"),
         ('<mujoco><include file="pipe"/></mujoco>', "'pipe' is not a regular file"),
+        (
+            '<mujoco><compiler meshdir="parts"/><asset><mesh file="../pipe"/></asset></mujoco>',
+            "'../pipe' is not a regular file",
+        ),
+        ('<mujoco><asset><mesh file="no.stl"/></asset></mujoco>', "Error opening file .*no.stl"),
         ('<mujoco><include file="more.xml"/></mujoco>', "more.xml: '/dev/zero' is not a regular"),
         (
             part(body="<body><joint/></body>"),
@@ -367,6 +382,7 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
 def test_a_mistake_is_one_error(tmp_path, monkeypatch, text, message):
     monkeypatch.chdir(tmp_path)
     os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "parts").mkdir()
     save(tmp_path, '<mujoco><include file="/dev/zero"/></mujoco>', "more.xml")
     with pytest.raises(WiringError, match=message):
         converted(tmp_path, text)
