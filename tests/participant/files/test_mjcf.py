@@ -123,7 +123,7 @@ def test_it_swings_as_in_mujoco(tmp_path, name, engine):
         plant.advance()
     states = dict(zip(plant.names, plant.sense().position, strict=True))
     assert abs(data.qpos - start).max() > 0.02
-    assert [states[n] for n in names] == pytest.approx(data.qpos.tolist(), abs=1e-6)
+    assert [states[n] for n in names] == pytest.approx(data.qpos.tolist(), abs=1e-7)
 
 
 def stl(vertices, triangles):
