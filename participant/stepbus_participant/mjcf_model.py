@@ -1,5 +1,6 @@
 """Models in MJCF, MuJoCo's XML, as MuJoCo compiles them."""
 
+import os
 import stat
 import warnings
 from collections.abc import Iterator, Sequence
@@ -135,7 +136,7 @@ class Mjcf:
         if address < 0:
             return None
         name: bytes = self.model.paths[address:].split(b"\0", 1)[0]
-        return self.path.parent.absolute() / name.decode()
+        return self.path.parent.absolute() / os.fsdecode(name)
 
     def mesh_problem(self, geom: int) -> str:
         """Return why a URDF cannot have a mesh as it is; empty: it can."""

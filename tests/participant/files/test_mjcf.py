@@ -395,6 +395,23 @@ def test_files_that_are_included_are_read(tmp_path):
     assert mass == pytest.approx(10 * 4 / 3 * np.pi * 0.1**3)
 
 
+def test_models_that_are_attached_have_their_own_meshes(tmp_path):
+    corners = np.eye(4, 3, dtype=np.float32)
+    (tmp_path / "sub/parts").mkdir(parents=True)
+    content = stl(corners, [(0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3)])
+    (tmp_path / "sub/parts/wedge.stl").write_bytes(content)
+    finger = """<mujoco model="sub"><compiler meshdir="parts"/><asset><mesh file="wedge.stl"/></asset>
+<worldbody><body name="finger"><joint name="f"/><geom type="mesh" mesh="wedge"/></body></worldbody>
+</mujoco>"""
+    save(tmp_path, finger, "sub/finger.xml")
+    model = '<asset><model name="sub" file="sub/finger.xml"/></asset>'
+    hands = "".join(f'<attach model="sub" body="finger" prefix="{n}_"/>' for n in ("left", "right"))
+    robot = converted(tmp_path, part(before=model, body=hands))
+    files = [mesh.get("filename") for mesh in robot.iterfind("link/collision/geometry/mesh")]
+    assert files == ["sub/parts/wedge.stl"] * 2
+    assert robot.find("joint[@name='right_f']/child").get("link") == "right_finger"
+
+
 def test_a_urdf_may_have_an_element_of_mujoco(tmp_path):
     text = '<robot name="r"><mujoco><compiler/></mujoco><link name="l"/></robot>'
     assert read_urdf_text(save(tmp_path, text, "r.urdf")) == text
