@@ -30,8 +30,8 @@ def take_stock(mjcf: Mjcf) -> str:
 
     Raises WiringError that lists what is refused, a line each.
     """
-    found = [(kind, list(kind.find(mjcf))) for kind in KINDS if kind.find is not None]
-    rows = [(kind, names) for kind, names in found if names]
+    matches = [(kind, list(kind.find(mjcf))) for kind in KINDS if kind.find is not None]
+    rows = [(kind, names) for kind, names in matches if names]
     refused = [
         f"{mjcf.path}: {kind.what} ({_some(names)}): not supported; {kind.instead}"
         for kind, names in rows

@@ -24,11 +24,11 @@ def pinocchio_text(text: str, folder: Path | None = None) -> str:
                     _mark_capsule(link, shape)
     if folder is not None:
         for mesh in root.iter("mesh"):
-            mesh.set("filename", _found(mesh.get("filename", ""), folder))
+            mesh.set("filename", _mesh_file(mesh.get("filename", ""), folder))
     return ET.tostring(root, encoding="unicode")
 
 
-def _found(name: str, folder: Path) -> str:
+def _mesh_file(name: str, folder: Path) -> str:
     if name.startswith("package://"):
         return str(package_path(name, folder))
     path = (folder / name).absolute()

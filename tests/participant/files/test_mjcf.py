@@ -3,15 +3,13 @@
 import os
 import struct
 import sys
-import warnings
 
 import numpy as np
 import pytest
-from support.paths import CHECKOUT
+from support.mjcf import FINGER, SLIDE, converted, part, save
 
 from stepbus_kinematics import RobotModel
-from stepbus_participant import ExtraMissing, mjcf_model, parse_urdf, read_urdf_text, urdf_warnings
-from stepbus_participant.mjcf_kinds import KINDS, table
+from stepbus_participant import ExtraMissing, parse_urdf, read_urdf_text
 from stepbus_participant.urdf_check import Mimic, mimics
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
@@ -47,24 +45,6 @@ POLE = """<mujoco model="pole"><worldbody><body name="cart" pos="0 0 1" euler="0
 size=".02" mass=".4"/></body></body></worldbody></mujoco>"""
 
 MODELS = {"arm": ARM, "cart": CART, "pole": POLE}
-
-
-def save(folder, text, name="arm.xml"):
-    path = folder / name
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text)
-    return path
-
-
-def part(extra="", body="", joint="", solid="", before=""):
-    """Return an MJCF of a base and an arm on a hinge; with what is added to it."""
-    return f"""<mujoco>{before}<worldbody><body name="base"><geom size=".1"/>
-<body name="arm"><joint name="hinge" axis="0 1 0" {joint}/><geom name="arm" size=".1" pos="1 0 0"
-{solid}/>{body}</body></body></worldbody>{extra}</mujoco>"""
-
-
-def converted(tmp_path, text):
-    return parse_urdf(read_urdf_text(save(tmp_path, text)))
 
 
 def standing(text):
@@ -170,105 +150,6 @@ def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, monkeypat
         assert np.linalg.norm(here - corner, axis=1).min() < 1e-6
 
 
-# Each kind of thing that a URDF has no words for, and a model that has it.
-SPRING = '<tendon><fixed name="t" {}><joint joint="hinge" coef="1"/></fixed></tendon>'
-SLIDE = '<body name="hand"><joint name="slide" type="slide" axis="1 0 0" range="0 1"/>{}</body>'
-FINGER = SLIDE.format('<geom name="finger" size=".1" mass="1"/>')
-FLEX = '<flexcomp name="f" type="grid" count="2 2 2" spacing=".1 .1 .1" dim="3" mass="1"/>'
-FLAT = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
-FOUND = {
-    "ball joints": part(body='<body><joint name="b" type="ball"/><geom size=".1"/></body>'),
-    "springs of joints": part(joint='stiffness="5"'),
-    "tendons with a spring": part(SPRING.format('limited="true" range="-1 1"')),
-    "constraints `connect`": part('<equality><weld body1="arm"/></equality>'),
-    "couplings of joints": part(
-        '<equality><joint joint1="hinge" joint2="slide" polycoef="0 1 2 0 0"/></equality>',
-        body=FINGER,
-    ),
-    "joints that follow two": part(
-        '<equality><joint joint1="slide" joint2="hinge"/><joint joint1="slide" joint2="hinge"/>'
-        "</equality>",
-        body=FINGER,
-    ),
-    "muscles": part('<actuator><muscle joint="hinge" lengthrange="0 1"/></actuator>'),
-    "flexes": part(before='<option solver="CG"/>').replace(
-        "</body></body>", f"</body>{FLEX}</body>"
-    ),
-    "plugins": part(
-        before='<extension><plugin plugin="mujoco.pid"/></extension>',
-        extra='<actuator><plugin joint="hinge" plugin="mujoco.pid"><config key="kp" value="1"/>'
-        "</plugin></actuator>",
-    ),
-    "collision geoms": part(solid='type="ellipsoid"').replace('size=".1"', 'size=".1 .2 .3"'),
-    "meshes that are": part(
-        before='<asset><mesh name="m" builtin="sphere" params="2"/></asset>',
-        body='<geom name="ball" type="mesh" mesh="m"/>',
-    ),
-    "geoms of these": part(
-        body='<geom type="ellipsoid" size=".1 .2 .3" contype="0" conaffinity="0"/>'
-    ),
-    "`armature`": part(joint='armature=".1"'),
-    "`gravcomp`": part().replace('name="arm"', 'name="arm" gravcomp="1"', 1),
-    "actuators of what": part(
-        SPRING.format("") + '<actuator><motor name="pull" tendon="t"/></actuator>'
-    ),
-    "geoms of the `<worldbody>`": part(before=FLAT).replace(
-        "<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/>'
-    ),
-    "other friction": part(body='<geom size=".1" friction=".3"/>'),
-    "contact pairs": part('<contact><pair geom1="arm" geom2="finger"/></contact>', body=FINGER),
-    "adhesion and surface": part(solid='surfacevel="1 0 0 0 0 0"'),
-    "density, viscosity": part(before='<option density="1000"/>'),
-}
-
-
-@pytest.mark.parametrize("start", FOUND)
-def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
-    (kind,) = [kind for kind in KINDS if kind.find and kind.what.startswith(start)]
-    if kind.fate == "refused":
-        with pytest.raises(WiringError) as refused:
-            converted(tmp_path, FOUND[start])
-        (line,) = str(refused.value).splitlines()
-        assert line.startswith(f"{tmp_path}/arm.xml: {kind.what} (")
-        assert line.endswith(f"): not supported; {kind.instead}")
-    else:
-        (warning,) = urdf_warnings(converted(tmp_path, FOUND[start]))
-        lead = "its MJCF has what a URDF has not, which is left out: "
-        assert warning.startswith(f"{lead}{kind.what} (")
-        assert ";" not in warning
-
-
-def test_every_kind_that_is_looked_for_has_such_a_model():
-    looked_for = [kind.what for kind in KINDS if kind.find]
-    assert len(FOUND) == len(looked_for)
-    assert {kind.fate for kind in KINDS if kind.find} == {"refused", "warning"}
-    assert {kind.fate for kind in KINDS if not kind.find} == {"left out"}
-
-
-def test_the_docs_have_the_table_of_the_code():
-    assert table() in (CHECKOUT / "docs/reference/world.md").read_text(encoding="utf-8")
-
-
-def test_what_changes_nothing_is_left_out_silently(tmp_path):
-    extra = '<equality><weld body1="arm" active="false"/></equality>' + SPRING.format("")
-    extra += '<keyframe><key qpos="1"/></keyframe><sensor><jointpos joint="hinge"/></sensor>'
-    seen = '<site/><camera/><light/><geom type="sphere" size="9" contype="0" conaffinity="0" group="4"/>'
-    robot = converted(tmp_path, part(extra, body=seen))
-    assert urdf_warnings(robot) == []
-    assert len(robot.findall("link[@name='arm']/visual")) == 1
-
-
-def test_warnings_of_the_compiler_are_passed_on(tmp_path, monkeypatch):
-    compiled = mjcf_model.compiled
-
-    def complain(spec):
-        warnings.warn("geom 'arm' is\nodd", UserWarning, stacklevel=2)
-        return compiled(spec)
-
-    monkeypatch.setattr(mjcf_model, "compiled", complain)
-    assert urdf_warnings(converted(tmp_path, part())) == ["MuJoCo warns: geom 'arm' is odd"]
-
-
 def test_a_body_of_the_plant_says_what_it_lacks(tmp_path):
     save(tmp_path, part(joint='armature=".1"'))
     world = save(tmp_path, "bodies: {arm: {urdf: arm.xml, fixed_base: true}}", "world.yaml")
@@ -337,13 +218,13 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
         '<joint joint1="slide" joint2="hinge" polycoef=".1 2 0 0 0"/>'
     )
     text = part(f"<equality>{rows}</equality>", body=body, joint='ref="30"')
-    found = mimics(converted(tmp_path, text))
+    followers = mimics(converted(tmp_path, text))
     thirty, twenty = np.radians([30, 20])
     slide = Mimic(joint="hinge", multiplier=2.0, offset=0.1 - 2 * thirty)
     far = 0.5 + twenty + 3 * slide.offset
-    assert found["slide"] == slide
-    assert (found["far"].joint, found["far"].multiplier) == ("hinge", 6.0)
-    assert found["far"].offset == pytest.approx(far)
+    assert followers["slide"] == slide
+    assert (followers["far"].joint, followers["far"].multiplier) == ("hinge", 6.0)
+    assert followers["far"].offset == pytest.approx(far)
     circle = rows.replace('joint2="hinge"', 'joint2="far"')
     with pytest.raises(WiringError, match="joint 'far' follows itself"):
         converted(tmp_path, text.replace(rows, circle))
