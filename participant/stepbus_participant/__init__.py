@@ -46,6 +46,7 @@ _LATER = {
     "load_types": "parameters.types_file",
     "mimics": "urdf_check",
     "parse_urdf": "urdf_check",
+    "read_model": "urdf",
     "read_urdf_text": "urdf",
     "urdf_warnings": "urdf_check",
 }

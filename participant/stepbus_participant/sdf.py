@@ -6,13 +6,14 @@ the model, as URDF has it. The model's own <pose> is left out: the world says wh
 
 import math
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from stepbus_schemas import WiringError
 
+from .model_pose import IDENTITY, Pose, pose_of_rpy, text_of
 from .urdf_check import Element, twins
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed")
@@ -21,45 +22,6 @@ _UNLIMITED = 1e15
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+)*")
 _INERTIA = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
 """What SDF takes where a moment of inertia is missing [kg·m²]."""
-
-Matrix = tuple[tuple[float, ...], ...]
-"""A rotation, by rows."""
-
-
-class _Pose:
-    """A pose: rotation, and translation [m]."""
-
-    def __init__(self, rotation: Matrix, translation: Sequence[float]) -> None:
-        self.rotation, self.translation = rotation, tuple(translation)
-
-    def __matmul__(self, other: "_Pose") -> "_Pose":
-        turned = self.turn(other.translation)
-        moved = [a + b for a, b in zip(self.translation, turned, strict=True)]
-        columns = tuple(zip(*other.rotation, strict=True))
-        rows = (tuple(_dot(row, column) for column in columns) for row in self.rotation)
-        return _Pose(tuple(rows), moved)
-
-    def turn(self, vector: Sequence[float]) -> list[float]:
-        """Return a vector, turned."""
-        return [_dot(row, vector) for row in self.rotation]
-
-    def inverse(self) -> "_Pose":
-        """Return the inverse."""
-        back = _Pose(tuple(zip(*self.rotation, strict=True)), (0.0, 0.0, 0.0))
-        return _Pose(back.rotation, [-value for value in back.turn(self.translation)])
-
-    def origin(self) -> ET.Element:
-        """Return the pose as the <origin> of a URDF."""
-        r = self.rotation
-        pitch = math.atan2(-r[2][0], math.hypot(r[0][0], r[1][0]))
-        if math.hypot(r[0][0], r[1][0]) > 1e-9:
-            rpy = (math.atan2(r[2][1], r[2][2]), pitch, math.atan2(r[1][0], r[0][0]))
-        else:
-            rpy = (math.atan2(-r[1][2], r[1][1]), pitch, 0.0)
-        return ET.Element("origin", {"xyz": _text(self.translation), "rpy": _text(rpy)})
-
-
-_IDENTITY = _Pose(((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)), (0.0, 0.0, 0.0))
 
 
 def sdf_to_urdf(root: Element, path: Path) -> str:
@@ -101,7 +63,7 @@ class _Sdf:
         robot.extend([self._joint(joint) for joint in self._joints.values()])
         return robot
 
-    def _pose(self, element: Any, default: str = "", above: tuple[str, ...] = ()) -> _Pose:
+    def _pose(self, element: Any, default: str = "", above: tuple[str, ...] = ()) -> Pose:
         """Return the pose of a link or joint in the model. default: what it is relative to."""
         pose = element.find("pose")
         given = "" if pose is None else pose.get("relative_to", pose.get("frame", ""))
@@ -115,17 +77,17 @@ class _Sdf:
         base = "" if name in self._links else _word(other, "child")
         return self._pose(other, base, (*above, name)) @ own
 
-    def _own_pose(self, element: Any) -> _Pose:
+    def _own_pose(self, element: Any) -> Pose:
         pose = element.find("pose")
         values = self._numbers(pose, 6, [0.0] * 6)
         if pose is not None and pose.get("degrees") == "true":
             values[3:] = map(math.radians, values[3:])
-        return _of_rpy(values[:3], values[3:])
+        return pose_of_rpy(values[:3], values[3:])
 
-    def _frame(self, link: str) -> _Pose:
+    def _frame(self, link: str) -> Pose:
         """Return the frame of a link in the URDF, in the model."""
         joint = self._children.get(link)
-        return _IDENTITY if joint is None else self._pose(joint, link)
+        return IDENTITY if joint is None else self._pose(joint, link)
 
     def _link(self, link: Any) -> ET.Element:
         name = link.get("name", "")
@@ -142,10 +104,10 @@ class _Sdf:
                 if tag == "visual" and color is not None:
                     material = ET.SubElement(row, "material", {"name": f"{name}_{len(element)}"})
                     rgba = self._numbers(color, 4, [1.0] * 4)
-                    ET.SubElement(material, "color", {"rgba": _text(rgba)})
+                    ET.SubElement(material, "color", {"rgba": text_of(rgba)})
         return element
 
-    def _inertial(self, inertial: Any, here: _Pose) -> ET.Element:
+    def _inertial(self, inertial: Any, here: Pose) -> ET.Element:
         """Return mass and inertia, which are 1 kg and 1 kg·m² where SDF has none."""
         element = Element("inertial", {}) if inertial is None else inertial
         row = ET.Element("inertial")
@@ -188,7 +150,7 @@ class _Sdf:
         ET.SubElement(element, "parent", {"link": parent})
         ET.SubElement(element, "child", {"link": child})
         if axis is not None and joint_type != "fixed":
-            ET.SubElement(element, "axis", {"xyz": _text(self._axis(axis, pose))})
+            ET.SubElement(element, "axis", {"xyz": text_of(self._axis(axis, pose))})
             ET.SubElement(element, "limit", limits)
             self._add_mimic(axis.find("mimic"), element)
         return element
@@ -205,7 +167,7 @@ class _Sdf:
         row = {key: repr(value) for key, value in values.items()}
         ET.SubElement(joint, "mimic", {"joint": mimic.get("joint", ""), **row})
 
-    def _axis(self, axis: Any, pose: _Pose) -> list[float]:
+    def _axis(self, axis: Any, pose: Pose) -> list[float]:
         """Return the axis of a joint in its own frame."""
         element = axis.find("xyz")
         vector = self._numbers(element, 3, [0.0, 0.0, 1.0])
@@ -243,24 +205,6 @@ class _Sdf:
 
     def _refuse(self, element: Any, text: str) -> Any:
         raise WiringError(f"{self._path}:{element.line}: {text}")
-
-
-def _of_rpy(translation: Sequence[float], rpy: Sequence[float]) -> _Pose:
-    (sr, cr), (sp, cp), (sy, cy) = ((math.sin(a), math.cos(a)) for a in rpy)
-    rotation = (
-        (cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        (sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        (-sp, cp * sr, cp * cr),
-    )
-    return _Pose(rotation, translation)
-
-
-def _dot(one: Sequence[float], other: Sequence[float]) -> float:
-    return sum(a * b for a, b in zip(one, other, strict=True))
-
-
-def _text(values: Sequence[float]) -> str:
-    return " ".join(repr(float(value)) for value in values)
 
 
 def _word(element: Any, tag: str) -> str:

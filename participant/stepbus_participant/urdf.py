@@ -1,4 +1,4 @@
-"""Models of robots: URDF as it is, xacro expanded, and SDF converted."""
+"""Models of robots: URDF as it is, xacro expanded, SDF and MJCF converted."""
 
 from pathlib import Path
 from xml.dom import minidom
@@ -7,6 +7,7 @@ from xml.parsers.expat import ExpatError
 from stepbus_schemas import WiringError
 
 from .files import package_path, read_file, read_text
+from .mjcf import mjcf_to_urdf
 from .packages import need
 from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_problems
@@ -17,33 +18,45 @@ from .urdf_check import Element, parse_urdf, urdf_problems
 def read_urdf_text(path: Path) -> str:
     """Return the text of a robot's URDF, which has been checked: it can be simulated.
 
-    path: a URDF, which is returned as it is, an SDF, which is converted (see `sdf`), or a `.xacro`,
-    which is expanded by the package xacro. There,
+    path: a URDF, which is returned as it is, an SDF or an MJCF (its root is <mujoco>), which are
+    converted (see `sdf` and `mjcf`), or a `.xacro`, which is expanded by the package xacro. There,
     `<xacro:include filename="package://<package>/<path>"/>` is found like every `package://` of
     stepbus, and relative names are relative to the file that has them.
     Raises WiringError when the file cannot be read or expanded, or a package is missing, or with
     all that is wrong with the robot, one a line.
     """
-    text = _text(path)
+    return read_model(path)[0]
+
+
+def read_model(path: Path) -> tuple[str, bool]:
+    """Return what `read_urdf_text` does, and whether that was made from a file of another format.
+
+    The lines of what was made are not those of the file.
+    """
+    text, is_made = _text(path)
     problems = urdf_problems(_parsed(path, text))
     if problems:
-        # The lines of what was made from a file are not those of the file.
-        is_made = path.suffix.lower() in {".xacro", ".sdf"}
         rows = [(path if is_made else f"{path}:{line}", problem) for line, problem in problems]
         raise WiringError("\n".join(f"{place}: {problem}" for place, problem in rows))
-    return text
+    return text, is_made
 
 
-def _text(path: Path) -> str:
+def _text(path: Path) -> tuple[str, bool]:
+    """Return the text of a URDF, and whether it was made from a file of another format."""
     if path.suffix.lower() == ".xacro":
-        return _expand(path)
+        return _expand(path), True
     try:
         text = read_text(path)
     except OSError as exc:
         raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
         raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
-    return sdf_to_urdf(_parsed(path, text), path) if path.suffix.lower() == ".sdf" else text
+    if path.suffix.lower() == ".sdf":
+        return sdf_to_urdf(_parsed(path, text), path), True
+    # A URDF, too, may have an element of that name.
+    if "<mujoco" in text and (root := _parsed(path, text)).tag == "mujoco":
+        return mjcf_to_urdf(root, path), True
+    return text, False
 
 
 def _parsed(path: Path, text: str) -> Element:

@@ -25,6 +25,9 @@ _SHOWN = 5
 _NOISE = 1e-12
 """Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
 
+LEFT_OUT = "left_out"
+"""Of a robot that was made from another format: an element with a sentence on what it lacks."""
+
 _Problems = Iterator[tuple[int, str]]
 """Line and sentence."""
 
@@ -90,10 +93,13 @@ def urdf_problems(root: Element) -> list[tuple[int, str]]:
 def urdf_warnings(root: Element) -> list[str]:
     """Return what engines compute otherwise than a robot without problems says, a sentence each.
 
+    One of them may be what was left out when it was made from another format.
+
     There are well-known robots with such links; mostly these are small, or stand still.
     """
     robot = _Robot(root)
-    return [*robot.bodiless(), *robot.frozen(), *robot.odd_poses()]
+    left_out = [element.text or "" for element in root.findall(LEFT_OUT)]
+    return [*left_out, *robot.bodiless(), *robot.frozen(), *robot.odd_poses()]
 
 
 def twins(root: ET.Element) -> _Problems:

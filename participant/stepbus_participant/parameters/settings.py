@@ -203,7 +203,7 @@ File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"
 ModelFile = Annotated[
     Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
 ]
-"""A robot's URDF, `.xacro` or SDF, named like a `File`; its physics is checked."""
+"""A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is checked."""
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
 """Different names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]

@@ -29,7 +29,7 @@ class Params(SmoothingParams):
     """Control law; a class of yours has `__init__(robot, params)` and `torque(q, v, reference, dt)`
     that returns torques, shape (n,) [N·m]."""
     model: ModelFile | None = None
-    """URDF or xacro of the robot; a law that needs no model can do with `joints`."""
+    """URDF, xacro, SDF or MJCF of the robot; a law that needs no model can do with `joints`."""
     joints: Names | None = None
     """Joints under control, in the order of every vector. Default: all of the model."""
     prefix: str = ""

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
+from stepbus_kinematics.pinocchio_text import pinocchio_text
 from stepbus_participant import mimics, parse_urdf, read_urdf_text, suggest
 from stepbus_schemas import RunError, WiringError
 
@@ -38,9 +39,10 @@ class Overload:
 class RobotModel:
     """A robot with a fixed base of which some joints move, and all others stand still.
 
-    path: URDF or `.xacro`. joints: those that move, in the order of every vector of shape (n,);
-    None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those not named
-    are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,) [m/s²].
+    path: URDF, `.xacro`, SDF or MJCF. joints: those that move, in the order of every vector of
+    shape (n,); None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those
+    not named are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,)
+    [m/s²].
     bounded: every joint needs position limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
@@ -63,10 +65,11 @@ class RobotModel:
         self.path = path
         self.text = read_urdf_text(path)
         try:
-            self.full: Any = pin.buildModelFromXML(self.text)
+            self.full: Any = pin.buildModelFromXML(pinocchio_text(self.text))
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
-        self._mimics = mimics(parse_urdf(self.text))
+        root = parse_urdf(self.text)
+        self._mimics, self._endless = mimics(root), _endless(root)
         movable = [name for name in self._movable() if name not in self._mimics]
         self.joints = tuple(movable if joints is None else joints)
         problems = list(self._problems(posture or {}, links, bounded=bounded))
@@ -161,8 +164,9 @@ class RobotModel:
             and position.tolist() == list(range(model.nq))
             and not continuous.any()
         )
-        self.lower: Vector = np.where(continuous, -np.inf, model.lowerPositionLimit[position])
-        self.upper: Vector = np.where(continuous, np.inf, model.upperPositionLimit[position])
+        endless = continuous | np.array([name in self._endless for name in self.joints])
+        self.lower: Vector = np.where(endless, -np.inf, model.lowerPositionLimit[position])
+        self.upper: Vector = np.where(endless, np.inf, model.upperPositionLimit[position])
         self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
         self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
 
@@ -365,3 +369,10 @@ class RobotModel:
 def link_names(model: Any) -> tuple[str, ...]:
     """Return the names of all links of Pinocchio's model, in its order."""
     return tuple(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
+
+
+def _endless(root: Any) -> set[str]:
+    """Return the joints of a checked URDF that have no stops, as the plant reads it."""
+    joints = ((joint.get("name"), joint.find("limit")) for joint in root.findall("joint"))
+    keys = {name: () if limit is None else limit.attrib for name, limit in joints}
+    return {name for name, given in keys.items() if not {"lower", "upper"} & set(given)}

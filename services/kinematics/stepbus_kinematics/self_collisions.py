@@ -1,6 +1,5 @@
 """Collision shapes of a robot, and the pairs of links that may touch."""
 
-import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,8 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics.model import RobotModel, Vector
-from stepbus_participant import package_path
+from stepbus_kinematics.pinocchio_text import pinocchio_text
 from stepbus_schemas import WiringError
-
-_URL = re.compile(r"package://[^\"'<>]+")
-"""Instead of which Pinocchio gets the file name of a mesh."""
 
 
 def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
@@ -25,7 +21,7 @@ def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
     """
     full = robot.full
     try:
-        text = _URL.sub(lambda url: str(package_path(url[0], robot.path.parent)), robot.text)
+        text = pinocchio_text(robot.text, robot.path.parent)
         geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
     except ValueError as exc:
         raise WiringError(f"{robot.path}: the collision shapes cannot be read: {exc}") from exc

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
-from stepbus_participant import package_path, parse_urdf, read_urdf_text, scratch_folder
+from stepbus_participant import package_path, parse_urdf, read_model, scratch_folder
 from stepbus_schemas import WiringError
 
 # S314: the files are the user's own, and expat itself stops an expansion without end.
@@ -16,8 +16,6 @@ from stepbus_schemas import WiringError
 _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
 
-_MADE = {".xacro", ".sdf"}
-"""Endings of files that a URDF is made from."""
 _INSTEAD = {
     "floating": "leave it and its parent out: a body without `fixed_base` floats",
     "planar": "use two prismatic joints and a revolute one",
@@ -31,15 +29,15 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
     """Provide a URDF in which every link has an inertial, as a context manager.
 
     A link without one is massless by the definition of URDF and gets a negligible mass. A `.xacro`
-    is expanded, an SDF converted. edit: further changes to the root of the file. A file that needs
-    no change stays as it is. Raises WiringError with all that is wrong with the model.
+    is expanded, an SDF or MJCF converted. edit: further changes to the root of the file. A file
+    that needs no change stays as it is. Raises WiringError with all that is wrong with the model.
     """
-    text = read_urdf_text(urdf)
+    text, is_made = read_model(urdf)
     root = parse_urdf(text)
-    refuse_missing_meshes(urdf, root)
+    _refuse_missing_meshes(urdf, root, is_made=is_made)
     _refuse_unsupported(urdf, root)
     links = [link for link in root.findall("link") if link.find("inertial") is None]
-    if not links and urdf.suffix.lower() not in _MADE and edit is None:
+    if not links and not is_made and edit is None:
         yield urdf
         return
     for link in links:
@@ -54,19 +52,25 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
         yield copy
 
 
-def refuse_missing_meshes(urdf: Path, root: ET.Element | None = None) -> None:
+def refuse_missing_meshes(urdf: Path) -> None:
     """Raise WiringError that lists the meshes of a model that are not there.
 
-    PyBullet loads no such model. root: of its checked text, where that is known.
+    PyBullet loads no such model.
     """
-    tree = parse_urdf(read_urdf_text(urdf)) if root is None else root
+    text, is_made = read_model(urdf)
+    _refuse_missing_meshes(urdf, parse_urdf(text), is_made=is_made)
+
+
+def _refuse_missing_meshes(urdf: Path, root: ET.Element, *, is_made: bool) -> None:
     missing: dict[str, str] = {}
-    for link in tree.findall("link"):
-        for mesh in link.iter("mesh"):
+    for link in root.findall("link"):
+        meshes: Iterator[Any] = link.iter("mesh")
+        for mesh in meshes:
             name = mesh.get("filename", "")
             if not _is_file(Path(mesh_path(name, urdf.parent))):
                 text = f"link {link.get('name')!r}: no mesh {name!r}, in its folder or a package"
-                missing.setdefault(name, f"{_place(urdf, mesh)}: {text}")
+                place = str(urdf) if is_made else f"{urdf}:{mesh.line}"
+                missing.setdefault(name, f"{place}: {text}")
     if missing:
         raise WiringError("\n".join(missing.values()))
 
@@ -81,11 +85,6 @@ def _refuse_unsupported(urdf: Path, root: ET.Element) -> None:
     ]
     if lines:
         raise WiringError("\n".join(lines))
-
-
-def _place(urdf: Path, element: Any) -> str:
-    """Return a model's file with an element's line; of what is made from a file, the file."""
-    return str(urdf) if urdf.suffix.lower() in _MADE else f"{urdf}:{element.line}"
 
 
 def _is_file(path: Path) -> bool:
