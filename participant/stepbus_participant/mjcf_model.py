@@ -1,5 +1,6 @@
 """Models in MJCF, MuJoCo's XML, as MuJoCo compiles them."""
 
+import logging
 import os
 import stat
 import warnings
@@ -16,6 +17,7 @@ from .model_pose import Pose, pose_of_wxyz, shift
 from .packages import need
 from .urdf_check import parse_urdf
 
+_log = logging.getLogger("stepbus_participant")
 _DEFAULT_COLOUR = [0.5, 0.5, 0.5, 1.0]
 """That of a geom without its own, which has that of its material."""
 _SEEN_GROUPS = range(3)
@@ -32,6 +34,8 @@ class Mjcf:
     def __init__(self, path: Path, root: ET.Element) -> None:
         (self.mj,) = need(str(path), "mujoco")
         self.path = path
+        # By default MuJoCo writes them into a file in the current folder.
+        self.mj.set_mju_user_warning(_log.warning)
         _refuse_irregular(path, root, path.parent, set())
         try:
             with warnings.catch_warnings(record=True) as given:

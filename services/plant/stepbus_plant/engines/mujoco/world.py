@@ -1,5 +1,6 @@
 """A compiled model and its state: substeps, joints, poses."""
 
+import logging
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,6 +15,9 @@ from stepbus_plant.engines.mujoco.space import Space
 from stepbus_plant.engines.mujoco.state import State
 from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_schemas import Point
+
+# By default MuJoCo writes them into a file in the current folder.
+mujoco.set_mju_user_warning(logging.getLogger("stepbus_plant").warning)
 
 _SLIDES = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
 _ROUNDS = 3
