@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo test test-rest test-engine fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -7,6 +7,7 @@ help:
 	@echo "make test       run the tests that are quick"
 	@echo "make fresh      both in an empty clone, as on a machine with Python, make and git only"
 	@echo "make test-rest  run those that fresh could not try: BUT=F, F from FRESH='--passed F'"
+	@echo "make test-engine run those of the plant in MuJoCo: ENGINE=mujoco"
 	@echo "make test-unit  run those of them that start no process, in under a minute"
 	@echo "make test-slow  run the others"
 	@echo "make coverage   run the quick tests and show which lines they execute"
@@ -41,6 +42,11 @@ test-rest: setup
 # The commands above as a stranger runs them; `make fresh FRESH=--help` has the options.
 fresh:
 	@python3 scripts/fresh.py $(FRESH)
+
+# Tests of the plant in another engine than the default.
+ENGINE := mujoco
+test-engine: setup
+	@$(PYTHON) -m pytest -n 3 --dist worksteal --engine $(ENGINE) tests/services/plant tests/scenarios
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit
