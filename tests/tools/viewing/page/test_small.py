@@ -52,3 +52,7 @@ def test_the_axis_leaves_room_for_its_longest_label():
 )
 def test_what_a_chart_comes_to_is_true(row, limits, said):
     assert _said(chart(row, unit="N", limits=limits)) == said
+
+
+def test_a_range_too_small_for_numbers_has_one_tick():
+    assert nice_ticks(0.0, 5e-324, 4) == [0.0]

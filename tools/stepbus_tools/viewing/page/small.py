@@ -1,6 +1,7 @@
 """Small curves as SVG: they are there without a script, on paper and in a preview."""
 
 import math
+import sys
 import re
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
@@ -95,7 +96,7 @@ def _range(chart: Chart) -> tuple[float, float]:
 def nice_ticks(low: float, high: float, most: int) -> list[float]:
     """Return at most so many round numbers between two."""
     span = high - low
-    if not (math.isfinite(span) and span > 0):
+    if not (math.isfinite(span) and span / most >= sys.float_info.min):
         return [low]
     size = 10 ** math.floor(math.log10(span / most))
     step = next(size * k for k in (1, 2, 5, 10, 20) if span / (size * k) <= most)
