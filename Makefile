@@ -1,11 +1,13 @@
-.PHONY: help demo test test-rest test-engine fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
 help:
+	@echo "make setup      make .venv, with python3.11 or python3; PYTHON3=python3.13 chooses another"
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the tests that are quick"
 	@echo "make fresh      both in an empty clone, as on a machine with Python, make and git only"
+	@echo "make pythons    install stepbus for each Python from 3.12 on, and run the arm to its plot"
 	@echo "make test-rest  run those that fresh could not try: BUT=F, F from FRESH='--passed F'"
 	@echo "make test-engine run those of the plant in MuJoCo: ENGINE=mujoco"
 	@echo "make test-unit  run those of them that start no process, in under a minute"
@@ -24,6 +26,8 @@ help:
 	@echo "make clean      remove .venv and caches; runs/ stays"
 
 demo: setup
+	@$(PYTHON) -c "import sys; from importlib.util import find_spec; find_spec('pybullet') or print( \
+		'the physics engine is MuJoCo: PyBullet has no wheel for Python %d.%d' % sys.version_info[:2])"
 	@.venv/bin/stepbus run two_link
 
 # Of the tests, side by side: `make test WORKERS=8` on a bigger machine. Two cores are busy with
@@ -47,6 +51,10 @@ fresh:
 ENGINE := mujoco
 test-engine: setup
 	@$(PYTHON) -m pytest -n 3 --dist worksteal --engine $(ENGINE) tests/services/plant tests/scenarios
+
+# On each Python of this machine; `make pythons PYTHONS=--help` has the options.
+pythons:
+	@python3 scripts/pythons.py $(PYTHONS)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit

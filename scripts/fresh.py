@@ -58,7 +58,7 @@ MOST_LINES = 20
 PATIENCE_S = 10.0
 """How long a process may take to end after the command that started it."""
 PYTHON = (3, 11)
-"""The version whose wheels `constraints.txt` names: with another one, PyBullet is compiled."""
+"""The version that has PyBullet, and so all tests; `make pythons` tries the later ones."""
 
 
 class Unfit(Exception):

@@ -1,13 +1,29 @@
 #!/bin/sh
 # Make .venv hold what pyproject.toml asks for, at the versions of constraints.txt.
 # Does nothing when it does already. POSIX sh: not every machine has bash.
+# PYTHON3: the Python to make it with; default: python3.11, or python3.
 set -eu
 cd "$(dirname "$0")/.."
 
 venv=.venv
 stamp=$venv/.stepbus-installed
 
+wanted=${PYTHON3:-}
+if [ -n "$wanted" ]; then set -- "$wanted"; else set -- python3.11 python3; fi
+
+version_of() { "$1" -c 'import sys; print(sys.version)' 2>/dev/null; }
+
 is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; }
+
+if [ -n "$wanted" ]; then
+    if ! is_new_enough "$wanted"; then
+        echo "PYTHON3=$wanted does not run, or is older than Python 3.11; it may be a path" >&2
+        exit 1
+    fi
+    if [ -e "$venv" ] && [ "$(version_of "$wanted")" != "$(version_of "$venv/bin/python")" ]; then
+        rm -rf "$venv"
+    fi
+fi
 
 # The stamp names the folder: in a copied one, .venv would still run the code of the original.
 if [ "$(cat "$stamp" 2>/dev/null)" = "$PWD" ] && [ "$stamp" -nt pyproject.toml ] && [ "$stamp" -nt constraints.txt ] &&
@@ -17,7 +33,7 @@ fi
 
 if ! is_new_enough "$venv/bin/python"; then
     python=
-    for candidate in python3.11 python3; do
+    for candidate in "$@"; do
         if is_new_enough "$candidate"; then python=$candidate; break; fi
     done
     if [ -z "$python" ]; then
@@ -35,7 +51,7 @@ if ! is_new_enough "$venv/bin/python"; then
 fi
 
 if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; then
-    echo "note: pybullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
+    echo "note: PyBullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi
 
 echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, once)"

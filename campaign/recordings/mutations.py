@@ -62,12 +62,14 @@ def flip(chance: random.Random, data: bytes) -> bytes:
 
 
 def overwrite(chance: random.Random, data: bytes) -> bytes:
-    """Write zeros or nonsense over some bytes."""
+    """Write zeros or nonsense over some bytes; where that is what they are, their complement."""
     at, length = _somewhere(chance, data), chance.choice((1, 4, 8, 100, 4096))
-    length = len(data[at : at + length])
-    return (
-        data[:at] + chance.choice((bytes(length), chance.randbytes(length))) + data[at + length :]
-    )
+    before = data[at : at + length]
+    length = len(before)
+    after = chance.choice((bytes(length), chance.randbytes(length)))
+    if after == before:
+        after = bytes(255 - byte for byte in before)
+    return data[:at] + after + data[at + length :]
 
 
 def truncate(chance: random.Random, data: bytes) -> bytes:

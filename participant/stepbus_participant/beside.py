@@ -10,13 +10,23 @@ import ctypes
 import gc
 import mmap
 import os
+import re
 import select
 import signal
+import warnings
 from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from stepbus_schemas import RunError
+
+# Python 3.12 and later warn of a fork beside other threads: the copy has none of them, and waits
+# without end for a lock that one of them held. The copy takes no lock of ours: it has neither
+# signals nor finalizers, computes, writes into shared memory, and leaves by _exit. Memory is the C
+# library's, which is whole after a fork. One that stands still all the same is given up, below.
+warnings.filterwarnings(
+    "ignore", r".*multi-threaded, use of fork\(\)", DeprecationWarning, re.escape(__name__)
+)
 
 _PR_SET_PDEATHSIG = 1
 _ALL = 2**31 - 1

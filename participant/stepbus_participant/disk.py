@@ -142,7 +142,7 @@ class NewFile(io.RawIOBase):
     """A new file as a stream, in place of what had its name; put `io.BufferedWriter` around it."""
 
     def __init__(self, path: Path, disk: Disk) -> None:
-        self._disk = disk
+        self._disk, self._fd = disk, -1
         self._fd = make_file(path, disk=disk)
         self._end = 0
 
@@ -164,6 +164,8 @@ class NewFile(io.RawIOBase):
         """Bring the file to the medium and close it; harmless when repeated."""
         if not self.closed:
             super().close()
+            if self._fd < 0:
+                return
             try:
                 self._disk.fsync(self._fd)
             finally:

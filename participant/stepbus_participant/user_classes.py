@@ -1,10 +1,10 @@
 """Classes of the user's, imported by the names that a scenario gives them."""
 
-import importlib
 import inspect
 import re
 import sys
 from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -13,6 +13,7 @@ from stepbus_schemas import WiringError, error_text, suggest
 
 from .config import Config
 from .files import read_file
+from .packages import forget_listings
 from .parameters.read import read
 from .parameters.settings import Settings
 from .participant import Participant
@@ -66,7 +67,7 @@ def import_participant(name: str, folder: Path) -> type[Participant]:
 def import_source(source: str, folder: Path) -> ModuleType:
     """Import a module, or a file of a folder, in which `sys.path` has it search."""
     if not source.endswith(".py"):
-        return importlib.import_module(source)
+        return import_module(source)
     path = (folder / source).absolute()
     loaded = sys.modules.get(path.stem)
     is_other = loaded is not None and getattr(loaded, "__file__", None) != str(path)
@@ -145,8 +146,8 @@ def _import(module_name: str, folder: Path) -> Any:
     """Import a module with `folder` searched first, and only for this import."""
     sys.path.insert(0, str(folder))
     try:
-        importlib.invalidate_caches()
-        return importlib.import_module(module_name)
+        forget_listings()
+        return import_module(module_name)
     except ModuleNotFoundError as exc:
         text = f"no module {exc.name!r} in {folder} or installed"
         raise WiringError(text if exc.name == module_name else f"{module_name}: {text}") from exc

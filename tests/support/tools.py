@@ -2,9 +2,16 @@
 
 import shutil
 import subprocess
+from importlib.util import find_spec
 
 import pytest
 from support.paths import CHECKOUT
+
+needs_pybullet = pytest.mark.skipif(
+    find_spec("pybullet") is None,
+    reason="pybullet is not installed: it has no wheels for Python 3.12 and later",
+)
+"""Marks a test of what only PyBullet has. Its world or its params name the engine."""
 
 
 def needs(*programs):

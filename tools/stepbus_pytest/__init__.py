@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
+_OF_COPIES = (
+    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_participant\.beside"
+)
+"""What `stepbus_participant.beside` rules out at import, which pytest undoes for each test."""
 _HELP = (
     f"{MARKER}(pattern, participant): run the test once for each log that matches a pattern such "
     f"as logs/*.mcap, relative to the test's file; the fixture {FIXTURE} replays the participant"
@@ -43,8 +47,9 @@ class _Mistake:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Declare the marker."""
+    """Declare the marker; leave out the warning of a fork that is safe."""
     config.addinivalue_line("markers", _HELP)
+    config.addinivalue_line("filterwarnings", _OF_COPIES)
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:

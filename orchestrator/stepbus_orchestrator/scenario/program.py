@@ -15,7 +15,15 @@ from msgspec import structs
 from stepbus_orchestrator.plugins import points
 from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
-from stepbus_participant import PARTICIPANTS, ExtraMissing, extra_hint, is_installed, lacks, suggest
+from stepbus_participant import (
+    PARTICIPANTS,
+    ExtraMissing,
+    extra_hint,
+    forget_listings,
+    is_installed,
+    lacks,
+    suggest,
+)
 from stepbus_schemas import BridgeFormat, WiringError
 
 from .model import BridgeSpec, ParticipantSpec, Scenario
@@ -182,7 +190,7 @@ def _find_module(name: str, folder: Path) -> ModuleSpec:
     spec = None
     if all(part.isidentifier() for part in parts) and parts[0] != "__main__":
         # A file may have been written since this process last checked.
-        importlib.invalidate_caches()
+        forget_listings()
         # `python -m` puts the working directory, the scenario's folder, first; not for ours.
         own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
         spec = own or importlib.util.find_spec(parts[0])

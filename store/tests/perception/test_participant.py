@@ -3,13 +3,21 @@
 import importlib.util
 import logging
 import math
+from contextlib import closing
 
 import msgspec
 import numpy as np
-import pybullet as bullet
 import pytest
 from support.services.control import Stand
-from support.services.perception import JOINTS, TOPS, Item, open_store, write_robot
+from support.services.perception import (
+    JOINTS,
+    TOPS,
+    Item,
+    empty_world,
+    load_fixed,
+    open_store,
+    write_robot,
+)
 
 from stepbus_participant import Config
 from stepbus_schemas import (
@@ -50,24 +58,13 @@ def config(folder, inputs=tuple(TYPES), **params):
 
 
 def camera_pose(folder):
-    """Return where PyBullet has the camera of the robot at ANGLES on a chassis that moved."""
-    client = bullet.connect(bullet.DIRECT)
-    try:
-        turned = bullet.getQuaternionFromEuler([0, 0, YAW])
-        robot = bullet.loadURDF(str(write_robot(folder)), CHASSIS, turned, physicsClientId=client)
-        numbers = range(bullet.getNumJoints(robot, client))
-        infos = [bullet.getJointInfo(robot, n, client) for n in numbers]
-        for info in infos:
-            if info[1].decode() in JOINTS:
-                angle = ANGLES[JOINTS.index(info[1].decode())]
-                bullet.resetJointState(robot, info[0], angle, physicsClientId=client)
-        camera = next(info[0] for info in infos if info[12] == b"camera")
-        state = bullet.getLinkState(
-            robot, camera, computeForwardKinematics=True, physicsClientId=client
-        )
-        return state[4], state[5]
-    finally:
-        bullet.disconnect(client)
+    """Return where the engine has the camera of the robot at ANGLES on a chassis that moved."""
+    with closing(empty_world()) as engine:
+        robot = load_fixed(engine, write_robot(folder), CHASSIS, (0.0, 0.0, YAW))
+        for info in engine.joints(robot):
+            if info.name in JOINTS:
+                engine.put_joint(robot, info.index, ANGLES[JOINTS.index(info.name)], 0.0)
+        return engine.frame(engine.links(robot)["camera"])
 
 
 @pytest.fixture(scope="module")

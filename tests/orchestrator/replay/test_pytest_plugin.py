@@ -3,6 +3,8 @@
 import subprocess
 import sys
 
+# pytester forgets the modules that a test has imported, and NumPy is loaded once in a process.
+import numpy as np  # noqa: F401
 import pytest
 
 from stepbus_orchestrator.cli.new import write_starter

@@ -5,6 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
+from support.tools import needs_pybullet
 
 from stepbus_orchestrator.cli import main
 from stepbus_participant import package_path, parse_urdf, read_urdf_text, urdf_warnings
@@ -117,9 +118,9 @@ def test_what_engines_can_simulate_passes(tmp_path, before, after):
         "package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf",
         "package://example-robot-data/robots/panda_description/urdf/panda.urdf",
         "package://example-robot-data/robots/tiago_description/robots/tiago.urdf",
-        "package://pybullet_data/humanoid/humanoid.urdf",
-        "package://pybullet_data/husky/husky.urdf",
-        "package://pybullet_data/r2d2.urdf",
+        pytest.param("package://pybullet_data/humanoid/humanoid.urdf", marks=needs_pybullet),
+        pytest.param("package://pybullet_data/husky/husky.urdf", marks=needs_pybullet),
+        pytest.param("package://pybullet_data/r2d2.urdf", marks=needs_pybullet),
     ],
 )
 def test_well_known_robots_pass(url):

@@ -5,6 +5,7 @@ from contextlib import closing
 
 import pytest
 from support.services.plant import TWO_LINK
+from support.tools import needs_pybullet
 
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
@@ -32,7 +33,7 @@ SHAPE = (
 )
 
 
-def make(folder, mode="torque", *, fixed=True, block=False):
+def make(folder, mode="torque", *, fixed=True, block=False, engine=None):
     """Return an arm with stops, which has a block beneath it or not."""
     text = TWO_LINK.read_text()
     for link in ("link1", "link2"):
@@ -42,7 +43,7 @@ def make(folder, mode="torque", *, fixed=True, block=False):
     world = WORLD.replace("ARM", "arm.urdf").replace("FIXED", str(fixed).lower())
     path = folder / "world.yaml"
     path.write_text(world.replace("MODE", mode) + (BLOCK if block else ""))
-    params = Params(world=path)
+    params = Params(world=path, engine=engine)
     return SimulatedPlant(load_world(path), params, PERIOD_NS, seed=1)
 
 
@@ -76,8 +77,9 @@ def test_a_restored_plant_goes_on_to_the_bit(tmp_path, mode, at):
         assert advance(other, second, at, at + 3000) == advance(plant, first, at, at + 3000)
 
 
+@needs_pybullet
 def test_a_plant_that_touches_something_saves_nothing_until_it_is_free(tmp_path):
-    with closing(make(tmp_path, block=True)) as plant:
+    with closing(make(tmp_path, block=True, engine="pybullet")) as plant:
         driver = commander(plant)
         saved = []
         for k in range(100):
@@ -87,6 +89,7 @@ def test_a_plant_that_touches_something_saves_nothing_until_it_is_free(tmp_path)
     assert not all(saved)
 
 
+@needs_pybullet
 def test_a_body_that_may_move_is_not_saved(tmp_path):
-    with closing(make(tmp_path, fixed=False)) as plant:
+    with closing(make(tmp_path, fixed=False, engine="pybullet")) as plant:
         assert plant.save() is None

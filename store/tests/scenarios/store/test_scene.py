@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 import pinocchio as pin
-import pybullet
 import pytest
 from support.store_paths import SCENARIOS
 
@@ -76,7 +75,8 @@ def test_items_stand_still_and_so_does_the_robot():
     after = sensor.sense()
     assert len(names) == 44
     assert np.abs(np.array(after.position) - before).max() < 0.0005
-    tilt = [pybullet.getEulerFromQuaternion(q)[:2] for q in after.orientation[:-1]]
+    turns = [pin.Quaternion(np.array(q)).toRotationMatrix() for q in after.orientation[:-1]]
+    tilt = [pin.rpy.matrixToRpy(turn)[:2] for turn in turns]
     assert np.abs(tilt).max() < 0.002
 
 
@@ -142,10 +142,8 @@ def test_the_robot_starts_with_its_hand_low_inside_of_its_outline():
     assert z.max() < 0.75
     plant.advance()
     robot = list(plant.world.bodies).index("robot")
-    points = pybullet.getContactPoints(robot, physicsClientId=plant.physics.engine.client)
-    infos = [
-        pybullet.getJointInfo(robot, point[3], plant.physics.engine.client) for point in points
-    ]
-    assert {info[12].decode() for info in infos} <= {
+    engine = plant.physics.engine
+    touching = {contact.one for contact in engine.contacts(robot)}
+    assert {name for name, link in engine.links(robot).items() if link in touching} <= {
         "left_wheel_link", "right_wheel_link", "front_caster", "back_caster",
     }  # fmt: skip

@@ -1,7 +1,6 @@
 """The store's robot collides with itself in the physics, and is free where it should be."""
 
 import numpy as np
-import pybullet as bullet
 import pytest
 from support.store_paths import SCENARIOS
 
@@ -29,8 +28,10 @@ def plant():
 def own_contacts(plant):
     """Return the deepest penetration between links of the robot [m], and the largest force [N]."""
     robot = next(iter(plant.physics.joints.values())).body
-    points = bullet.getContactPoints(robot, robot, physicsClientId=plant.physics.engine.client)
-    return min((p[8] for p in points), default=0.0), max((p[9] for p in points), default=0.0)
+    points = [p for p in plant.physics.engine.contacts(robot) if p.other[0] == robot]
+    return min((p.distance for p in points), default=0.0), max(
+        (p.force for p in points), default=0.0
+    )
 
 
 def move(plant, target, seconds):

@@ -9,11 +9,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import pybullet as bullet
 
 from stepbus_plant.camera import Camera, Lens
-from stepbus_plant.engine import BASE
-from stepbus_plant.engines.pybullet import BulletEngine
+from stepbus_plant.engine import BASE, Engine
+from stepbus_plant.engines import default_engine, open_engine
+from stepbus_plant.geometry import quaternion
+from stepbus_plant.models import loadable
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
@@ -61,7 +62,7 @@ class Store:
     """Items on boards, and a camera that can be put anywhere."""
 
     folder: Path
-    engine: BulletEngine
+    engine: Engine
     width: int = 320
     height: int = 240
     items: list[Item] = field(default_factory=list)
@@ -69,10 +70,9 @@ class Store:
     lens: Lens | None = None
 
     def __post_init__(self) -> None:
-        self.client = self.engine.client
         path = self.folder / "camera.urdf"
         path.write_text(_URDF.format(name="camera", parts=""), encoding="utf-8")
-        self._camera = bullet.loadURDF(str(path), physicsClientId=self.client, useFixedBase=True)
+        self._camera = load_fixed(self.engine, path, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
         row = CameraSettings(
             link="camera", period_ns=8_000_000, width=self.width, height=self.height
         )
@@ -100,19 +100,16 @@ class Store:
         path = self.folder / f"{name}.urdf"
         parts = "".join(_visual(name, text, color) for text in shapes.split(";"))
         path.write_text(_URDF.format(name=name, parts=parts), encoding="utf-8")
-        turned = bullet.getQuaternionFromEuler([0, pitch, yaw])
-        bullet.loadURDF(str(path), position, turned, useFixedBase=True, physicsClientId=self.client)
+        load_fixed(self.engine, path, position, (0.0, pitch, yaw))
 
     def look(self, position, yaw: float = 0.0, tilt=(0.0, 0.0)) -> tuple[dict[str, Image], Pose]:
         """Return what a camera sees that looks down, turned by yaw and tilted about x, y."""
-        down = bullet.getQuaternionFromEuler([math.pi + tilt[0], tilt[1], yaw])
+        down = quaternion((math.pi + tilt[0], tilt[1], yaw))
         return self.see(position, down), Pose(rotation=rotation(down), position=np.array(position))
 
     def see(self, position, orientation) -> dict[str, Image]:
         """Return what a camera sees from a pose of its optical frame."""
-        bullet.resetBasePositionAndOrientation(
-            self._camera, position, orientation, physicsClientId=self.client
-        )
+        self.engine.put(self._camera, (tuple(position), tuple(orientation)))
         self._views += 1
         rgb, depth = self._sensor.render(self._views)
         return {"rgb": rgb, "depth": depth}
@@ -155,12 +152,31 @@ def _visual(name: str, text: str, color: tuple[float, float, float]) -> str:
     return _PART.format(xyz=xyz, geometry=geometry, name=name, color=" ".join(map(str, color)))
 
 
+def load_fixed(engine: Engine, urdf: Path, position, rpy) -> int:
+    """Return the number of a body that stands somewhere and looks as its model says."""
+    with loadable(urdf) as whole:
+        return engine.load(
+            whole,
+            (tuple(position), quaternion(rpy)),
+            {},
+            is_fixed=True,
+            collides_with_itself=False,
+            has_visuals=True,
+            is_smooth=False,
+        )
+
+
+def empty_world() -> Engine:
+    """Return the engine that is the default here, with nothing in it."""
+    return open_engine(default_engine(), 1e-3, (0.0, 0.0, 0.0), 50)
+
+
 @contextmanager
 def open_store(
     folder: Path, *items: Item, lens: Lens | None = None, **size: int
 ) -> Iterator[Store]:
     """Yield a store with some items; lens: of its camera."""
-    with closing(BulletEngine(1e-3, (0.0, 0.0, 0.0), 50)) as engine:
+    with closing(empty_world()) as engine:
         store = Store(folder, engine, lens=lens, **size)
         for item in items:
             store.add(item)

@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import msgspec
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
+from support.tools import needs_pybullet
 
 import stepbus
 from stepbus_orchestrator.errors import ExitCode
@@ -252,7 +253,17 @@ def test_the_command_prints_json_and_nothing_else(tmp_path):
     )  # fmt: skip
     assert json.loads(done.stdout)["steps"] == 20
     assert done.stderr == ""
-    assert "pybullet" in (tmp_path / "out/logs/native.log").read_text()
+
+
+@needs_pybullet
+def test_what_libraries_print_is_in_a_log_of_its_own(tmp_path):
+    done = subprocess.run(
+        [*STEPBUS, "run", "two_link", "--in-process", "--json", "--set", "duration=10ms",
+         "--set", "plant.params.engine=pybullet", "--out", str(tmp_path / "out")],
+        capture_output=True, text=True, check=True, timeout=60,
+    )  # fmt: skip
+    assert "build time" not in done.stdout + done.stderr
+    assert "pybullet build time" in (tmp_path / "out/logs/native.log").read_text()
 
 
 class FullLogs:

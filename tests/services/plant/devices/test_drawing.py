@@ -6,9 +6,11 @@ import psutil
 import pytest
 from support.services.camera import IMAGES, WORLD, make_plant, write_scene
 from support.services.control import Stand
+from support.tools import needs_pybullet
 
 from stepbus_plant import drawing
 from stepbus_plant.camera import Camera
+from stepbus_plant.engines import ENGINES, is_here
 from stepbus_schemas import CameraTrigger, RunError
 
 FALLING = WORLD.replace("0.05], fixed_base: true", "0.4]")
@@ -16,6 +18,8 @@ SLOW = FALLING.replace("period: 10ms", "period: 10ms, latency: 15ms")
 TWO = FALLING.replace(
     "fov: 1.0}", "fov: 1.0}\n  other: {link: lens, period: 10ms, near: 0.1, far: 1.5, fov: 0.5}"
 )
+COPIED = {"engine": "pybullet"}
+"""Params of a plant that draws in copies of its process."""
 ERRORS = {"color": 4, "depth": 0.004, "blur": 0.7, "light": "lamp"}
 
 
@@ -84,15 +88,16 @@ def test_where_no_further_process_may_be_started_they_are_the_same(tmp_path, mon
 
 
 @pytest.mark.slow
+@needs_pybullet
 def test_cameras_drawn_at_once_see_what_they_see_one_by_one(tmp_path, monkeypatch):
     ports = {"wrist_rgb": "Image/1", "other_depth": "Image/1", "other_points": "PointCloud/1"}
     forks, fork = [], os.fork
     monkeypatch.setattr(os, "fork", lambda: forks.append(1) or fork())
     monkeypatch.setattr(drawing, "_WORTH_S", 0.0)
-    at_once = shown(tmp_path, TWO, ports)
+    at_once = shown(tmp_path, TWO, ports, **COPIED)
     assert len(forks) == 5  # the first images say how long it takes
     monkeypatch.setattr(drawing, "_WORTH_S", 10.0)
-    assert shown(tmp_path, TWO, ports) == at_once
+    assert shown(tmp_path, TWO, ports, **COPIED) == at_once
     assert len(forks) == 5
 
 
@@ -111,6 +116,7 @@ def test_readers_are_told_the_latency(tmp_path):
 LARGE = FALLING.replace("fov: 1.0", "fov: 1.0, latency: 5ms, width: 3000, height: 3000")
 
 
+@needs_pybullet
 @pytest.mark.parametrize(
     ("number", "what"),
     [
@@ -119,7 +125,7 @@ LARGE = FALLING.replace("fov: 1.0", "fov: 1.0, latency: 5ms, width: 3000, height
     ],
 )
 def test_a_copy_that_does_not_finish_is_one_error(tmp_path, number, what):
-    with standing(tmp_path, LARGE) as stand:
+    with standing(tmp_path, LARGE, **COPIED) as stand:
         stand.update(0)
         (pid,) = copies()
         os.kill(pid, number)
@@ -129,25 +135,28 @@ def test_a_copy_that_does_not_finish_is_one_error(tmp_path, number, what):
     assert str(caught.value) == f"camera 'wrist', image of 0 s: process {pid}, which {what}"
 
 
+@needs_pybullet
 def test_an_error_in_a_copy_is_one_error(tmp_path, monkeypatch):
     monkeypatch.setattr(Camera, "pixels", lambda *_: 1 / 0)
-    with standing(tmp_path, SLOW) as stand:
+    with standing(tmp_path, SLOW, **COPIED) as stand:
         for step in range(3):
             stand.update(step)
         with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError: division by zero"):
             stand.update(3)
 
 
+@needs_pybullet
 def test_a_plant_leaves_no_copy_behind(tmp_path):
-    with standing(tmp_path, LARGE.replace("latency: 5ms", "latency: 50ms")) as stand:
+    with standing(tmp_path, LARGE.replace("latency: 5ms", "latency: 50ms"), **COPIED) as stand:
         stand.update(0)
         assert len(copies()) == 1
 
 
+@needs_pybullet
 def test_however_long_the_latency_there_are_few_copies(tmp_path):
     late = FALLING.replace("period: 10ms", "period: 5ms, latency: 100ms")
-    now = shown(tmp_path, FALLING.replace("period: 10ms", "period: 5ms"), steps=4)
-    with standing(tmp_path, late) as stand:
+    now = shown(tmp_path, FALLING.replace("period: 10ms", "period: 5ms"), steps=4, **COPIED)
+    with standing(tmp_path, late, **COPIED) as stand:
         counts = []
         for step in range(20):
             assert "rgb" not in stand.update(step)
@@ -156,9 +165,10 @@ def test_however_long_the_latency_there_are_few_copies(tmp_path):
         assert [stand.update(step)["rgb"] for step in range(20, 24)] == [row["rgb"] for row in now]
 
 
-def test_the_renderer_is_known(tmp_path):
-    with standing(tmp_path, WORLD) as stand:
+@pytest.mark.parametrize("engine", [name for name in ENGINES if is_here(name)])
+def test_the_renderer_is_known(tmp_path, engine):
+    with standing(tmp_path, WORLD, engine=engine) as stand:
         versions = stand.participant.versions()
-    assert versions["renderer"] == f"TinyRenderer of pybullet {versions['pybullet']}"
+    assert f"{engine} {versions[engine]}" in versions["renderer"]
     with standing(tmp_path, WORLD, {"state": "JointState/1"}) as stand:
         assert "renderer" not in stand.participant.versions()

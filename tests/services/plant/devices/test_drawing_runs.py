@@ -4,12 +4,14 @@ import psutil
 import pytest
 from support.services.camera import WORLD, write_scene
 from support.surroundings import comes_true
+from support.tools import needs_pybullet
 
 from stepbus_orchestrator.analysis.verify import verify
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_plant.engines import default_engine
 
 FALLING = WORLD.replace("0.05], fixed_base: true", "0.4]")
 PROGRAM = """
@@ -48,7 +50,7 @@ participants:
   plant:
     participant: stepbus_plant:Plant
     publishes: first
-    params: {world: world.yaml}
+    params: {world: world.yaml, engine: ENGINE}
     outputs:
       joint_state: JointState/1
       rgb: {type: Image/1, bulk: true}
@@ -69,10 +71,12 @@ DISTURBER = """
 """
 
 
-def write(folder, camera, rest=VIEWER):
+def write(folder, camera, rest=VIEWER, engine=None):
+    """Return a scenario; engine: of the plant, by default that of this machine."""
     write_scene(folder, FALLING.replace("period: 10ms", camera))
     (folder / "program.py").write_text(PROGRAM)
-    (folder / "scenario.yaml").write_text(SCENARIO + rest)
+    text = SCENARIO.replace("ENGINE", engine or default_engine())
+    (folder / "scenario.yaml").write_text(text + rest)
     return load(str(folder / "scenario.yaml"))
 
 
@@ -115,6 +119,7 @@ def test_a_run_with_images_under_way_is_verified_and_branched(tmp_path):
     assert found.result.recording.read_bytes() == recorded.read_bytes()
 
 
+@needs_pybullet
 @pytest.mark.parametrize(
     ("number", "text", "in_process"),
     [
@@ -129,17 +134,19 @@ def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(
 ):
     rest = disturber("copy", number, shared=in_process)
     size = "latency: 25ms, width: 3000, height: 3000"
-    result = run_in(tmp_path / "run", write(tmp_path, size, rest), in_process=in_process)
+    scenario = write(tmp_path, size, rest, engine="pybullet")
+    result = run_in(tmp_path / "run", scenario, in_process=in_process)
     pid = (tmp_path / "pid").read_text()
     assert (result.participant, result.at_step) == ("plant", 6)
     assert f"camera 'wrist', image of 0.005 s: process {pid}, which {text}" in result.reason
     assert not psutil.pid_exists(int(pid))
 
 
+@needs_pybullet
 def test_a_copy_ends_with_its_plant(tmp_path):
     rest = disturber("plant", 9, shared=False)
     size = "latency: 25ms, width: 3000, height: 3000"
-    result = run_in(tmp_path / "run", write(tmp_path, size, rest))
+    result = run_in(tmp_path / "run", write(tmp_path, size, rest, engine="pybullet"))
     assert (result.participant, result.exit_code) == ("plant", 5)
     pid = int((tmp_path / "pid").read_text())
     assert comes_true(lambda: not psutil.pid_exists(pid))

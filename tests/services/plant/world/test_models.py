@@ -1,10 +1,10 @@
 """Links without inertials, and collisions of a body with itself."""
 
-import pybullet
 import pytest
 from support.services.plant import LIMIT, make_plant
 
 from stepbus_participant import Endpoint, Ticket
+from stepbus_plant.engine import BASE
 from stepbus_plant.models import loadable
 from stepbus_schemas import WiringError
 
@@ -31,8 +31,8 @@ def plant_of(folder, pairs=None):
 
 
 def contacts(plant):
-    pybullet.performCollisionDetection(plant.physics.engine.client)
-    return len(pybullet.getContactPoints(physicsClientId=plant.physics.engine.client))
+    plant.physics.engine.update_shapes()
+    return len(plant.physics.engine.contacts())
 
 
 def test_links_collide_unless_their_pair_is_ruled_out(tmp_path):
@@ -58,7 +58,7 @@ def test_an_srdf_that_is_no_xml_is_refused(tmp_path):
 
 def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(tmp_path, capfd):
     plant = plant_of(tmp_path)
-    mass = pybullet.getDynamicsInfo(0, -1, physicsClientId=plant.physics.engine.client)[0]
+    mass = plant.physics.engine.mass((0, BASE))
     assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
 
 

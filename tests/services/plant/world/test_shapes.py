@@ -16,12 +16,21 @@ bodies:
 """
 RED = '<material name="red"><color rgba="0.8 0.1 0 1"/></material>'
 VISUAL = '<visual><geometry><sphere radius="1"/></geometry><material name="red"/></visual>'
+TETRAHEDRON = """v 0 0 0
+v 1 0 0
+v 0 1 0
+v 0 0 1
+f 1 3 2
+f 1 2 4
+f 2 3 4
+f 3 1 4
+"""
 SHAPES = {
     '<box size="1 2.5 3"/>': "box 1 2.5 3",
     '<cylinder radius="0.033" length="0.115"/>': "cylinder 0.033 0.115",
     '<sphere radius="0.2"/>': "sphere 0.2",
     '<capsule radius="0.2" length="1"/>': "capsule 0.2 1",
-    '<mesh filename="package://pybullet_data/sphere_smooth.obj"/>': "mesh",
+    '<mesh filename="tetrahedron.obj"/>': "mesh",
 }
 
 
@@ -29,6 +38,7 @@ def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=Non
     """Return what a plant with two bodies of a base and an arm tells of its links."""
     base = link("base", 1.0, shape, at, more)
     arm = joint("turn", "revolute", "base", "arm", "0 0 1", "0 0 1", "1 1 -1 1")
+    (folder / "tetrahedron.obj").write_text(TETRAHEDRON)
     write_urdf(folder, "thing", RED, base, f'<link name="arm">{VISUAL}</link>', arm)
     (folder / "world.yaml").write_text(WORLD)
     world = load_world(folder / "world.yaml")

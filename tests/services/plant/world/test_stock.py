@@ -2,11 +2,12 @@
 
 import re
 
-import pybullet
 import pytest
 from support.services.devices import box, link, write_can, write_urdf
+from support.tools import needs_pybullet
 
 from stepbus_plant import Params, SimulatedPlant, load_world
+from stepbus_plant.engine import BASE
 from stepbus_plant.params import StockParams
 from stepbus_plant.poses import Planogram
 from stepbus_plant.stock import draw_items
@@ -80,20 +81,33 @@ def test_a_kind_can_be_missing_and_shelves_half_full(tmp_path):
     assert items(tmp_path, fill=0.0) == {}
 
 
-def test_params_change_mass_and_friction_of_a_type(tmp_path):
+def heavy_cans(folder, **more):
+    """Return a plant whose cans weigh 9 kg and are slippery, the number of one, and its item."""
     stock = {"seed": 1, "types": {"can": {"mass": 9, "friction": 0.05}}}
-    params = Params.of({"world": "world.yaml", "stock": stock})
-    plant = SimulatedPlant(load(tmp_path, params.stock), params, 4_000_000, 0)
+    params = Params.of({"world": "world.yaml", "stock": stock, **more})
+    plant = SimulatedPlant(load(folder, params.stock), params, 4_000_000, 0)
     world = plant.world
     number, item = next(
         (n, world.items[name])
         for n, name in enumerate(world.bodies)
         if name in world.items and world.items[name].type == "can"
     )
-    mass, friction, inertia = pybullet.getDynamicsInfo(number, -1, plant.physics.engine.client)[:3]
+    return plant, number, item
+
+
+def test_params_change_mass_and_friction_of_a_type(tmp_path):
+    plant, number, item = heavy_cans(tmp_path)
+    assert plant.physics.engine.mass((number, BASE)) == pytest.approx(item.mass)
+    assert item.mass == pytest.approx(9, rel=0.03)
+    assert item.friction == pytest.approx(0.05, rel=0.05)
+
+
+@needs_pybullet
+def test_a_changed_mass_scales_the_inertia(tmp_path):
+    bullet = pytest.importorskip("pybullet")
+    plant, number, item = heavy_cans(tmp_path, engine="pybullet")
+    mass, friction, inertia = bullet.getDynamicsInfo(number, -1, plant.physics.engine.client)[:3]
     assert (mass, friction) == pytest.approx((item.mass, item.friction))
-    assert mass == pytest.approx(9, rel=0.03)
-    assert friction == pytest.approx(0.05, rel=0.05)
     assert inertia[0] == pytest.approx(0.001 * mass)  # as in the URDF of support.services.devices
 
 
@@ -104,8 +118,9 @@ def test_a_body_its_link_and_its_type_are_named_after_the_item(tmp_path):
     assert said.details["type"] == ["", *(item.type for item in plant.world.items.values())]
 
 
+@needs_pybullet
 def test_goods_on_a_shelf_sleep_from_the_start(tmp_path):
-    early, late = (_carton(tmp_path, 0.5, steps) for steps in (5, 100))
+    early, late = (_carton(tmp_path, 0.5, steps, engine="pybullet") for steps in (5, 100))
     assert early == late
     assert early[0][2] == pytest.approx(0.56, abs=1e-4)
 
@@ -114,15 +129,16 @@ def test_goods_in_the_air_fall_first(tmp_path):
     assert _carton(tmp_path, 0.6, 100)[0][2] == pytest.approx(0.56, abs=1e-3)
 
 
-def _carton(folder, height, steps):
+def _carton(folder, height, steps, **params):
     """Return the pose of a carton on a board whose top is at 0.5 m, after some steps."""
     text = STOCK.replace("    can: {urdf: can.urdf, mass: 0.35}\n", "")
     text = text.replace("position: [0.0, 0, 0.5], yaw", f"position: [0.0, 0, {height}], yaw")
-    plant = SimulatedPlant(load(folder, text=text), Params(world="world.yaml"), 4_000_000, 0)
+    params = Params(world="world.yaml", **params)
+    plant = SimulatedPlant(load(folder, text=text), params, 4_000_000, 0)
     for _ in range(steps):
         plant.advance()
     number = list(plant.world.bodies).index("carton_a_1")
-    pose = pybullet.getBasePositionAndOrientation(number, plant.physics.engine.client)
+    pose = plant.physics.engine.centre(number)
     plant.close()
     return pose
 

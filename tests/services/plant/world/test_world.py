@@ -1,5 +1,6 @@
 import pytest
 from support.paths import DOCS
+from support.services.devices import box, link, write_urdf
 from support.services.plant import MS, body, make_plant, write_world
 
 from stepbus_plant import Params, load_world
@@ -146,9 +147,9 @@ def test_a_physics_step_is_written_as_any_duration(tmp_path, step):
 
 
 def test_a_urdf_can_come_from_an_installed_package(tmp_path):
-    url = "package://pybullet_data/kuka_iiwa/model.urdf"
-    plant = make_plant(tmp_path, f"  kuka: {{urdf: '{url}', fixed_base: true}}\n")
-    assert plant.names == [f"lbr_iiwa_joint_{n}" for n in range(1, 8)]
+    url = "package://stepbus_scenarios/two_link/two_link.urdf"
+    plant = make_plant(tmp_path, f"  arm: {{urdf: '{url}', fixed_base: true}}\n")
+    assert plant.names == ["joint1", "joint2"]
 
 
 def test_an_arm_in_free_fall_does_not_bend_and_a_fixed_one_does(tmp_path):
@@ -164,7 +165,8 @@ def test_an_arm_in_free_fall_does_not_bend_and_a_fixed_one_does(tmp_path):
 
 
 def test_a_body_without_joints_is_part_of_the_world(tmp_path):
-    floor = "  floor: {urdf: 'package://pybullet_data/plane.urdf', friction: {lateral: 0.7}}\n"
+    write_urdf(tmp_path, "floor", link("floor", 1.0, box("9 9 1")))
+    floor = "  floor: {urdf: floor.urdf, friction: {lateral: 0.7}}\n"
     plant = make_plant(tmp_path, floor, body("arm", "two_link"))
     assert plant.names == ["joint1", "joint2"]
 

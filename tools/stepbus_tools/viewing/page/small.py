@@ -107,7 +107,8 @@ def nice_ticks(low: float, high: float, most: int) -> list[float]:
 def labels_of(ticks: Sequence[float]) -> tuple[list[str], str]:
     """Return ticks as short texts that differ, and what is to be added to them, if anything."""
     if len(ticks) < 2:
-        return [_brief(f"{tick:.3g}") for tick in ticks], ""
+        # With an exponent of three digits, there is room for two.
+        return [_brief(f"{tick:.{2 if 0 < abs(tick) < 1e-99 else 3}g}") for tick in ticks], ""
     step = (ticks[-1] - ticks[0]) / (len(ticks) - 1)
     digits = max(0, -math.floor(math.log10(step) + 1e-9))
     plain = [f"{tick + 0.0:.{digits}f}" for tick in ticks]
