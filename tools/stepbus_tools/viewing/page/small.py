@@ -1,8 +1,8 @@
 """Small curves as SVG: they are there without a script, on paper and in a preview."""
 
 import math
-import sys
 import re
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from html import escape
 
