@@ -1,5 +1,6 @@
 """Fixtures that several test files share."""
 
+import contextlib
 import gc
 import re
 import signal
@@ -49,6 +50,30 @@ def pytest_configure(config):
         from stepbus_plant import engines  # noqa: PLC0415  others need no engine
 
         engines.ENGINES = (engine, *(name for name in engines.ENGINES if name != engine))
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_setup(item):
+    """Skip what a machine without OpenGL cannot draw, see `pytest_runtest_call`."""
+    with _drawn():
+        return (yield)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_call(item):
+    """Skip tests of images where the engine MuJoCo finds no OpenGL to draw them with."""
+    with _drawn():
+        return (yield)
+
+
+@contextlib.contextmanager
+def _drawn():
+    try:
+        yield
+    except ValueError as exc:
+        if "can draw no images" not in str(exc):
+            raise
+        pytest.skip(str(exc))
 
 
 # Tests that are started in the background or with nohup ignore signals, and so would all
