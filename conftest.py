@@ -1,6 +1,5 @@
 """Fixtures that several test files share."""
 
-import contextlib
 import gc
 import re
 import signal
@@ -50,30 +49,6 @@ def pytest_configure(config):
         from stepbus_plant import engines  # noqa: PLC0415  others need no engine
 
         engines.ENGINES = (engine, *(name for name in engines.ENGINES if name != engine))
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_setup(item):
-    """Skip what a machine without OpenGL cannot draw, see `pytest_runtest_call`."""
-    with _drawn():
-        return (yield)
-
-
-@pytest.hookimpl(wrapper=True)
-def pytest_runtest_call(item):
-    """Skip tests of images where the engine MuJoCo finds no OpenGL to draw them with."""
-    with _drawn():
-        return (yield)
-
-
-@contextlib.contextmanager
-def _drawn():
-    try:
-        yield
-    except ValueError as exc:
-        if "can draw no images" not in str(exc):
-            raise
-        pytest.skip(str(exc))
 
 
 # Tests that are started in the background or with nohup ignore signals, and so would all
@@ -143,7 +118,7 @@ def starts_a_process(request):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call():
-    """Skip what fails for want of the robots, as the sentence says that a user gets.
+    """Skip what fails for want of the robots, or of OpenGL for MuJoCo's images, as a user is told.
 
     And, with `--unit`, what was refused a process: the code under test may have caught the skip.
     """
@@ -155,6 +130,8 @@ def pytest_runtest_call():
             pytest.skip("starts a process")
         if collect_ignore_glob and ROBOTS_MISSING.search(str(exc)):
             pytest.skip("needs stepbus-store")
+        if "can draw no images" in str(exc):
+            pytest.skip(str(exc))
         raise
 
 
