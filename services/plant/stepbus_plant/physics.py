@@ -75,7 +75,7 @@ class Physics:
         for name in unknown:
             problems.add(("effort",), f"joint {name!r} is unknown{suggest(name, self.joints)}")
         if not (self.mistakes or unknown):
-            self._start()
+            self._build()
 
     @cached_property
     def links(self) -> dict[str, Link]:
@@ -263,6 +263,14 @@ class Physics:
             # Goods that stand on something sleep from the start; others fall first.
             if any(contact.distance < _STANDS for contact in engine.contacts(number)):
                 engine.let_sleep(number, now=True)
+
+    def _build(self) -> None:
+        """Start, and let the engine build its world now: a mistake in it has a file."""
+        try:
+            self._start()
+            self.engine.frame((0, BASE))
+        except PhysicsError as exc:
+            self.mistakes.append((("bodies",), str(exc)))
 
     def _followers_of(self, leader: Link) -> Iterator[tuple[Joint, Mimic]]:
         for follower in self._followers.get(leader, ()):

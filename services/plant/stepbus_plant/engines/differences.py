@@ -12,6 +12,7 @@ class Difference(NamedTuple):
 
 
 STIFFNESS = "`<stiffness>` and `<damping>` of a link's `<contact>`"
+PLANES = "a plane on a link that moves"
 SHAPES = "shapes other than box, sphere, cylinder, capsule, mesh and plane"
 
 DIFFERENCES = (
@@ -26,7 +27,8 @@ DIFFERENCES = (
     Difference(
         "contacts",
         "impulses in sequence, shapes up to 1 mm apart where they rest",
-        "one convex problem; what rests overlaps by some µm",
+        "one convex problem; what rests overlaps, by an amount that grows with the square of "
+        "`physics_step`: a box of 1 kg by 0.4 µm at 1 ms, by 10 µm at 5 ms, by 156 µm at 20 ms",
     ),
     Difference(
         "friction of two links",
@@ -39,11 +41,18 @@ DIFFERENCES = (
         "convex hulls, one for each object of an OBJ",
         "convex hulls, one for each file; a flat one is seen and touches nothing",
     ),
+    Difference(
+        "what a lidar sees of a mesh, and of a shape that it begins in",
+        "its convex hull; nothing",
+        "its triangles; the inside",
+    ),
     Difference("an inertia that no body can have", "taken", "the nearest one that a body can have"),
     Difference("`<mimic>` and the coupling of a gripper", "with a largest force", "without one"),
     Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),
     Difference(STIFFNESS, "taken", "refused"),
-    Difference(SHAPES, "left out", "refused"),
+    Difference(PLANES, "taken", "refused"),
+    Difference("a box, ball, cylinder or capsule without extent", "taken", "refused"),
+    Difference(SHAPES, "refused", "refused"),
     Difference(
         "images",
         "TinyRenderer: the same bytes on every machine, drawn beside the steps",

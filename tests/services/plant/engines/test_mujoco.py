@@ -1,18 +1,21 @@
 """What is particular to the engine MuJoCo: its refusals, its pictures, its state."""
 
+import math
 import os
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 from support.paths import CHECKOUT
-from support.services.devices import box, link, make_stand, write_gripper
+from support.services.devices import box, joint, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
-from stepbus_plant.engine import PhysicsError
+from stepbus_plant.engine import BASE, Light
 from stepbus_plant.engines.differences import DIFFERENCES, table
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
+from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_plant.world_file import load_world
 from stepbus_schemas import GripperCommand, JointCommand, WiringError
 
@@ -33,6 +36,7 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
         ("<box size='1 1 1'/>", ""),
         ("<torus radius='1'/>", "link 'base': <torus>: shapes other than box, sphere,"),
         ("<box size='1 2'/>", "link 'base': size='1 2' of <box> is not 3 numbers"),
+        ("<box size='1 0 1'/>", "link 'base': size='1 0 1' of <box> is not above 0"),
         ("<sphere radius='x'/>", "link 'base': radius='x' of <sphere> is not 1 number"),
     ],
 )
@@ -54,10 +58,59 @@ def test_a_soft_contact_is_refused_by_name(tmp_path):
         load(tmp_path, urdf)
 
 
-def test_a_body_that_cannot_be_is_one_sentence(tmp_path):
-    urdf = link("base", 0.0, box("1 1 1"))
-    with pytest.raises(PhysicsError, match=r"MuJoCo cannot build the world: .*mass"):
-        load(tmp_path, urdf).engine.frame((0, 0))
+def test_a_body_that_cannot_be_is_one_mistake_of_the_world(tmp_path):
+    urdf = link("base", 1.0, box("1 1 1")).replace('ixy="0"', 'ixy="5"')
+    ((keys, text),) = load(tmp_path, urdf).mistakes
+    assert keys == ("bodies",)
+    assert text.startswith("MuJoCo cannot build the world: ")
+    assert "0/base" in text
+    assert "\n" not in text
+
+
+def test_a_plane_has_its_normal_and_does_not_move(tmp_path):
+    plane = '<plane normal="1 0 0"/>'
+    world = "bodies: {one: {urdf: one.urdf, fixed_base: true}}"
+    engine = load(tmp_path, link("base", 1.0, plane), world).engine
+    engine.update_shapes()
+    starts = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
+    hits = engine.cast(starts, starts + np.array([[-4.0, 0.0, 0.0], [0.0, 0.0, -4.0]]))
+    assert hits.tolist() == [0.25, math.inf]
+    with pytest.raises(WiringError, match="link 'base': a plane on a link that moves: not with"):
+        load(tmp_path, link("base", 1.0, plane))
+
+
+def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
+    """A plate behind a joint of a standing body goes at 0.5 m/s, and a box on it goes along."""
+    cart = link("base", 1.0, box("0.1 0.1 0.1")) + link("plate", 1.0, box("2 2 0.1"))
+    cart += joint("mount", "fixed", "base", "plate", "0 0 1", "0 0 1", "1 1")
+    load_box = f'<robot name="load">{link("load", 1.0, box("0.2 0.2 0.2"))}</robot>'
+    (tmp_path / "load.urdf").write_text(load_box)
+    world = (
+        "one: {urdf: one.urdf, fixed_base: true}, load: {urdf: load.urdf, position: [0, 0, 1.15]}"
+    )
+    engine = load(tmp_path, cart, f"bodies: {{{world}}}").engine
+    for step in range(1000):
+        engine.carry(
+            0, ((0.5e-3 * step, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), (0.5, 0.0, 0.0), (0.0,) * 3
+        )
+        engine.step()
+    assert engine.motion((0, 0)).velocity == pytest.approx((0.5, 0.0, 0.0))
+    # Friction of 0.5 · 0.5 brings it to that speed.
+    way = 0.5 - 0.5**2 / (2 * 0.25 * 9.81)
+    assert engine.frame((1, BASE))[0][0] == pytest.approx(way, abs=2e-3)
+
+
+def test_what_is_half_transparent_is_seen(tmp_path):
+    red = '<visual><geometry><box size="1 1 1"/></geometry><material name="red">{}</material></visual>'
+    urdf = link("base", 1.0, box("1 1 1"), more=red.format('<color rgba="1 0 0 0.5"/>'))
+    engine = load(tmp_path, urdf).engine
+    light = Light(
+        direction=(0, 0, 1), distance=1, ambient=1, diffuse=0, specular=0, has_shadow=False
+    )
+    view = view_matrix((0.0, 0.0, 0.0), 2.0, 0.0, 0.0)
+    colours, depth = engine.image((9, 9), view, projection_matrix(0.5, 1.0, 0.1, 5.0), light)
+    assert colours[4, 4].tolist() == [255, 0, 0]
+    assert depth[4, 4] < 1.0
 
 
 def test_the_docs_have_the_table_of_the_code():

@@ -82,7 +82,8 @@ class MujocoEngine:
             else:
                 model, data = self._spec.recompile(before.model, before.data)
         except (ValueError, mujoco.FatalError) as exc:
-            raise PhysicsError(f"MuJoCo cannot build the world: {exc}") from exc
+            text = " ".join(str(exc).removeprefix("Error: ").split())
+            raise PhysicsError(f"MuJoCo cannot build the world: {text}") from exc
         self._close_painter()
         world = World(model, data, self._bodies, self._dt)
         world.follow(before)

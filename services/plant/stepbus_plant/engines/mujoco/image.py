@@ -17,6 +17,9 @@ from stepbus_schemas import WiringError
 
 _MOST_GEOMS = 10_000
 _WHITE = np.ones(3)
+_KINDS = ("egl", "osmesa", "glfw")
+_DEFAULT = "egl" if sys.platform == "linux" else "glfw"
+"""What MUJOCO_GL names, where it does not."""
 
 
 class Painter:
@@ -42,9 +45,16 @@ class Painter:
         self._model.vis.global_.offwidth = self._width
         self._model.vis.global_.offheight = self._height
         self._model.vis.quality.offsamples = 0
-        self._gl = _open_gl(self._width, self._height)
-        self._gl.make_current()
-        self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        kind = (os.environ.get("MUJOCO_GL") or _DEFAULT).lower()
+        if kind not in _KINDS:
+            raise _cannot(kind, f"it has to be one of {', '.join(_KINDS)}")
+        try:
+            # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
+            self._gl = import_module(f"mujoco.{kind}").GLContext(self._width, self._height)
+            self._gl.make_current()
+            self._context = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100)
+        except (AttributeError, ImportError, OSError, RuntimeError, mujoco.FatalError) as exc:
+            raise _cannot(kind, str(exc)) from exc
         mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN, self._context)
         self._context.readDepthMap = mujoco.mjtDepthMap.mjDEPTH_ZERONEAR
 
@@ -117,18 +127,12 @@ class Painter:
             lamp.specular = (not is_ambient) * light.specular * _WHITE
 
 
-def _open_gl(width: int, height: int) -> Any:
-    """Return a context of OpenGL; MUJOCO_GL chooses which, by default EGL on Linux."""
-    kind = os.environ.get("MUJOCO_GL", "egl" if sys.platform == "linux" else "glfw").lower()
-    try:
-        # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
-        return import_module(f"mujoco.{kind}").GLContext(width, height)
-    except (AttributeError, ImportError, OSError, RuntimeError) as exc:
-        raise WiringError(
-            f"the engine mujoco can draw no images with MUJOCO_GL={kind}: {exc}; on Debian and "
-            "Ubuntu install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or set "
-            "`cameras: false`"
-        ) from exc
+def _cannot(kind: str, why: str) -> WiringError:
+    return WiringError(
+        f"the engine mujoco can draw no images with MUJOCO_GL={kind}: {why}; on Debian and Ubuntu "
+        "install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or set "
+        "`cameras: false`"
+    )
 
 
 def _describe() -> str:

@@ -4,10 +4,8 @@ MuJoCo's own parser fuses links, drops root links and the limits of velocities, 
 of packages, so it is not used.
 """
 
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
@@ -16,21 +14,34 @@ import mujoco
 import numpy as np
 
 from stepbus_plant.engine import BASE, JointInfo
-from stepbus_plant.engines.differences import SHAPES, STIFFNESS, refused
-from stepbus_plant.geometry import Array, Pose, quaternion, rotation
+from stepbus_plant.engines.differences import PLANES, SHAPES, refused
+from stepbus_plant.engines.mujoco.urdf import (
+    Place,
+    attribute,
+    child_of,
+    colour,
+    joint_info,
+    load_mesh,
+    origin,
+    parent_of,
+    part,
+    tree,
+    vector,
+    wxyz,
+)
+from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_plant.models import mesh_path
-from stepbus_schemas import Point, Quaternion, WiringError
+from stepbus_schemas import Point, WiringError
 
 SOLID, LOOKS = 3, 1
 """Groups of geoms: collision shapes, and what cameras see."""
 _MOVES, _STANDS = 1, 2
 """Bits of a shape: whether its link can move; what stands does not collide with what stands."""
-_FRICTION = {"lateral": 0.5, "rolling": 0.0, "spinning": 0.0}
-"""What PyBullet takes where a model says nothing."""
 _LEAST_FRICTION = 1e-5
-_WHITE = (1.0, 1.0, 1.0, 1.0)
 _CONTACT = (0.99, 0.999, 1e-3, 0.5, 2.0)
 """Impedance of contacts, stops and gears: as hard as the solver makes them."""
+_TINY_MASS, _TINY_INERTIA = 1e-9, 1e-12
+"""Less than that, MuJoCo takes for nothing [kg, kg·m²]."""
 _KINDS = {
     "box": mujoco.mjtGeom.mjGEOM_BOX,
     "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
@@ -93,14 +104,14 @@ class Builder:
         """Add a body; the other arguments are those of `Engine.load`."""
         root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
         links = {link.get("name", ""): link for link in root.findall("link")}
-        top, order = _tree(urdf, root, links)
-        names = [top, *(_child(joint) for joint in order)]
+        top, order = tree(urdf, root, links)
+        names = [top, *(child_of(joint) for joint in order)]
         indices = {name: n + BASE for n, name in enumerate(names)}
         body = Body(
             number=number,
             names=names,
-            infos=[_info(n, joint) for n, joint in enumerate(order)],
-            parents={n: indices[_parent(joint)] for n, joint in enumerate(order)},
+            infos=[joint_info(n, joint) for n, joint in enumerate(order)],
+            parents={n: indices[parent_of(joint)] for n, joint in enumerate(order)},
             inertials={},
             masses={},
             root=pose,
@@ -109,7 +120,7 @@ class Builder:
         palette = {
             material.get("name", ""): material.find("color") for material in root.iter("material")
         } if has_visuals else None  # fmt: skip
-        place = _Place(urdf.parent, palette, friction)
+        place = Place(urdf.parent, palette, friction)
         base = self._spec.worldbody.add_body(name=body.body_name(BASE))
         base.mocap = is_fixed
         if is_fixed:
@@ -117,14 +128,14 @@ class Builder:
         else:
             base.add_freejoint(name=f"{number}/free")
             inertial = links[top].find("inertial")
-            body.shift = (0.0, 0.0, 0.0) if inertial is None else _origin(inertial)[0]
+            body.shift = (0.0, 0.0, 0.0) if inertial is None else origin(inertial)[0]
         made = {BASE: base}
         self._fill(body, BASE, base, links[top], place)
         for n, joint in enumerate(order):
             above = body.parents[n]
             made[n] = link = made[above].add_body(name=body.body_name(n))
-            at, turn = _origin(joint)
-            link.pos, link.quat = _shifted(at, body, above), _wxyz(turn)
+            at, turn = origin(joint)
+            link.pos, link.quat = _shifted(at, body, above), wxyz(turn)
             if body.infos[n].type == "fixed":
                 body.standing |= {n} if above in body.standing else set()
             else:
@@ -143,7 +154,7 @@ class Builder:
             solimp_limit=_CONTACT,
         )
 
-    def _fill(self, body: Body, n: int, link: Any, element: ET.Element, place: "_Place") -> None:
+    def _fill(self, body: Body, n: int, link: Any, element: ET.Element, place: Place) -> None:
         """Give a link its mass, shapes and looks."""
         try:
             self._weigh(body, n, link, element)
@@ -151,15 +162,15 @@ class Builder:
         except WiringError as exc:
             raise WiringError(f"link {element.get('name')!r}: {exc}") from exc
 
-    def _add_shapes(
-        self, body: Body, n: int, link: Any, element: ET.Element, place: "_Place"
-    ) -> None:
+    def _add_shapes(self, body: Body, n: int, link: Any, element: ET.Element, place: Place) -> None:
         friction = place.friction_of(element)
         for k, collision in enumerate(element.findall("collision")):
             name = f"{body.number}/{n}/{k}"
             shape = self._shape(collision, place.folder, is_solid=True)
             if shape is None:
                 continue
+            if shape["type"] == mujoco.mjtGeom.mjGEOM_PLANE and n not in body.standing:
+                raise WiringError(refused(PLANES))
             shape["pos"] = _shifted(shape["pos"], body, n)
             stands = n in body.standing
             link.add_geom(
@@ -177,24 +188,27 @@ class Builder:
             shape = self._shape(seen, place.folder, is_solid=False)
             if shape is not None:
                 shape["pos"] = _shifted(shape["pos"], body, n)
-                rgba = _colour(seen, place.palette or {})
+                rgba = colour(seen, place.palette or {})
                 link.add_geom(**shape, group=LOOKS, contype=0, conaffinity=0, rgba=rgba)
 
     def _weigh(self, body: Body, n: int, link: Any, element: ET.Element) -> None:
         inertial = element.find("inertial")
         if inertial is None:
             raise WiringError("has no <inertial>")
-        pose = _origin(inertial)
-        mass = _attribute(_part(inertial, "mass"), "value", 1, "0")[0]
+        pose = origin(inertial)
+        mass = attribute(part(inertial, "mass"), "value", 1, "0")[0]
         body.inertials[n], body.masses[n] = pose, mass
-        tensor = _part(inertial, "inertia")
+        tensor = part(inertial, "inertia")
         xx, yy, zz, xy, xz, yz = (
-            _attribute(tensor, key, 1, "0")[0] for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+            attribute(tensor, key, 1, "0")[0] for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
         )
         link.explicitinertial = True
+        moves = n not in body.standing
+        mass, least = (max(mass, _TINY_MASS), _TINY_INERTIA) if moves else (mass, 0.0)
+        xx, yy, zz = (max(moment, least) for moment in (xx, yy, zz))
         link.mass, link.ipos = mass, _shifted(pose[0], body, n)
         if not (xy or xz or yz):
-            link.inertia, link.iquat = [xx, yy, zz], _wxyz(pose[1])
+            link.inertia, link.iquat = [xx, yy, zz], wxyz(pose[1])
             return
         turn = rotation(pose[1])
         full = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
@@ -205,34 +219,39 @@ class Builder:
         geometry = element.find("geometry/*")
         if geometry is None:
             return None
-        at, turn = _origin(element)
-        shape: dict[str, Any] = {"pos": at, "quat": _wxyz(turn)}
+        at, turn = origin(element)
+        shape: dict[str, Any] = {"pos": at, "quat": wxyz(turn)}
         if geometry.tag == "mesh":
             file = mesh_path(geometry.get("filename", ""), folder)
-            scale = _vector(geometry, "scale", "1 1 1")
-            mesh = self._mesh(file, scale, is_solid=is_solid)
+            words = len(geometry.get("scale", "1").split())
+            factors = attribute(geometry, "scale", 1 if words == 1 else 3, "1")
+            x, y, z = factors * 3 if words == 1 else factors
+            mesh = self._mesh(file, (x, y, z), is_solid=is_solid)
             return (
                 None
                 if not mesh
                 else {**shape, "type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh}
             )
         if geometry.tag == "plane":
+            shape["quat"] = _towards(shape["quat"], vector(geometry, "normal", "0 0 1"))
             return {**shape, "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
         if geometry.tag not in _KINDS:
             raise WiringError(f"<{geometry.tag}>: {refused(SHAPES)}")
         if geometry.tag == "box":
-            size = [edge / 2 for edge in _attribute(geometry, "size", 3)]
+            size = [edge / 2 for edge in _extent(geometry, "size", 3)]
         else:
-            length = 0.0 if geometry.tag == "sphere" else _attribute(geometry, "length", 1)[0]
-            size = [*_attribute(geometry, "radius", 1), length / 2, 0.0]
+            length = 0.0 if geometry.tag == "sphere" else _extent(geometry, "length", 1)[0]
+            size = [*_extent(geometry, "radius", 1), length / 2, 0.0]
         return {**shape, "type": _KINDS[geometry.tag], "size": size}
 
     def _mesh(self, file: str, scale: Point, *, is_solid: bool) -> str:
         """Return the name of a mesh; empty: it has no extent, or is solid and has no volume."""
         key = (file, scale, is_solid)
         if key not in self._meshes:
-            vertices, faces = _load_mesh(file)
+            vertices, faces = load_mesh(file)
             scaled = vertices * scale
+            # A mirrored one would be inside out.
+            faces = faces[:, ::-1] if np.prod(scale) < 0.0 else faces
             rank = np.linalg.matrix_rank(scaled - scaled[0], tol=1e-9)
             name = f"mesh {len(self._meshes)}" if rank >= (3 if is_solid else 2) else ""
             if name:
@@ -243,28 +262,6 @@ class Builder:
                 mesh.inertia = hull if rank == 3 else shell
             self._meshes[key] = name
         return self._meshes[key]
-
-
-@dataclass(frozen=True)
-class _Place:
-    """folder: of the URDF. palette: its colours; None: shapes are seen. friction: over its own."""
-
-    folder: Path
-    palette: Mapping[str, ET.Element | None] | None
-    friction: Mapping[str, float]
-
-    def friction_of(self, link: ET.Element) -> tuple[float, float, float]:
-        """Return lateral, spinning and rolling friction of a link."""
-        soft = [tag for tag in ("stiffness", "damping") if link.find(f"contact/{tag}") is not None]
-        if soft:
-            raise WiringError(refused(STIFFNESS))
-
-        def value(kind: str) -> float:
-            given = link.find(f"contact/{kind}_friction")
-            own = _FRICTION[kind] if given is None else _attribute(given, "value", 1)[0]
-            return self.friction.get(kind, own)
-
-        return value("lateral"), value("spinning"), value("rolling")
 
 
 def mixed(one: Array, other: Array) -> Array:
@@ -278,80 +275,22 @@ def mixed(one: Array, other: Array) -> Array:
     return np.maximum(both, _LEAST_FRICTION)
 
 
-def _tree(
-    urdf: Path, root: ET.Element, links: Mapping[str, ET.Element]
-) -> tuple[str, list[ET.Element]]:
-    """Return the root link, and all joints from there on, each before those behind it."""
-    joints = root.findall("joint")
-    behind: dict[str, list[ET.Element]] = {}
-    for joint in joints:
-        behind.setdefault(_parent(joint), []).append(joint)
-    tops = [name for name in links if name not in {_child(joint) for joint in joints}]
-    if len(tops) != 1:
-        raise WiringError(f"{urdf}: has {len(tops)} root links, instead of one")
-
-    def walk(name: str) -> Iterator[ET.Element]:
-        for joint in behind.get(name, ()):
-            yield joint
-            yield from walk(_child(joint))
-
-    order = list(walk(tops[0]))
-    unknown = [name for joint in order if (name := _child(joint)) not in links]
-    if unknown or len(order) != len(joints):
-        raise WiringError(f"{urdf}: its joints do not make a tree of its links")
-    return tops[0], order
+def _extent(geometry: ET.Element, key: str, count: int) -> list[float]:
+    """Return lengths of a shape, which has none without them [m]."""
+    lengths = attribute(geometry, key, count)
+    if min(lengths) <= 0.0:
+        raise WiringError(f"{key}={geometry.get(key)!r} of <{geometry.tag}> is not above 0")
+    return lengths
 
 
-def _info(n: int, joint: ET.Element) -> JointInfo:
-    kind = joint.get("type", "")
-    limit = joint.find("limit")
-    names = () if limit is None else limit.attrib
-    given = {key: _attribute(_part(joint, "limit"), key, 1)[0] for key in names}
-    bounded = kind != "continuous" and {"lower", "upper"} & given.keys()
-    axis = joint.find("axis")
-    along = np.array(_vector(axis, "xyz", "1 0 0"))
-    length = float(np.linalg.norm(along))
-    x, y, z = (along / (length or 1.0)).tolist()
-    return JointInfo(
-        index=n,
-        name=joint.get("name", ""),
-        type="revolute" if kind == "continuous" else kind,
-        lower=given.get("lower", 0.0) if bounded else 0.0,
-        upper=given.get("upper", 0.0) if bounded else -1.0,
-        effort=given.get("effort", 0.0),
-        velocity=given.get("velocity", 0.0),
-        link=_child(joint),
-        axis=(x, y, z),
-    )
-
-
-@cache
-def _load_mesh(file: str) -> tuple[Array, Any]:
-    """Return vertices, shape (n, 3), and faces, shape (m, 3), of an STL, OBJ or DAE."""
-    import coal  # noqa: PLC0415  only models with meshes need it
-
-    try:
-        loaded = coal.MeshLoader().load(file, np.ones(3))
-    except (RuntimeError, ValueError, OSError) as exc:
-        raise WiringError(f"{file}: cannot be read: {exc}") from exc
-    faces = [
-        [triangle[0], triangle[1], triangle[2]]
-        for triangle in (loaded.tri_indices(n) for n in range(loaded.num_tris))
-    ]
-    return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
-
-
-def _colour(visual: ET.Element, palette: Mapping[str, ET.Element | None]) -> tuple[float, ...]:
-    material = visual.find("material")
-    own = None if material is None else material.find("color")
-    if own is None and material is not None:
-        own = palette.get(material.get("name", ""))
-    return _WHITE if own is None else tuple(_attribute(own, "rgba", 4))
-
-
-def _origin(element: ET.Element) -> Pose:
-    origin = element.find("origin")
-    return _vector(origin, "xyz", "0 0 0"), quaternion(_vector(origin, "rpy", "0 0 0"))
+def _towards(orientation: list[float], normal: Point) -> list[float]:
+    """Return an orientation w, x, y, z, turned so that its z axis is a normal."""
+    if not any(normal):
+        raise WiringError("normal='0 0 0' of <plane> has no direction")
+    turn, turned = np.zeros(4), np.zeros(4)
+    mujoco.mju_quatZ2Vec(turn, np.array(normal))
+    mujoco.mju_mulQuat(turned, np.array(orientation), turn)
+    return [float(part) for part in turned]
 
 
 def _shifted(position: Point, body: Body, link: int) -> Point:
@@ -360,39 +299,3 @@ def _shifted(position: Point, body: Body, link: int) -> Point:
         return position
     x, y, z = (a - b for a, b in zip(position, body.shift, strict=True))
     return x, y, z
-
-
-def _wxyz(orientation: Quaternion) -> list[float]:
-    x, y, z, w = orientation
-    return [w, x, y, z]
-
-
-def _attribute(element: ET.Element, key: str, count: int, default: str = "") -> list[float]:
-    """Return the numbers of an attribute."""
-    text = element.get(key, default)
-    try:
-        numbers = [float(word) for word in text.split()]
-    except ValueError:
-        numbers = []
-    if len(numbers) != count or not all(map(math.isfinite, numbers)):
-        plural = "s" * (count > 1)
-        raise WiringError(f"{key}={text!r} of <{element.tag}> is not {count} number{plural}")
-    return numbers
-
-
-def _vector(element: ET.Element | None, key: str, default: str) -> Point:
-    x, y, z = _attribute(ET.Element("x") if element is None else element, key, 3, default)
-    return x, y, z
-
-
-def _part(element: ET.Element, tag: str) -> ET.Element:
-    found = element.find(tag)
-    return ET.Element(tag) if found is None else found
-
-
-def _parent(joint: ET.Element) -> str:
-    return _part(joint, "parent").get("link", "")
-
-
-def _child(joint: ET.Element) -> str:
-    return _part(joint, "child").get("link", "")

@@ -100,13 +100,13 @@ class World:
         data = self.data
         if not (self._drift and data.ncon):
             return
-        bodies = self.model.geom_bodyid[data.contact.geom]
+        bodies = self.model.body_rootid[self.model.geom_bodyid[data.contact.geom]]
         for n in np.flatnonzero(np.isin(bodies, list(self._drift)).any(axis=1)):
             contact = data.contact[int(n)]
             if contact.efc_address < 0:
                 continue
             for side, sign in ((0, 1.0), (1, -1.0)):
-                body = int(self.model.geom_bodyid[contact.geom[side]])
+                body = int(bodies[n, side])
                 if body in self._drift:
                     velocity, spin = self._drift[body]
                     moved = velocity + np.cross(spin, contact.pos - data.xpos[body])
@@ -232,10 +232,11 @@ class World:
         found = np.empty(6)
         kind = mujoco.mjtObj.mjOBJ_BODY
         mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 0)
-        if body in self._drift:
-            velocity, spin = self._drift[body]
-            arm = self.data.xipos[body] - self.data.xpos[body]
-            found[3:], found[:3] = velocity + np.cross(spin, arm), spin
+        root = int(self.model.body_rootid[body])
+        if root in self._drift:
+            velocity, spin = self._drift[root]
+            found[3:] += velocity + np.cross(spin, self.data.xipos[body] - self.data.xpos[root])
+            found[:3] += spin
         return Motion(frame, _point(self.data.xipos[body]), _point(found[3:]), _point(found[:3]))
 
     def place(self, body: int, frame: Pose) -> None:
@@ -256,7 +257,7 @@ class World:
         self.place(body, frame)
         number = self._id[body, BASE]
         turn = _matrix(frame)
-        linear, angular = np.array(velocity), np.array(spin)
+        linear, angular = np.array(velocity, dtype=float), np.array(spin, dtype=float)
         if self._bodies[body].is_fixed:
             linear -= np.cross(spin, turn @ self._bodies[body].inertials[BASE][0])
             self._drift.pop(number, None)
