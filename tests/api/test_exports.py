@@ -69,6 +69,7 @@ def test_a_package_may_add_a_form(result, tmp_path, monkeypatch):
         stepbus.export(result, coun=tmp_path / "count.txt")
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
     assert not result.recording.with_name("report.html").exists()
     other = stepbus.run(

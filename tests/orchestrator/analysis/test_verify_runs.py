@@ -43,6 +43,7 @@ def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     assert [trial.delays > 0 for trial in reported] == [False, True, True, False]
 
 
+@pytest.mark.slow
 def test_the_command_prints_a_line_per_run_and_leaves_nothing(own_temp, capsys):
     assert cli.main(["verify", "two_link", "-n", "2", "--set", SHORT]) == 0
     # What takes more than two seconds says how far it is.

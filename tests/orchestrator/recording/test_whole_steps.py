@@ -52,6 +52,7 @@ def up_to(rows, end):
     return [row for row in rows if row[2] < end]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("is_closed", [False, pytest.param(True, marks=pytest.mark.slow)])
 @SHARED_FOLDER
 @given(share=st.floats(0.01, 1, exclude_max=True))

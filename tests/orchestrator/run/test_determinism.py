@@ -92,6 +92,7 @@ print(json.dumps([stepbus_schemas.json_schema(name) for name in names], sort_key
 """
 
 
+@pytest.mark.slow
 def test_the_schemas_do_not_depend_on_how_python_optimises():
     printed = {
         subprocess.run(

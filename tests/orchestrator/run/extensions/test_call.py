@@ -164,6 +164,7 @@ def test_there_is_nobody_to_ask_when_no_run_goes_on(tmp_path):
     assert (done.returncode, "no live run in" in done.stderr) == (ExitCode.SCENARIO, True)
 
 
+@pytest.mark.slow
 def test_the_command_line_asks_from_a_second_terminal(tmp_path):
     answers = []
     command = [sys.executable, "-m", "stepbus_orchestrator.cli", "call", tmp_path / "out"]

@@ -213,6 +213,7 @@ class Printer(Participant):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("starts_a_process")
 def test_what_libraries_and_programs_print_is_bounded(tmp_path):
     source = tmp_path / "source"
