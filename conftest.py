@@ -11,8 +11,8 @@ from pathlib import Path
 
 import pytest
 from hypothesis import settings
-from support.browser import page  # noqa: F401
-from support.disks import small_disk  # noqa: F401
+from support.browser import page  # noqa: F401  a fixture
+from support.disks import small_disk  # noqa: F401  a fixture
 from support.properties import DEFAULT
 from support.surroundings import left_as_found, no_thread_is_left, nothing_is_left  # noqa: F401
 

@@ -1,7 +1,7 @@
-"""A generic plant: PyBullet physics of worlds written in YAML.
+"""A generic plant: physics, in PyBullet or MuJoCo, of worlds written in YAML.
 
 Everything but the parameters is imported when it is first used, so that these can be checked
-without PyBullet.
+without an engine.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""Models that PyBullet loads, and the pairs of links that an SRDF leaves out."""
+"""Models that engines load, and the pairs of links that an SRDF leaves out."""
 
 import tempfile
 from collections.abc import Callable, Iterator

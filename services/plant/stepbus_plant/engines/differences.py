@@ -13,7 +13,6 @@ class Difference(NamedTuple):
 
 STIFFNESS = "`<stiffness>` and `<damping>` of a link's `<contact>`"
 PLANES = "a plane on a link that moves"
-SHAPES = "shapes other than box, sphere, cylinder, capsule, mesh and plane"
 
 DIFFERENCES = (
     Difference("Python", "3.11", "3.11 and later"),
@@ -52,7 +51,6 @@ DIFFERENCES = (
     Difference(STIFFNESS, "taken", "refused"),
     Difference(PLANES, "taken", "refused"),
     Difference("a box, ball, cylinder or capsule without extent", "taken", "refused"),
-    Difference(SHAPES, "refused", "refused"),
     Difference(
         "images",
         "TinyRenderer: the same bytes on every machine, drawn beside the steps",

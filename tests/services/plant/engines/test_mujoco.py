@@ -34,7 +34,10 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
     ("found", "sentence"),
     [
         ("<box size='1 1 1'/>", ""),
-        ("<torus radius='1'/>", "link 'base': <torus>: shapes other than box, sphere,"),
+        (
+            "<torus radius='1'/>",
+            "link 'base': <torus> is none of box, sphere, cylinder, capsule, mesh and plane",
+        ),
         ("<box size='1 2'/>", "link 'base': size='1 2' of <box> is not 3 numbers"),
         ("<box size='1 0 1'/>", "link 'base': size='1 0 1' of <box> is not above 0"),
         ("<sphere radius='x'/>", "link 'base': radius='x' of <sphere> is not 1 number"),

@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 
 from stepbus_plant.engine import BASE, JointInfo
-from stepbus_plant.engines.differences import PLANES, SHAPES, refused
+from stepbus_plant.engines.differences import PLANES, refused
 from stepbus_plant.engines.mujoco.urdf import (
     Place,
     attribute,
@@ -236,7 +236,7 @@ class Builder:
             shape["quat"] = _towards(shape["quat"], vector(geometry, "normal", "0 0 1"))
             return {**shape, "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
         if geometry.tag not in _KINDS:
-            raise WiringError(f"<{geometry.tag}>: {refused(SHAPES)}")
+            raise WiringError(f"<{geometry.tag}> is none of {', '.join(_KINDS)}, mesh and plane")
         if geometry.tag == "box":
             size = [edge / 2 for edge in _extent(geometry, "size", 3)]
         else:

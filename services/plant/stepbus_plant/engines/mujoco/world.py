@@ -4,6 +4,7 @@ import logging
 from collections.abc import Sequence
 from typing import Any
 
+import msgspec
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from stepbus_plant.engine import BASE, Contact, Link, Motion
 from stepbus_plant.engines.mujoco.model import Body, mixed
 from stepbus_plant.engines.mujoco.motors import Motors
 from stepbus_plant.engines.mujoco.space import Space
-from stepbus_plant.engines.mujoco.state import State
 from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_schemas import Point
 
@@ -21,6 +21,29 @@ mujoco.set_mju_user_warning(logging.getLogger("stepbus_plant").warning)
 
 _SLIDES = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
 _ROUNDS = 3
+
+
+class _State(msgspec.Struct, forbid_unknown_fields=True):
+    """All that the next substep, or a reading before it, depends on.
+
+    physics: MuJoCo's own, of mjSTATE_INTEGRATION. motors: rows of `Motors.save`. drift: velocities
+    of standing bodies that are moved [m/s, rad/s]. reactions: force [N] and torque [N·m] of joints.
+    """
+
+    physics: list[float]
+    motors: list[list[float]]
+    drift: dict[int, tuple[list[float], list[float]]]
+    reactions: list[tuple[Link, list[float], list[float]]]
+    contacts: list[Contact]
+
+    def encode(self) -> bytes:
+        """Return the bytes."""
+        return msgspec.msgpack.encode(self)
+
+    @classmethod
+    def decode(cls, data: bytes) -> "_State":
+        """Return the state of bytes."""
+        return msgspec.msgpack.decode(data, type=cls)
 
 
 class World:
@@ -156,7 +179,7 @@ class World:
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         physics = np.empty(mujoco.mj_stateSize(self.model, kind))
         mujoco.mj_getState(self.model, self.data, physics, kind)
-        return State(
+        return _State(
             physics=physics.tolist(),
             motors=self.motors.save(),
             drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
@@ -166,7 +189,7 @@ class World:
 
     def restore(self, data: bytes) -> None:
         """Take what `save` returned."""
-        saved = State.decode(data)
+        saved = _State.decode(data)
         kind = mujoco.mjtState.mjSTATE_INTEGRATION
         mujoco.mj_setState(self.model, self.data, np.array(saved.physics), kind)
         self.motors.restore(saved.motors)
