@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -17,6 +17,7 @@ help:
 	@echo "make check      formatting, lint, types, imports, generated files, changelog"
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make pictures   make every picture of the docs from real runs (Chromium; 4 min)"
+	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
 	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
@@ -93,6 +94,9 @@ docs: setup
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)
+
+gallery: robots
+	@$(PYTHON) scripts/gallery.py $(GALLERY)
 
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)
