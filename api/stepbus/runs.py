@@ -58,11 +58,13 @@ def load(
         given = None if folder is None else Path(folder)
         return load_scenario(plain_value(scenario), override_texts(set), faults, folder=given)
     if folder is not None:
-        raise WiringError("folder: only a scenario that is a map has none of its own")
+        raise WiringError(
+            "folder: only valid with a scenario given as a map; a scenario file has its own folder"
+        )
     if isinstance(scenario, Scenario):
         if set or faults:
             raise WiringError(
-                f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"
+                f"{scenario.name} is already loaded; pass `set` and `faults` to stepbus.load"
             )
         return scenario
     return load_scenario(Path(scenario), override_texts(set), faults)
@@ -100,7 +102,7 @@ def run(
     RecordingFailed when it cannot be written.
     """
     if real_time is not None and not 1e-3 <= real_time <= 1e3:
-        raise WiringError(f"real_time: a factor from 0.001 to 1000, not {real_time}")
+        raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
     loaded = as_external(loaded, tickets)

@@ -13,8 +13,8 @@ SHORT = {"duration": "50ms"}
 WRONG = [
     ({"set": {"controller.params.kpp": 3}}, 'set=["controller.params.kpp=3"]: '),
     ({"faults": ["kil plant at 3"]}, 'faults=["kil plant at 3"]: '),
-    ({"faults": ["kill plant at 3"], "in_process": True}, "leave out `in_process`"),
-    ({"set": {"plant.start": "external"}, "in_process": True}, "leave out `in_process`"),
+    ({"faults": ["kill plant at 3"], "in_process": True}, "omit `in_process`"),
+    ({"set": {"plant.start": "external"}, "in_process": True}, "omit `in_process`"),
 ]
 
 
@@ -31,7 +31,7 @@ def test_python_names_its_parameters(tmp_path, arguments, words):
     [
         (["--set", "controller.params.kpp=3"], "--set controller.params.kpp=3: "),
         (["--fault", "kil plant at 3"], "--fault kil plant at 3: "),
-        (["--fault", "kill plant at 3", "--in-process"], "leave out --in-process"),
+        (["--fault", "kill plant at 3", "--in-process"], "omit --in-process"),
     ],
 )
 def test_the_command_line_names_its_options(tmp_path, capsys, options, words):

@@ -158,7 +158,7 @@ def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[
         yield from (f"{topic}: {text.partition(';')[0]}" for text in _misfits(topic, one, other))
         if a.record != RECORD_ALL or b.record != RECORD_ALL:
             how = f"{a.record} in the first, {b.record} in the second"
-            yield f"{topic}: compared where both have it recorded ({how})"
+            yield f"{topic}: compared only at the steps that both recordings contain ({how})"
         if a.description != b.description:
             yield f"{topic}: the descriptions differ (names, units or limits)"
     yield from _contents("attachment", one.attachments, other.attachments)

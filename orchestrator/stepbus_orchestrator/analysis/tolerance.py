@@ -131,7 +131,7 @@ class Tolerance:
 
 def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Iterable[str]:
     if topic not in {*fields, ANY}:
-        yield f"tolerance: no channel {topic!r} in the recording{suggest(topic, fields)}"
+        yield f"tolerance: no port {topic!r} in the recording{suggest(topic, fields)}"
         return
     known = fields[topic] if topic != ANY else [n for names in fields.values() for n in names]
     if name not in {*known, ANY}:
@@ -167,7 +167,7 @@ def read_tolerance(path: Path) -> Tolerance:
 
     Raises SettingsError that lists every mistake with its line.
     """
-    file = read_yaml(path, "a tolerance file is a map from topics to fields")
+    file = read_yaml(path, "a tolerance file must map topics to fields")
     problems = file.problems()
     topics: dict[str, Literal["ignore"] | dict[str, _Row]] = read_value(
         dict[str, Literal["ignore"] | dict[str, _Row]], file.data, problems

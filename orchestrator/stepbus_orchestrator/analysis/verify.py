@@ -162,8 +162,7 @@ def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
         folder = Path(out or tempfile.mkdtemp(prefix="verify-stepbus-"))
     except OSError as exc:
         raise RecordingFailed(
-            f"cannot make the folder {out}: {exc.strerror}; choose a new one with "
-            f"{argument('--out')}"
+            f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
         ) from exc
     try:
         yield folder

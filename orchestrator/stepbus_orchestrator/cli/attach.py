@@ -94,7 +94,7 @@ def bridge_command(
     $ stepbus bridge --format raw -- octave-cli --quiet controller.m
     """
     if not program:
-        raise WiringError("the program is missing; write its command line behind --")
+        raise WiringError("no program given; write its command line after --")
     options = ("--format", format, "--describe", describe or "{}")
     here = Path.cwd()
     _become(
@@ -128,8 +128,8 @@ def call_command(
     if not method:
         offered = call(run).value
         if participant and participant not in offered:
-            hint = suggest(participant, offered) or "; no participant of this run does"
-            raise WiringError(f"{participant!r} answers no calls{hint}")
+            hint = suggest(participant, offered) or "; no participant of this run accepts calls"
+            raise WiringError(f"{participant!r} does not accept calls{hint}")
         offers = {name: row for name, row in offered.items() if participant in {"", name}}
         return Answer(value=offers, lines=[_table(offers)])
     values = [parse_yaml(text, text) for text in args]

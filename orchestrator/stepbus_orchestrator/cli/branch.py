@@ -33,7 +33,7 @@ _PICTURE = "variants.png"
     faults={"flag": "--fault", "metavar": "FAULT"},
     checkpoints={
         "flag": "--no-checkpoints",
-        "help": "repeat all from step 0, whatever the run has saved",
+        "help": "replay from step 0, without the saved checkpoints",
     },
 )
 def branch_command(
@@ -73,7 +73,7 @@ def branch_command(
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")
     if vary and debug:
-        raise WiringError("--debug: choose one of the variants, with --set")
+        raise WiringError("--debug cannot be combined with --vary; choose one value with --set")
     branches: list[tuple[Variant, Branch]] = []
     for variant in variants(vary):
         given["overrides"] = [*overrides, *variant.overrides]
@@ -140,7 +140,7 @@ def _lines(branch: Branch, difference: Diff | None, *, has_plots: bool) -> Itera
     result = branch.result
     if branch.way_s:
         rate = branch.at / branch.way_s
-        yield f"live from step {branch.at}; {branch.way_s:.2f} s to get there ({rate:.0f} steps/s)"
+        yield (f"live from step {branch.at}; {branch.way_s:.2f} s to reach it ({rate:.0f} steps/s)")
     if branch.restored:
         rows = (f"{name} from step {step}" for name, step in branch.restored.items())
         yield f"checkpoints: {', '.join(rows)}"
@@ -148,9 +148,11 @@ def _lines(branch: Branch, difference: Diff | None, *, has_plots: bool) -> Itera
         why = "" if result.reason == "finished" else f" ({result.reason})"
         yield f"{result.scenario}: finished{why} after {result.steps} steps"
         if difference.divergence is not None:
-            yield f"leaves the recording at {difference.divergence.text('recorded', 'now')}"
+            yield (
+                f"diverges from the recording at {difference.divergence.text('recorded', 'now')}"
+            )
         elif difference.equal:
-            yield "every message is as recorded, though the files differ"
+            yield "all messages equal the recording; the files differ"
             yield from (f"note: {note}" for note in difference.notes)
     elif branch.equal and result.steps:
         yield f"{result.steps} steps, byte for byte as recorded"

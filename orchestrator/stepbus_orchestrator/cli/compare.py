@@ -69,7 +69,7 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
     recording=RECORDING,
     participant={"flag": "--participant", "metavar": "NAME"},
     update={"metavar": "OUT.mcap"},
-    window={"type": number("not a number of steps, at least 1", 1)},
+    window={"type": number("not a number of steps (1 or more)", 1)},
     source={"metavar": "FOLDER"},
     program={
         "flag": "--exec",
@@ -98,9 +98,11 @@ def replay_command(
     """
     recording, participant, program = (given[n] for n in ("recording", "participant", "program"))
     if program == []:
-        raise WiringError("--exec: the program is missing; write it last, with its arguments")
+        raise WiringError("--exec: no program given; write it last, with its arguments")
     if program and given["source"]:
-        raise WiringError("--source: a program of --exec starts in the current folder")
+        raise WiringError(
+            "--source cannot be combined with --exec, whose program starts in the current folder"
+        )
     is_copy = given["recorded"] or bool(program)
     tree = None if is_copy else find_work_tree(Recording(recording), participant, given["source"])
     given |= {"recorded": tree is None, "source": None if tree is None else tree.file}
@@ -125,4 +127,4 @@ def _replayed(result: ReplayResult) -> Iterator[str]:
     yield f"wall time {result.wall_s:.2f} s ({result.steps_per_s:.0f} steps/s)"
     if result.updated is not None:
         replaced = sum(port.within + port.different for port in result.ports)
-        yield f"wrote {result.updated}: {replaced} messages of {result.participant} are new"
+        yield f"wrote {result.updated}: replaced {replaced} messages of {result.participant}"

@@ -72,13 +72,13 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     """
     if language not in STARTERS:
         raise WiringError(
-            f"no starter in {language!r}{suggest(language, STARTERS)}; a program in any language "
-            "takes part through the bridge: docs/guide/writing/bridge.md"
+            f"no starter in {language!r}{suggest(language, STARTERS)}; the bridge "
+            "connects programs in any language: docs/guide/writing/bridge.md"
         )
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
         if folder.exists() and any(folder.iterdir()):
-            raise WiringError(f"{folder} holds something already; choose a new folder")
+            raise WiringError(f"{folder} is not empty; choose a new folder")
         for file, text in contents.items():
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (folder / file).write_text(text, encoding="utf-8")
@@ -109,14 +109,14 @@ def _source(folder: str) -> Path:
     roots = (_PACKAGE, _CHECKOUT)
     sources = [root / folder for root in roots if (root / folder).is_dir()]
     if not sources:
-        raise WiringError(f"the files of {folder} are missing; install stepbus again")
+        raise WiringError(f"the template files of {folder} are missing; reinstall stepbus")
     return sources[0]
 
 
 def _model_folder() -> Path:
     spec = find_spec("stepbus_scenarios")
     if spec is None or not spec.submodule_search_locations:
-        raise WiringError("the package stepbus_scenarios is missing; install stepbus again")
+        raise WiringError("the package stepbus_scenarios is missing; reinstall stepbus")
     return Path(next(iter(spec.submodule_search_locations))) / "two_link"
 
 

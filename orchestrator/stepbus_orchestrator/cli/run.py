@@ -44,7 +44,7 @@ from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
-_NO_REPORT = "no plots  the report was interrupted; the recording and result.json are whole"
+_NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
 Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 
@@ -64,7 +64,7 @@ class Changes:
     """
 
     set: Set = ()
-    window: Annotated[int | None, {"type": number("not a number of steps, from 1 on", 1)}] = None
+    window: Annotated[int | None, {"type": number("not a number of steps (1 or more)", 1)}] = None
     transport: Literal["unix", "tcp"] | None = None
     fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
     debug: Names = ()
@@ -116,7 +116,7 @@ class Views:
 
 
 _FACTOR = {
-    "type": number("no number from 0.001 to 1000", 1e-3, 1e3, float),
+    "type": number("not a number from 0.001 to 1000", 1e-3, 1e3, float),
     "nargs": "?",
     "const": 1.0,
     "metavar": "FACTOR",
@@ -177,8 +177,8 @@ def run_command(
     has_keys = has_terminal() and not is_quiet
     if pause_at is not None and not (has_keys or views.view):
         raise WiringError(
-            "--pause-at needs a terminal whose keys let the run continue, or --view; it excludes "
-            "--json and --debug"
+            "--pause-at needs --view or an interactive terminal to resume the run; it "
+            "cannot be combined with --json or --debug"
         )
     if speedscope and not profile:
         raise WiringError("--speedscope needs --profile")
@@ -277,8 +277,8 @@ def _lateness(lateness: Lateness) -> str:
     )
     p50, p99, largest = map(in_units, (lateness.p50_us, lateness.p99_us, lateness.max_us))
     return (
-        f"lateness  p50 {p50}, p99 {p99}, max {largest}; steps held past their time: "
-        f"{held or 'none'}\n          {rows}"
+        f"lateness  p50 {p50}, p99 {p99}, max {largest}; late steps: {held or 'none'}\n          "
+        f"{rows}"
     )
 
 

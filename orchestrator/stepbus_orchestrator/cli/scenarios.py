@@ -42,7 +42,7 @@ def validate_command(
     scenario: ScenarioName,
     *,
     set: Set = (),
-    steps: Annotated[int, {"type": number("not a number of steps, from 0 on", 0)}] = 5,
+    steps: Annotated[int, {"type": number("not a number of steps (0 or more)", 0)}] = 5,
 ) -> Answer:
     """Check a scenario and show its schedule.
 
@@ -75,7 +75,10 @@ def validate_command(
             f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
             shown + (" …" if is_cut else ""),
             *(
-                f"bulk {output}: {count} slots in memory, each of its largest message"
+                (
+                    f"bulk {output}: {count} slots in shared memory, each sized for its "
+                    "largest message"
+                )
                 for output, count in slots.items()
             ),
         ],
@@ -115,7 +118,7 @@ def _described(described: list[ParticipantDescription]) -> Iterator[str | Table]
 
 def _headline(output: OutputPort) -> str:
     description = output.description
-    facts = [f"taken by {', '.join(output.taken_by) or 'no participant'}"]
+    facts = [f"read by {', '.join(output.taken_by) or 'no participant'}"]
     if description.shape:
         facts.append(f"shape {' × '.join(map(str, description.shape))}")
     facts += [f"{field} in {unit}" for field, unit in description.units.items()]
@@ -196,7 +199,7 @@ def _types(source: str) -> Types:
     """Return the types of a scenario, a file or a module; raises WiringError."""
     path = Path(source)
     if is_file_name(source) and path.is_file():
-        data = read_yaml(path, "a file of message types has the key 'types'").data
+        data = read_yaml(path, "a file of message types needs the key 'types'").data
         if "participants" not in data and "extends" not in data:
             return load_types(path)
     elif "." in source and not path.exists():

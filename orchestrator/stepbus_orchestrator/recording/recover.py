@@ -69,7 +69,9 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
     being written.
     """
     if kind := irregular(target):
-        raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
+        raise RecordingFailed(
+            f"{target} is {kind}: it cannot be replaced by a file; choose another name"
+        )
     if target.exists() and not in_place:
         raise OutputExists(
             f"{target} exists already; choose another name with {argument('--out', 'target')}"

@@ -104,7 +104,7 @@ class Scanner:
 
     def _take_end(self) -> None:
         if self.file.read(self.intact_bytes, len(MAGIC) + 1) != MAGIC:
-            raise DamagedRecord("the closing magic bytes are missing, or something follows them")
+            raise DamagedRecord("the closing magic bytes are missing, or more data follows them")
         self.intact_bytes = self.size
 
     def _check_message(self, message: mcap.Message) -> None:
@@ -112,7 +112,7 @@ class Scanner:
         channel = self.index.channels.get(message.channel_id)
         if channel is None:
             raise DamagedRecord(
-                f"a message is of channel {message.channel_id}, which is not described"
+                f"a message is of channel {message.channel_id} that has no Channel record"
             )
         if self.index.is_ours:
             if message.sequence < self._done:
@@ -141,5 +141,5 @@ class Scanner:
         expected = int.from_bytes(content[-CRC_BYTES:], "little")
         if (expected or must) and expected != self._crc:
             raise DamagedRecord(
-                f"the checksum of the {name} is wrong: something in it is not what was written"
+                f"the checksum of the {name} is wrong: its content has changed since it was written"
             )

@@ -131,8 +131,8 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
     if not programs_of(recording, participant).files:
         return []
     note = (
-        "this tests the copy in the recording: its scenario was not found in the work tree; "
-        f"name its folder with {argument('--source')}, or mean the copy with "
+        "testing the copy in the recording, as its scenario was not found in the work "
+        f"tree; give its folder with {argument('--source')}, or choose the copy with "
         f"{argument('--recorded')}"
     )
     return [note]

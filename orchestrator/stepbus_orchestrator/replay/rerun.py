@@ -160,7 +160,7 @@ def _changes(sources: Sources, scenario: Scenario, overrides: Sequence[str]) -> 
     if resolved(scenario).encode() != sources.scenario:
         given = argument("--set", value=" ".join(overrides))
         cause = given if overrides else "this version reads it differently"
-        yield f"the scenario is not the recorded one: {cause}"
+        yield f"the scenario differs from the recorded one: {cause}"
 
 
 def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:

@@ -147,7 +147,9 @@ class Events:
         if is_shown:
             self._observer.event(level, who, step, text)
         elif self._shown[source] == _MOST_SHOWN + 1:
-            self._observer.event("info", who, step, f"the further events of {source} are recorded")
+            self._observer.event(
+                "info", who, step, f"further events of {source} are only in the recording"
+            )
 
 
 _UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0))
@@ -181,8 +183,8 @@ class Lateness(msgspec.Struct, frozen=True, kw_only=True):
         held = ", ".join(f"{count} by {name}" for name, count in self.late.items()) or "none"
         reached = self.factor * self.kept
         return (
-            f"real time was not kept: {reached:.2f} instead of {self.factor:g}; the last step was "
-            f"{self.behind_s:.1f} s late (steps held past their time: {held})"
+            f"real time was not kept: {reached:.2f} instead of {self.factor:g}; the last "
+            f"step was {self.behind_s:.1f} s late (late steps: {held})"
         )
 
 

@@ -165,7 +165,7 @@ class ParticipantRow(Settings, dict=True):
         if key == "external":
             return "a participant that you start yourself has `start: external`"
         if key == "name":
-            return "the key above is the participant's name"
+            return "the participant's name is its key under `participants`"
         if key in keys_of(ScenarioFile):
             return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
         parts = (("inputs", InputSpec), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
@@ -182,7 +182,7 @@ class ParticipantRow(Settings, dict=True):
         elif not self.exec:
             yield (), "needs either 'participant', a class, or 'exec', the command of a program"
         elif not self.exec[0]:
-            yield ("exec",), "names no program"
+            yield ("exec",), "needs the name of a program"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
@@ -192,7 +192,10 @@ class ParticipantRow(Settings, dict=True):
     def _class_problems(self, name: str) -> Iterator[tuple[Keys, str]]:
         given = {"exec": self.exec, "bridge": self.bridge}
         for key in (key for key, value in given.items() if value):
-            text = f"is for a program; {name} is a class (`participant`); leave out one of them"
+            text = (
+                f"is only for a program (`exec`), but {name} is a class (`participant`); "
+                "remove one of them"
+            )
             yield (key,), text
         source, _, attribute = name.rpartition(":")
         if not source or not attribute.isidentifier():

@@ -29,7 +29,7 @@ def limited(folder, limit, *words):
 def test_files_too_few_to_read_the_scenario_are_no_mistake_in_it(tmp_path):
     done = limited(tmp_path, "-n 6", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "a run of 1 participant needs 22 open files, and this shell allows 6" in done.stderr
+    assert "a run of 1 participant needs 22 open files, but this shell allows 6" in done.stderr
 
 
 @pytest.mark.parametrize("files", [22, 23])
@@ -37,7 +37,7 @@ def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, f
     done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
     assert done.stderr == (
-        "stepbus: a run of 3 participants needs 24 open files, and this shell allows "
+        "stepbus: a run of 3 participants needs 24 open files, but this shell allows "
         f"{files}; raise the limit with `ulimit -n 256`\n"
     )
     assert list(tmp_path.iterdir()) == []
@@ -88,7 +88,7 @@ def test_a_folder_that_is_gone_at_the_start_is_nobodys_mistake(tmp_path):
     with pytest.raises(RecordingFailed, match="logs is gone: another process changed") as caught:
         started_in(tmp_path, tmp_path / "logs" / "plant.log")
     assert caught.value.participant is None
-    with pytest.raises(StartFailed, match="none is gone, in which plant starts") as caught:
+    with pytest.raises(StartFailed, match="none no longer exists; plant starts in it") as caught:
         started_in(tmp_path / "none", tmp_path / "plant.log")
     assert caught.value.participant is None
 

@@ -119,7 +119,7 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
-    assert notes == ['the scenario is not the recorded one: set=["seed=3"]']
+    assert notes == ['the scenario differs from the recorded one: set=["seed=3"]']
 
 
 def test_files_and_programs_outside_the_log_are_named(tmp_path):

@@ -75,7 +75,11 @@ MISTAKES = [
     ),
     ("10s", "10s\nbus: tcp", ":4: bus: must be a map, not 'tcp'"),
     ("10s", "10s\nbus: {transport: udp}", ":4: bus.transport: must be tcp or unix, not 'udp'"),
-    ("10s", "10s\nbus: {port: 7447}", ":4: bus.port: is for transport tcp; a Unix socket has none"),
+    (
+        "10s",
+        "10s\nbus: {port: 7447}",
+        ":4: bus.port: is only for transport tcp; Unix sockets have no port",
+    ),
     (
         "10s",
         "10s\nbus: {transport: tcp, port: 65533}",
@@ -268,7 +272,7 @@ MISTAKES = [
     (
         "  mission:",
         "  window: {exec: [python, -c, pass]}\n  mission:",
-        (":15: participants.window: 'window' means something else already; choose another name"),
+        (":15: participants.window: 'window' is a reserved name; choose another"),
     ),
     (
         "  mission:",

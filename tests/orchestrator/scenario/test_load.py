@@ -139,8 +139,14 @@ DEEP = "is nested too deeply: over 100 maps and lists in each other"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
-        ("- a\n", "scenario.yaml: is no map; a scenario has at least name, step and participants"),
+        (
+            "",
+            "scenario.yaml: is empty; a scenario needs at least name, step and participants",
+        ),
+        (
+            "- a\n",
+            "scenario.yaml: is no map; a scenario needs at least name, step and participants",
+        ),
         (
             "a: 1\nb: [1\n",
             (

@@ -75,7 +75,7 @@ def test_an_action_of_another_form_costs_no_step(env, action, sentence):
 @pytest.mark.parametrize(
     ("value", "sentence"),
     [
-        (None, "`reward` returned None, no finite number"),
+        (None, "`reward` returned None, not a finite number"),
         (float("nan"), "`reward` returned nan"),
         ("much", "`reward` returned 'much'"),
         (ValueError("no data"), "`reward` raised ValueError: no data"),

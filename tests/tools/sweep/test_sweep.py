@@ -155,7 +155,7 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
             "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'; "
             "did you mean 'measure'?"
         ),
-        "two_lnk: no file, no folder and no built-in scenario of that name",
+        "two_lnk: no such file, folder or built-in scenario",
     ):
         assert sentence in errors
     assert "metrics[1]" not in errors

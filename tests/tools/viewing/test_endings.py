@@ -160,7 +160,7 @@ def test_a_view_that_does_not_begin_is_not_waited_for(tmp_path, capsys, monkeypa
     monkeypatch.setattr(f"{VIEWER}._COMMAND", SILENT)
     monkeypatch.setattr(f"{VIEWER}._START_S", 0.2)
     with viewed(tmp_path / "run", [[]], stays=False, interrupt=threading.Event()):
-        assert "has not begun after 0 s; is its process stopped? The run begins without it" in (
+        assert "has not begun after 0 s; is its process stopped? The run starts without it" in (
             capsys.readouterr().err
         )
 

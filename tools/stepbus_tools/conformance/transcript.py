@@ -243,7 +243,7 @@ class Transcript:
 
 
 def _no_slots(_port: str, _outputs: Outputs) -> bytes:
-    raise SlotError("it is in a slot, and no slots were agreed on")
+    raise SlotError("it is in a slot, but no slots were agreed on")
 
 
 def disagreement(data: bytes) -> str:

@@ -247,7 +247,7 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
     """
     form = _SIGNAL.fullmatch(text)
     if form is None:
-        raise WiringError(f"{text!r} is no signal; write e.g. plant.joint_state.position[0]")
+        raise WiringError(f"{text!r} is not a signal; write e.g. plant.joint_state.position[0]")
     participant, name, field, index = form.groups()
     port = recording[f"{participant}/{name}"]
     curves = PortCurves(Table(port), sys.maxsize, points=sys.maxsize)

@@ -123,7 +123,7 @@ def _claimed(home: Path) -> Iterator[None]:
         make_folder(home)
         lock = os.fdopen(append_to(home / _LOCK), "ab")
     except OSError as exc:
-        raise RecordingFailed(f"cannot make the folder {home}: {exc.strerror}") from exc
+        raise RecordingFailed(f"cannot create folder {home}: {exc.strerror}") from exc
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

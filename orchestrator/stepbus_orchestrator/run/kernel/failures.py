@@ -34,20 +34,20 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
     waiting = participant.waiting
     if participant.phase == Phase.READY:
         reached("a participant that is ready does not answer its peers")
-        return "is ready, and does not answer those that connect to it", "does it hang?"
+        return "is ready, but does not answer its peers", "is it stuck?"
     if phase == "spawn" and participant.external is not None:
         ticket = participant.external.ticket.path
-        return "is not there", f"did you start it with `stepbus join {ticket}`?"
+        return "has not joined", f"did you start it with `stepbus join {ticket}`?"
     if phase == "spawn":
         reached("a program has not reached the bus")
         return "has not reached the bus", "does its program take part with stepbus?"
     if phase == "join":
         reached("a participant has not asked to join")
-        return "has reached the bus and not asked to join", "does it hang?"
+        return "has reached the bus, but has not asked to join", "is it stuck?"
     if waiting is not None:
         reached("a participant is not connected to a source")
         sources = ", ".join(waiting.sources)
-        return f"is not connected to {sources}, which is up", "can the two reach each other?"
+        return f"is not connected to {sources}, which is running", "can the two reach each other?"
     reached("a participant is not ready")
     loading = "is its model still loading?"
     if participant.spec.bridge is not None:

@@ -35,7 +35,7 @@ def test_a_branch_with_the_same_messages_exits_with_0_and_says_what_else_differs
     other = rewrite(recorded, tmp_path / "other.mcap", 4096, attached=["notes.txt"])
     assert run_command(other, tmp_path, "--at", "20", "--trust") == 0
     printed = capsys.readouterr().out
-    assert "\nevery message is as recorded, though the files differ\n" in printed
+    assert "\nall messages equal the recording; the files differ\n" in printed
     assert "\nnote: attachment notes.txt is only in the first\n" in printed
 
 

@@ -123,7 +123,7 @@ def test_the_page_names_methods_that_there_are():
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("{}:No", "No is no stepbus.RunExtension"),
+        ("{}:No", "No is not a stepbus.RunExtension"),
         ("{}:Asks", "cannot be made: TypeError"),
         ("{}:Nobody", "has no class 'Nobody'"),
         ("missing.py:Limit", "no file 'missing.py'"),
