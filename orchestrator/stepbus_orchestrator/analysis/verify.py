@@ -59,9 +59,9 @@ class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """All trials that were run: up to one that failed or differed from the first.
+    """Result of a verification: all trials, up to the first that failed or differed.
 
-    results: in their order, at least one. folder: of the runs.
+    results: in order, at least one. folder: folder of the runs.
     """
 
     results: tuple[TrialResult, ...]

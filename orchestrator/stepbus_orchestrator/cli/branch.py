@@ -46,19 +46,19 @@ def branch_command(
     trust: Trust = False,
     **given: Any,
 ) -> Answer:
-    """Branch a recording: live again from a step on, with a change.
+    """Replay a recording up to a step, then run live with your changes.
 
-    Takes a recording up to a step, and goes on from there as a live run, with what you change. Up
-    to the step, every participant gets its recorded inputs, as fast as it takes them, and has to
-    publish what is recorded; the first that does not is named (exit code 10). Without a change, the
-    new recording is the old one, byte for byte. A changed participant gets its recorded inputs too;
-    its own outputs count from the step on. A recording contains programs: those that are not in
-    your work tree are shown first; they need a yes, or --trust.
+    Replays a recording up to a step, then continues as a live run with your changes. Until that
+    step, every participant gets its recorded inputs as fast as it can process them and must publish
+    the recorded outputs; the first one that diverges is reported (exit code 10). Without a change,
+    the new recording is byte-identical to the old one. A changed participant also gets its recorded
+    inputs; its own outputs are used from that step on. A recording contains programs: those that
+    are not in your work tree are listed first and start only after you confirm, or with --trust.
 
-    vary: make one branch for each value, and one picture of all; may be repeated. plot: what the
-    picture shows, as of `stepbus plot`; default: the errors of the joints. debug: give a
-    participant this terminal and no deadlines, for a debugger. no_report: make no report.html and
-    no report.png.
+    vary: make one branch per value, and one picture of all branches; may be repeated. plot: signal
+    in that picture, as in `stepbus plot`; default: the joint errors. debug: run a participant in
+    this terminal without deadlines, for a debugger. no_report: do not write report.html and
+    report.png.
 
     $ stepbus branch run.mcap --at 1200
     $ stepbus branch run.mcap --at 6s --set controller.params.kp=90

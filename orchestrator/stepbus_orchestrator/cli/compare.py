@@ -48,7 +48,7 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
     """Compare two recordings, port by port.
 
     Compares the messages of two recordings byte for byte, or within a tolerance. The recordings may
-    differ in length or be cut off. Shows the first difference first. PORT is a topic such as
+    differ in length or be truncated. Shows the first difference first. PORT is a topic such as
     controller/command. Exit code 0: equal, 10: different.
 
     $ stepbus diff runs/a/run.mcap runs/b/run.mcap
@@ -82,14 +82,14 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
 def replay_command(
     *, tolerance: ToleranceOptions, trust: Trust = False, json: Json = False, **given: Any
 ) -> Answer:
-    """Run one participant against its recording and compare.
+    """Run one participant on its recorded inputs and compare its outputs.
 
-    Starts one participant of a recorded run, or another program in its place, feeds it exactly the
-    recorded inputs in lockstep, and compares each output with the recorded one: byte for byte, or
-    within a tolerance. Shows the first divergent step with its inputs. The program is that of the
-    scenario in your work tree, if it is found there, else the copy in the recording. Exit code 0:
-    equal, 10: different. A program that is not in your work tree is shown first; it needs a yes, or
-    --trust.
+    Starts one participant of a recorded run, or another program in its place, feeds it the recorded
+    inputs in lockstep, and compares each output with the recorded one: byte for byte, or within a
+    tolerance. Shows the first divergent step with its inputs. Uses the program of the scenario in
+    your work tree, or the copy in the recording if the scenario is not found there. Exit code 0:
+    equal, 10: different. A program that is not in your work tree is listed first and starts only
+    after you confirm, or with --trust.
 
     $ stepbus replay run.mcap --participant controller
     $ stepbus replay runs/arm --participant controller --set controller.params.kp=9

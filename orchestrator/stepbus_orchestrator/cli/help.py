@@ -46,10 +46,10 @@ _WHICH = (
 
 @command()
 def help_command(topic: Annotated[str, {"complete": "command"}] = "") -> int:
-    """Show the help of a command, or which command is the right one.
+    """Show the help of a command, or help to choose a command.
 
-    Shows what a command does, its options and examples. `which` is a table of the five commands
-    that compare runs. Without a topic, it lists all commands.
+    Shows what a command does, its options and examples. `which` compares the five commands that
+    compare runs. Without a topic, it lists all commands.
 
     topic: a command, or `which`.
 

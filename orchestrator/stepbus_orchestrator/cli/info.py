@@ -74,11 +74,11 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
 
 @command(group="look")
 def info_command(recording: RecordingPath) -> Answer:
-    """Show what is in a recording.
+    """Summarize a recording.
 
-    Shows the scenario, how the run ended and when, what took part, which messages there are, and on
-    what it ran. It needs the recording only; result.json beside it adds outcome and wall time. Of a
-    recording that is cut off, it says up to where it goes.
+    Shows the scenario, the outcome, the length, the participants, the messages and the versions.
+    Needs only the recording; result.json next to it adds outcome and wall time. For a truncated
+    recording, shows where it ends.
 
     $ stepbus info runs/arm
     $ stepbus info run.mcap --json

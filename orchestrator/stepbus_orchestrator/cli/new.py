@@ -133,11 +133,11 @@ _LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.
 
 @command(group="run")
 def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
-    """Create a scenario with a controller of your own.
+    """Create a scenario with your own controller.
 
-    Creates a folder with a scenario of the built-in plant and mission, its model, and a small PD
-    controller to change, in a language of your choice. It runs as it is once you have installed
-    what its README names.
+    Creates a folder with a scenario that uses the built-in plant and mission, a robot model, and a
+    small PD controller for you to modify, in the language of your choice. It runs without changes
+    once you have installed what its README lists.
 
     folder: folder to create; may exist if it is empty.
 

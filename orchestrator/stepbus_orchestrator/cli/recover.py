@@ -11,13 +11,13 @@ from stepbus_orchestrator.recording import Recovery, layout, recover
 def recover_command(
     recording: RecordingPath, *, out: File = None, in_place: bool = False
 ) -> Answer:
-    """Rebuild a recording that is cut off or corrupt.
+    """Recover a truncated or corrupt recording.
 
-    Reads an MCAP file up to its first damaged record and writes what it read to a new file, with
+    Reads an MCAP file up to its first damaged record and writes the intact part to a new file, with
     attachments, metadata and a new index. Reports what was lost.
 
     recording: the MCAP file to read, or the folder of a run. out: the file to write (default:
-    <recording>.recovered.mcap). in_place: replace the file that was read.
+    <recording>.recovered.mcap). in_place: replace the original file.
 
     $ stepbus recover runs/two_link-20250101-120000/run.mcap
     $ stepbus recover broken.mcap --out fixed.mcap

@@ -39,14 +39,15 @@ def rerun_command(
     json: Json = False,
     **given: Any,
 ) -> Answer:
-    """Repeat a run from nothing but its recording.
+    """Repeat a run from its recording alone.
 
-    Extracts the scenario and its files from a recording into <out>/source, runs them, and compares
-    the new recording with the old one, byte for byte. Lists what differs on this machine. Exit code
-    0: every message is equal, 10: one differs. A recording contains programs: those that are
-    not in your work tree are shown first; they need a yes, or --trust.
+    Extracts the scenario and its files from a recording into <out>/source, runs it, and compares
+    the new recording with the old one, byte for byte. Lists what differs on this machine, such as
+    versions. Exit code 0: all messages are equal, 10: at least one differs. A recording contains
+    programs: those that are not in your work tree are listed first and start only after you
+    confirm, or with --trust.
 
-    row: which run of a sweep.
+    row: number of a run in a sweep.
 
     $ stepbus rerun runs/two_link-20250101-120000/run.mcap
     $ stepbus rerun run.mcap --set window=1 --out /tmp/again

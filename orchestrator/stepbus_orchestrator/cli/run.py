@@ -55,9 +55,9 @@ class Changes:
 
     window: steps in flight; 1: synchronous mode. transport: how the processes are linked. fault:
     inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3 seed
-    1'; may be repeated (docs/faults.md). debug: give a participant this terminal and no deadlines,
-    for a debugger. external: wait for a participant that you start yourself, with `stepbus join
-    TICKET`; default: the ticket is in the folder of the run; may be repeated
+    1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
+    deadlines, for a debugger. external: wait for a participant that you start yourself, with
+    `stepbus join TICKET`; default: the ticket is in the folder of the run; may be repeated
     (docs/guide/running/attach.md). join_timeout: how long to wait for those (default: 2min, or the
     scenario's spawn_timeout). no_deadline: give a participant no deadlines, e.g. one that you start
     in a debugger.
@@ -142,20 +142,19 @@ def run_command(
 ) -> int:
     """Run a scenario and record it.
 
-    Starts every participant of a scenario, drives them in lockstep, and records everything to
-    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and continues, s makes one step,
-    q stops; none of them affects the result. The exit code gives the cause of a failure
+    Starts all participants of a scenario, steps them in lockstep, and records everything to
+    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and resumes, s makes one step, q
+    stops; none of these affects the result. The exit code tells the cause of a failure
     (docs/exit-codes.md).
 
-    out: folder of this run (default: runs/<name>-<time>). real_time: let steps begin on the wall
-    clock's grid, FACTOR times as fast (default: 1), and count who is late
-    (docs/guide/running/real_time.md). pause_at: pause before a step, or a time such as 6s; 0:
-    before the first. in_process: host all participants in one process: quicker, the same recording.
-    degrees: show the measured angles of all joints in degrees while it runs. extensions: add an
-    extension of your own to the run (docs/guide/writing/extension.md). profile: measure where the
-    time of each step goes: compute, wait, transport, record. speedscope: with --profile, sample the
-    stack of a participant too, for speedscope.app. no_report: make no report.html and no
-    report.png, only figures.
+    out: folder of this run (default: runs/<name>-<time>). real_time: pace steps by the wall clock,
+    at FACTOR times real time (default: 1), and count late steps (docs/guide/running/real_time.md).
+    pause_at: pause before this step, or time such as 6s; 0: before the first. in_process: run all
+    participants in one process: faster, same recording. degrees: show the measured joint angles in
+    degrees during the run. extensions: add your own extension to the run
+    (docs/guide/writing/extension.md). profile: measure how each step spends its time: compute,
+    wait, transport, record. speedscope: with --profile, also sample the stack of a participant, for
+    speedscope.app. no_report: do not write report.html and report.png; print the figures only.
 
     $ stepbus run two_link
     $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s

@@ -34,10 +34,10 @@ def verify_command(
 ) -> Answer:
     """Run a scenario several times and compare the recordings.
 
-    Runs a scenario several times: once as it is, then with shuffled start order, random delays in
-    every participant, and other windows and transports, and last with all participants in one
-    process, where they can share one. All recordings must be equal byte for byte. Exit code 10: two
-    differ; the first difference is shown.
+    Runs a scenario several times: once unchanged, then with shuffled start orders, random delays in
+    every participant, and different windows and transports, and finally, if possible, with all
+    participants in one process. All recordings must be byte-identical. Exit code 10: two differ;
+    the first difference is shown.
 
     $ stepbus verify two_link
     $ stepbus verify two_link -n 10 --set duration=2s --seed 1

@@ -25,12 +25,12 @@ def _measured_angles(state: RunState, descriptions: Descriptions) -> dict[str, f
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """A moment of a run.
+    """Progress of a run.
 
-    phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed and in all (None:
-    open end). phases: of each participant. compute_us: mean computing time of each
-    participant's step [µs]. drops: messages each participant has dropped. angles: newest measured
-    angle of each joint [rad].
+    phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed steps and their
+    planned number (None: no fixed end). phases: phase of each participant. compute_us: mean
+    computing time of each participant's step [µs]. drops: messages each participant has dropped.
+    angles: newest measured angle of each joint [rad].
     """
 
     phase: str
@@ -46,13 +46,13 @@ class Progress:
 
 
 class Observer:
-    """Watches a run; called on the run's own thread, so it must be quick."""
+    """Receives progress and events of a run, on the run's thread, so it must return quickly."""
 
     def progress(self, progress: Progress) -> None:
-        """Take how far the run is; called about four times a second."""
+        """Receive the progress of the run; called about four times a second."""
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Take a sentence for the user."""
+        """Receive an event as a text for the user."""
 
 
 def progress_of(

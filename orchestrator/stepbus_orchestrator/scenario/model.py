@@ -290,14 +290,14 @@ def keys_of(settings: type[Settings]) -> tuple[str, ...]:
 class Scenario:
     """A complete scenario, checked.
 
-    step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
-    run. participants: in the order of the file. window: steps that may be in flight. batch:
-    outputs of a participant per log message. checkpoint_steps: how often participants save their
-    state, 0: never. faults: what is done to it on purpose. types: message
-    types, with its own that ports have. type_files: files of the scenario → the types that each
-    declares. folder: what relative file names are relative to. file: where it was read from.
-    overrides: with which. files: what a recording of it holds, name → file; left_out: what it does
-    not, a sentence each. Two scenarios are equal when all before `folder` is.
+    step_ns: length of a communication step [ns]. steps: number of steps; None: no fixed end.
+    participants: in the order of the file. window: maximum steps in flight. batch: outputs of a
+    participant per log message. checkpoint_steps: steps between two saved states of a participant,
+    0: never. faults: faults to inject. types: message types, including the scenario's own.
+    type_files: files of the scenario → the types that each declares. folder: base of relative file
+    names. file: path of the scenario file. overrides: overridden values. files: files that a
+    recording contains, name → file; left_out: a text for each file that it does not contain. Two
+    scenarios are equal when all fields before `folder` are.
     """
 
     name: str
@@ -319,11 +319,11 @@ class Scenario:
     left_out: Sequence[str] = field(default=(), compare=False)
 
     def participant(self, name: str) -> ParticipantSpec:
-        """Return one participant; raises KeyError when there is none of that name."""
+        """Return a participant by name; raises KeyError for an unknown name."""
         return {spec.name: spec for spec in self.participants}[name]
 
     def changed(self, names: Collection[str], **fields: Any) -> "Scenario":
-        """Return the scenario with other fields of some participants."""
+        """Return a copy of the scenario with changed fields of some participants."""
         rows = self.participants
         specs = (structs.replace(row, **fields) if row.name in names else row for row in rows)
         return replace(self, participants=tuple(specs))

@@ -51,12 +51,12 @@ _WHOLE = {"type": _value}
     retry={"type": number("not a number of times", 0), "metavar": "N"},
 )
 def sweep_command(*, json: Json = False, **given: Any) -> Answer:
-    """Run a scenario many times with other values, and make one table.
+    """Run a scenario many times with different values, and collect one table.
 
     Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
-    cluster, and writes one row a run to results.parquet: the values, how the run ended, metrics,
-    and the SHA-256 of its recording. The same command goes on with a sweep that was cut off. A run
-    that fails is a row; the exit code is 0 once every run has its row.
+    cluster, and writes one row per run to results.parquet: the values, the outcome, metrics, and
+    the SHA-256 of the recording. Run the same command again to resume an interrupted sweep. A
+    failed run is a row too; the exit code is 0 once every run has its row.
 
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
     $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'

@@ -50,15 +50,16 @@ def view_command(
     until_end: bool = False,
     place: Place,
 ) -> int:
-    """Show a recording in 3D, in the browser.
+    """Show a recording or a live run in 3D, in the browser.
 
-    Shows robot and world of a recording on a page of this machine: targets as ghosts, contacts,
-    planned paths, detections, camera images, curves and events, with a time slider. It reads what
-    is looked at, so a long recording opens at once. Its address opens it once, in one browser.
+    Serves a local page with the robot and world of a recording: targets as ghosts, contacts,
+    planned paths, detections, camera images, curves and events, with a time slider. It reads only
+    what you look at, so a long recording opens immediately. The URL contains a token and works
+    once, in one browser.
 
-    recording: the run.mcap of a run, or its folder; also of a live run. ghost: a second
-    recording, drawn as a ghost beside it. follow: wait for a run to start in this folder.
-    until_end: end with the run, instead of showing its recording.
+    recording: a run.mcap, or the folder of its run, which may be live. ghost: a second recording,
+    drawn as a ghost. follow: wait for a run to start in this folder. until_end: exit when the run
+    ends, instead of showing its recording.
 
     $ stepbus view runs/arm
     $ stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open

@@ -52,9 +52,9 @@ RUNNING = "runs"
 
 @dataclass(frozen=True, kw_only=True)
 class SweepProgress:
-    """How far a sweep is: rows of all, of which failed; rate of all workers [runs/s].
+    """Progress of a sweep: finished, total and failed runs; rate of all workers [runs/s].
 
-    rate: None until a worker has done its second run. phase: what happens now.
+    rate: None until a worker has finished its second run. phase: current activity.
     """
 
     done: int
@@ -65,13 +65,13 @@ class SweepProgress:
 
     @property
     def remaining_s(self) -> float | None:
-        """Return how long the rest takes [s]; None: not yet known."""
+        """Return the remaining time [s]; None if not yet known."""
         return None if self.rate is None else (self.total - self.done) / self.rate
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
-    """What became of a sweep. resumed: rows that were there before. causes: outcome → runs."""
+    """Result of a sweep. resumed: earlier runs. causes: cause → number of failed runs."""
 
     folder: Path
     total: int

@@ -26,10 +26,10 @@ Progress = Callable[[str, int], AbstractContextManager[Reached]]
 
 @dataclass(frozen=True, kw_only=True)
 class Exported:
-    """What an export wrote.
+    """Result of an export.
 
-    problems: a sentence for all that it could not. lost: topics of ports that it lacks, or ends
-    before their last message, though the form could have had them.
+    problems: a text for each thing that could not be exported. lost: topics that the format
+    supports but that are missing or incomplete.
     """
 
     paths: Sequence[Path]
