@@ -95,7 +95,7 @@ def export(
     }  # fmt: skip
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
-        raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
+        raise WiringError("nothing to export; give a target, e.g. parquet='tables'")
     with Recording(recording_file(recording)) as opened:
         damage = [line for line in (exports.damage_line(opened),) if line]
         written = exports.export(
@@ -114,6 +114,6 @@ def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
     from stepbus_tools.viewing import page  # noqa: PLC0415  (a tool, when it is asked for)
 
     if not recordings:
-        raise WiringError("nothing to report; name a recording")
+        raise WiringError("nothing to report; give a recording")
     target = None if out is None else Path(out)
     return page.write_page([recording_file(source) for source in recordings], target)

@@ -75,7 +75,7 @@ def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
     other = stepbus.run(
         "two_link", set={"duration": "50ms"}, out=tmp_path / "run", in_process=True, report=True
     )
-    assert "It ran to its end." in other.recording.with_name("report.html").read_text()
+    assert "It finished." in other.recording.with_name("report.html").read_text()
     both = stepbus.report(result, other, out=tmp_path / "both.html")
     assert both == tmp_path / "both.html"
     assert "comparison" in both.read_text()

@@ -73,7 +73,7 @@ class PolicyPorts:
             fits = [name for name, form in self.forms(side, port).items() if form.fits]
             if field and field not in fits:
                 raise WiringError(
-                    f"{text}: {known[port]} has no numbers {field!r}{suggest(field, fits)}; "
+                    f"{text}: {known[port]} has no numeric field {field!r}{suggest(field, fits)}; "
                     f"it has {', '.join(fits) or 'none of a fixed number'}"
                 )
             by_port.setdefault(port, []).extend([field] if field else fits)

@@ -78,7 +78,7 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
             parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
             units |= {f"{table.name}.{name}": c.unit for name, c in chosen.items() if c.unit}
     if not parts:
-        raise RecordingFailed(f"{recording.path} has no values for a DataFrame")
+        raise RecordingFailed(f"{recording.path} has no numeric signals for a DataFrame")
     frame = pandas.concat(parts, axis=1).sort_index()
     frame.attrs["units"] = units
     return frame
@@ -168,7 +168,7 @@ class Comparison:
         """Return one by `participant.port.field`; raises WiringError when there is none."""
         by_name = {f"{error.port}.{error.field}": error for error in self.errors}
         if name not in by_name:
-            raise WiringError(f"nothing compared is called {name!r}{suggest(name, by_name)}")
+            raise WiringError(f"no compared signal is called {name!r}{suggest(name, by_name)}")
         return by_name[name]
 
     def frame(self) -> Any:

@@ -28,7 +28,7 @@ Limits = Annotated[Sequence[str], {"metavar": "[PORT[.FIELD]=]NUMBER"}]
 class ToleranceOptions:
     """How far values may differ.
 
-    abs: absolute tolerance, e.g. 1e-9. rel: relative tolerance. ignore: leave out a port or field.
+    abs: absolute tolerance, e.g. 1e-9. rel: relative tolerance. ignore: ignore a port or field.
     tolerance: YAML file of tolerances (docs/guide/testing/replay.md).
     """
 

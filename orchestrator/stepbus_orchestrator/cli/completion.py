@@ -51,7 +51,7 @@ end
 
 @command()
 def completion_command(
-    shell: Annotated[Literal["bash", "zsh", "fish"], {"help": "for which shell"}],
+    shell: Annotated[Literal["bash", "zsh", "fish"], {"help": "shell"}],
 ) -> int:
     """Print the completion script of a shell.
 

@@ -53,14 +53,14 @@ Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 class Changes:
     """What the command line changes of a scenario.
 
-    window: steps in flight; 1: synchronous mode. transport: how the processes are linked. fault:
-    inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3 seed
-    1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
+    window: maximum steps in flight; 1: synchronous. transport: transport between the processes.
+    fault: inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3
+    seed 1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
     deadlines, for a debugger. external: wait for a participant that you start yourself, with
-    `stepbus join TICKET`; default: the ticket is in the folder of the run; may be repeated
-    (docs/guide/running/attach.md). join_timeout: how long to wait for those (default: 2min, or the
-    scenario's spawn_timeout). no_deadline: give a participant no deadlines, e.g. one that you start
-    in a debugger.
+    `stepbus join TICKET`; default: a ticket in the folder of the run; may be repeated
+    (docs/guide/running/attach.md). join_timeout: how long to wait for external participants
+    (default: 2min, or the scenario's spawn_timeout). no_deadline: disable the deadlines of a
+    participant, e.g. one that you start in a debugger.
     """
 
     set: Set = ()
@@ -101,8 +101,8 @@ class Changes:
 class Views:
     """What shows the run while it goes on.
 
-    view: show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md).
-    no_open: with --view, start no browser.
+    view: show the live run in 3D in the browser (docs/guide/looking/viewing.md). no_open: with
+    --view, do not open a browser.
     """
 
     view: bool = False

@@ -73,7 +73,7 @@ class _Viewer:
             if not self._place:
                 words = stderr.read().decode(errors="replace")
                 why = words.strip().rpartition("\n")[2].removeprefix(_PREFIX)
-                self._why_not = why or "the view could not be started"
+                self._why_not = why or "cannot start the view"
             self._has_begun.set()
             _pass_on(self.process)
 

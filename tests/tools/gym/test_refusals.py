@@ -21,9 +21,9 @@ def nothing(_moment):
         ({"participant": "mission"}, "nothing names its joints; give `joints`"),
         (
             {"act": ["command.valeus"]},
-            "JointCommand/1 has no numbers 'valeus'; did you mean 'values'?",
+            "JointCommand/1 has no numeric field 'valeus'; did you mean 'values'?",
         ),
-        ({"observe": ["joint_state.colour"]}, "JointState/1 has no numbers 'colour'"),
+        ({"observe": ["joint_state.colour"]}, "JointState/1 has no numeric field 'colour'"),
         ({"joints": ["joint3"]}, "joint 'joint3' is unknown; did you mean 'joint2'?"),
         ({"mode": "force"}, "mode"),
         (

@@ -67,7 +67,7 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     paths = {form: given[form] for form in _EXPORTERS if given[form] is not None}
     options = {name: given[name] for name in _OPTIONS}
     if not paths:
-        raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+        raise WiringError("nothing to export; give a target, e.g. --parquet tables")
     for name, value in options.items():
         users = [form for form, one in _EXPORTERS.items() if name in one.options]
         if value and not paths.keys() & set(users):
@@ -77,7 +77,7 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
         for form, path in paths.items():
             tell_size = _EXPORTERS[form].size
             if tell_size is not None and (size := tell_size(opened, path) / 1e6) >= _LARGE_MB:
-                print_error(f"{path} will have about {size:.0f} MB; --parquet needs a tenth of it")
+                print_error(f"{path} will take about {size:.0f} MB; --parquet needs a tenth of it")
         for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)

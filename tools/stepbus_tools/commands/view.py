@@ -30,9 +30,9 @@ IsOver = Callable[[], bool]
 class Place:
     """Where a recording is shown.
 
-    port: where to listen (default: any free). host: address to listen on (default: this machine
-    only). no_open: start no browser. foxglove: instead of the page: send it to Foxglove and
-    Lichtblick, over a WebSocket (default: any free port).
+    port: port to listen on (default: any free port). host: address to listen on (default: this
+    machine only). no_open: do not open a browser. foxglove: serve Foxglove and Lichtblick over a
+    WebSocket instead of the page (default: any free port).
     """
 
     port: PortNumber = None
@@ -66,7 +66,7 @@ def view_command(
     $ stepbus view runs/arm --foxglove 8765
     """
     if place.foxglove is not None and ghost is not None:
-        raise WiringError("--foxglove shows one recording; without it, the second one is a ghost")
+        raise WiringError("--foxglove shows a single recording; omit it to compare two recordings")
     is_live = ghost is None and (follow or (recording / LIVE_FILE).exists())
     if is_live:
         # A run comes first.
@@ -119,7 +119,10 @@ class _Page:
         open_in_browser(self._page.new_address())
 
     def _tell(self, address: str) -> None:
-        print_error(f"an address of the view was opened again. If it was you: {address}")
+        print_error(
+            "the URL of the view was opened a second time. To open it again yourself, use: "
+            f"{address}"
+        )
 
     def follow(self, folder: Path, is_over: IsOver) -> bool:
         """Show a live run; return whether it has ended."""

@@ -255,9 +255,9 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
         curves.take(piece[port.topic])
     if field is not None and field not in curves.fields:
         others = f"; it has {', '.join(curves.fields) or 'none'}"
-        raise WiringError(f"{text}: {port.type} has no numbers {field!r} here{others}")
+        raise WiringError(f"{text}: {port.type} has no numeric field {field!r}{others}")
     if not curves.fields:
-        raise WiringError(f"{text}: {port.type} carries no numbers to plot")
+        raise WiringError(f"{text}: {port.type} has no numeric fields to plot")
     chosen = [curves.fields[field]] if field else curves.fields.values()
     return [_signal(curves.name, one, index, text) for one in chosen]
 

@@ -86,7 +86,7 @@ class Recording:
 
     @property
     def messages_sha256(self) -> str:
-        """Return the SHA-256 of all messages (P13.3); empty if no hash chain covers the last step."""
+        """Return the SHA-256 of all messages (P13.3); empty if no chain covers the last step."""
         chain = self.ports.get(layout.CHAIN_TOPIC)
         last = None if chain is None else chain.last
         if last is None or last.step < self.last_step:

@@ -161,9 +161,9 @@ def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
         (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
         (["--video", "a.mp4", "--to", "5"], "is no duration"),
         (["--csv", "a.csv", "--fps", "10"], "--fps goes with --video"),
-        (["--video", "a.avi"], "is no film: write .mp4 or .gif"),
+        (["--video", "a.avi"], "is not a video file: write .mp4 or .gif"),
         (["--video", "a.mp4", "--camera", "plant.none"], "has no port 'plant.none'"),
-        (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is no viewpoint"),
+        (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is not a viewpoint"),
     ],
 )
 def test_what_cannot_be_filmed_is_one_sentence(

@@ -108,7 +108,9 @@ def nothing_to_export(recording: Recording, done: str = "exported") -> Recording
     unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
     why = f": it {recording.cut_short}" if recording.cut_short else ""
     if unknown:
-        why = f": it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
+        why = (
+            f": it is not from stepbus, or from a newer version: its types are {', '.join(unknown)}"
+        )
     return RecordingFailed(f"{recording.path} has no message that can be {done}{why}")
 
 
