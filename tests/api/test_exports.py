@@ -45,7 +45,7 @@ def test_an_export_says_what_is_missing(result, tmp_path):
 
 
 def test_an_export_to_nowhere_and_of_nothing_is_an_error(result, tmp_path):
-    with pytest.raises(stepbus.WiringError, match="name a target"):
+    with pytest.raises(stepbus.WiringError, match="give a target"):
         stepbus.export(result)
     with pytest.raises(stepbus.WiringError, match=r"write \.mp4 or \.gif"):
         stepbus.export(result, video=tmp_path / "film.avi")

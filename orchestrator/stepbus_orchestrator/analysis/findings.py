@@ -123,7 +123,7 @@ class _Watched:
 def _beyond(name: str, joint: Joint, count: Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
-    text = f"{name}is commanded to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
+    text = f"{name} is commanded to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
     if joint.is_rotary and abs(count.worst) > _FULL_TURN:
         radians = math.radians(count.worst)
         text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"

@@ -84,7 +84,7 @@ def test_the_new_controller_has_at_most_22_lines(tmp_path):
 def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
     (tmp_path / "mine.txt").touch()
     assert main(["new", str(tmp_path)]) == ExitCode.SCENARIO
-    assert "holds something already" in capsys.readouterr().err
+    assert "is not empty; choose a new folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def test_the_result_of_another_run_is_not_taken_for_its_own(two_link_recording, 
     result = json.loads((two_link_recording.parent / "result.json").read_text())
     other = json.dumps({**result, "messages_sha256": "0" * 64, "outcome": "failed"})
     (tmp_path / "result.json").write_text(other)
-    assert "no result.json of it" in info(tmp_path, capsys)["outcome"][0]
+    assert "without its result.json" in info(tmp_path, capsys)["outcome"][0]
 
 
 def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
@@ -93,7 +93,7 @@ def test_a_pipe_in_the_place_of_the_result_holds_nothing(two_link_recording, tmp
     os.mkfifo(tmp_path / "result.json")
     command = [sys.executable, "-m", "stepbus_orchestrator.cli", "info", tmp_path]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, "no result.json of it" in done.stdout) == (0, True)
+    assert (done.returncode, "without its result.json" in done.stdout) == (0, True)
 
 
 def test_json_has_the_same_and_more(two_link_recording, capsys):

@@ -169,7 +169,7 @@ def test_a_recording_without_a_scenario_is_refused(tmp_path):
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
-    with pytest.raises(OutputExists, match="holds a run already; choose another `out`"):
+    with pytest.raises(OutputExists, match="already contains a run; choose another `out`"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
 

@@ -94,8 +94,8 @@ MISTAKES = [
         "10s",
         "10s\nbus: {transport: tcp, low_latency: true}",
         (
-            ":4: bus.low_latency: is for transport unix; TCP never uses the low-latency transport; "
-            "leave it out"
+            ":4: bus.low_latency: is only for transport unix; TCP never uses the low-latency transport; "
+            "remove it"
         ),
     ),
     (
@@ -245,7 +245,7 @@ MISTAKES = [
         "from: mission.reference",
         (
             ":18: participants.mission.inputs.joint_state: 'mission' reads its own output; "
-            "let it keep that as its own state"
+            "keep that value as a variable of the participant instead"
         ),
     ),
     (

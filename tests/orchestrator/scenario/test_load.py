@@ -129,7 +129,9 @@ def test_a_scenario_of_a_package_that_is_not_installed_says_what_installs_it(mon
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(ScenarioError, match=r"did you mean 'two_link'\?; .*given by path"):
+    with pytest.raises(
+        ScenarioError, match=r"give the path of your own, .*; did you mean 'two_link'\?"
+    ):
         load("two_lnk")
 
 

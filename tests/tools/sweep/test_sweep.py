@@ -81,7 +81,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ["did you mean 'kp'?", "must be a number, not 'x'"],
         ),
         (["--vary", "plant.params.gravity~normal(1, -1)"], ["does not accept these parameters"]),
-        (["--vary", "controler.params.kp=1,2"], ["no participant and no key 'controler'"]),
+        (["--vary", "controler.params.kp=1,2"], ["no participant or key 'controler'"]),
         (["--vary", "controller.params.kp=1:5"], ["a range needs a count"]),
         ([], ["needs at least one axis"]),
         (["--vary", "seed=1,2", "--metric", "no.py:f"], ["there is no file no.py"]),
@@ -99,7 +99,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ],
             [
                 "vary[0]: controller.params.kp=1:5: a range needs a count",
-                "vary[1]: controler.params.kd=1,2: no participant and no key 'controler'; did you",
+                "vary[1]: controler.params.kd=1,2: no participant or key 'controler'; did you",
                 "SciPy has no distribution 'nrmal'; did you mean 'normal'?",
                 "--set durtion=1s: no participant and no key 'durtion'; did you mean 'duration'?",
                 "metrics[0]: no.py:f: there is no file no.py",

@@ -62,7 +62,7 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
         ("seed", "write KEY=VALUE, e.g. controller.params.kp=80"),
         (
             "controler.params.kp=1",
-            "no participant and no key 'controler'; did you mean 'controller'?",
+            "no participant or key 'controler'; did you mean 'controller'?",
         ),
         (
             "participants.controler.every=1",
