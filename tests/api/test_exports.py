@@ -80,7 +80,7 @@ def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
     assert both == tmp_path / "both.html"
     assert "comparison" in both.read_text()
     assert stepbus.report(result) == result.recording.with_name("report.html")
-    with pytest.raises(stepbus.WiringError, match="name a recording"):
+    with pytest.raises(stepbus.WiringError, match="give a recording"):
         stepbus.report()
 
 

@@ -172,7 +172,7 @@ def chunk_content(content: bytes, *, checked: bool) -> bytes:
         elif chunk.compression:
             raise ValueError(f"compression {chunk.compression!r} is not zstd or none")
         if len(data) != chunk.uncompressed_size:
-            raise ValueError(f"it holds {len(data)} bytes, not {chunk.uncompressed_size}")
+            raise ValueError(f"it contains {len(data)} bytes, not {chunk.uncompressed_size}")
         _check_crc(data, chunk.uncompressed_crc, checked=checked)
     except _PARSE_ERRORS as exc:
         raise _corrupt(Opcode.CHUNK, exc) from exc

@@ -73,7 +73,9 @@ class Scanner:
         """Yield what is in the record behind the last intact one; return its opcode."""
         offset, index = self.intact_bytes, self.index
         if offset >= self.size:
-            raise DamagedRecord("the file ends before its end record: it was cut off between two")
+            raise DamagedRecord(
+                "the file ends before its end record: it was truncated between two records"
+            )
         opcode, content = self.file.record(offset)
         length = HEAD.size + len(content)
         channels, times = set(), []
@@ -117,8 +119,8 @@ class Scanner:
         if self.index.is_ours:
             if message.sequence < self._done:
                 raise DamagedRecord(
-                    f"a message of step {message.sequence} comes after later ones: the write that "
-                    "was to replace it was cut off"
+                    f"a message of step {message.sequence} follows later ones: the write "
+                    "that should replace it was interrupted"
                 )
             self._done = message.sequence
             # Written last, it shows that nothing of its step is missing.

@@ -124,7 +124,7 @@ def _draw(form: re.Match[str], scenario: Scenario) -> tuple[FaultSpec, ...]:
     if not 1 <= count <= _MOST:
         raise WiringError(f"must be 1 to {_MOST} faults, not {count}")
     if first >= last:
-        raise WiringError(f"there is no step from {first} to below {last}")
+        raise WiringError(f"there are no steps from {first} to below {last}")
     generator = random.Random(int(form[4]) if form[4] else scenario.seed)  # noqa: S311
     drawn = [_one(generator, first, last, scenario.participants) for _ in range(count)]
     return tuple(sorted(drawn, key=lambda fault: fault.step))

@@ -167,7 +167,10 @@ class ParticipantRow(Settings, dict=True):
         if key == "name":
             return "the participant's name is its key under `participants`"
         if key in keys_of(ScenarioFile):
-            return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
+            return (
+                f"{key!r} belongs to the scenario: write it at the top level, next to "
+                "`participants`"
+            )
         parts = (("inputs", InputSpec), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
         for part, settings in parts:
             if key in keys_of(settings):

@@ -173,7 +173,7 @@ def test_nonsense_from_the_start_is_the_fault_of_no_participant(tmp_path):
 def test_no_run_starts_over_links_that_lead_through_somebody_else(tmp_path):
     code, error, result = run_under(RELAY, tmp_path, scenario=passed_scenario)
     assert (code, result["steps"], result["participant"]) == (7, 0, None)
-    assert re.search(r"user nobody uses TCP port \d+ of the run, and may stand in a l", error)
+    assert re.search(r"user nobody uses TCP port \d+ of the run, and may intercept a c", error)
 
 
 def family_of(process):

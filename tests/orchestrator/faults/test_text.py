@@ -37,7 +37,7 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
         ("delay plant at 3 for 5", "'5' is no duration"),
         ("kill plant", "'kill plant': not a fault; write TYPE PARTICIPANT at STEP"),
         ("random 0", "must be 1 to 1000 faults, not 0"),
-        ("random 3 from 7 to 7", "there is no step from 7 to below 7"),
+        ("random 3 from 7 to 7", "there are no steps from 7 to below 7"),
     ],
 )
 def test_a_fault_that_cannot_be_says_why(written, sentence):
@@ -65,7 +65,7 @@ def test_drawn_faults_keep_to_their_steps():
 
 
 def test_a_run_without_an_end_needs_the_last_step_of_random_faults():
-    with pytest.raises(ScenarioError, match="needs the last step"):
+    with pytest.raises(ScenarioError, match="needs a last step"):
         texts("random 3", overrides=("duration=null",))
 
 
@@ -91,7 +91,7 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
     [
         (
             "plant.on_fault=hold",
-            "hold is for participants that command; one that publishes first cannot",
+            "hold is not possible for a participant that publishes first",
         ),
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),

@@ -150,7 +150,7 @@ def test_info_says_what_is_not_recorded_whole(recorded, capsys):
         (f"{IMAGE}=10", "record"),
         (
             "camera.outputs.events={type: Event/1, record: off}",
-            "an output of Event/1 is recorded whole",
+            "an output of Event/1 must be recorded completely",
         ),
     ],
 )

@@ -101,8 +101,8 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
     old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
     notes = Preparation(old, tmp_path / "again").notes
     now = own_versions()
-    assert f"the orchestrator ran with cpu Z80, now it is {now['cpu']}" in notes
-    assert f"the orchestrator ran with mcap 0.1, now it is {now['mcap']}" in notes
+    assert f"the orchestrator ran with cpu Z80, here it is {now['cpu']}" in notes
+    assert f"the orchestrator ran with mcap 0.1, here it is {now['mcap']}" in notes
 
 
 @pytest.mark.slow
@@ -157,7 +157,7 @@ def test_a_scenario_without_a_duration_is_noted(tmp_path):
 @pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])
 def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
     log = write_log(tmp_path / "run.mcap", files={name: b"print()"})
-    with pytest.raises(RecordingFailed, match="leads out of its folder"):
+    with pytest.raises(RecordingFailed, match="points outside its folder"):
         Preparation(log, tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 

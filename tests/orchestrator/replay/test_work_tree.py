@@ -96,7 +96,7 @@ def test_a_replay_without_a_work_tree_says_that_it_tests_the_copy(project, log):
     shutil.rmtree(project / "arm")
     result = replay(log, "controller")
     assert result.equal
-    assert result.notes[0].startswith("this tests the copy in the recording: its scenario was not")
+    assert result.notes[0].startswith("testing the copy in the recording, as its scenario was not")
 
 
 def test_the_overrides_of_the_run_are_no_change(project):
@@ -250,7 +250,9 @@ def test_a_recording_that_imports_a_module_is_refused(log, types):
         "scenario.yaml": recording.attachments["scenario.yaml"] + row,
     }
     for tree in (find_work_tree(recording, "controller"), None):
-        with pytest.raises(RecordingFailed, match="its types name the module 'evil': refused"):
+        with pytest.raises(
+            RecordingFailed, match="its message types refer to the module 'evil': refused"
+        ):
             programs_of(recording, "controller", own_program=True, tree=tree)
 
 

@@ -137,7 +137,7 @@ MISTAKES = [
         "window: 3",
         (
             ":17: participants.mission.window: unknown key 'window'; 'window' belongs to the "
-            "scenario: write it at the top, beside `participants`"
+            "scenario: write it at the top level, next to `participants`"
         ),
     ),
     (

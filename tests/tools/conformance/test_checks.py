@@ -100,7 +100,7 @@ def test_what_only_one_of_two_codecs_reads_fails_with_a_sentence(hurried_inputs,
     results = outcomes(hurried_inputs, words, tmp_path, ["content", "codecs"])
     assert failed(results) == ["codecs"]
     assert re.match(
-        r"a message on log/controller: msgpack reads no MessagePack: 'utf-8' codec can't decode",
+        r"a message on log/controller: msgpack: not MessagePack: 'utf-8' codec can't decode",
         results["codecs"].observed,
     )
 

@@ -50,7 +50,7 @@ def test_a_port_stands_for_all_of_its_numbers(recording):
     [
         ("plant.joint_stat", "did you mean 'plant/joint_state'?"),
         ("plant.joint_state.positio", "has no numeric field 'positio'; it has position, velocity,"),
-        ("plant.joint_state.position[7]", "there is no [7]; it has [joint1], [joint2]\n"),
+        ("plant.joint_state.position[7]", "no element [7]; it has [joint1], [joint2]\n"),
         ("plant", "is not a signal; write e.g. plant.joint_state.position[0]"),
     ],
 )

@@ -74,8 +74,9 @@ class LoadedPolicy(PolicyParticipant):
         name = policy or self.params.policy
         if not name:
             raise WiringError(
-                "no policy is recorded; name it, e.g. stepbus replay run.mcap --participant "
-                f"{config.name} --exec python -m stepbus_gym.policy my_policy:act"
+                "the recording names no policy; give one, e.g. stepbus replay run.mcap "
+                f"--participant {config.name} --exec python -m stepbus_gym.policy "
+                "my_policy:act"
             )
         self._policy = load_policy(name, [config.folder, _HERE])
 

@@ -253,7 +253,7 @@ def disagreement(data: bytes) -> str:
     try:
         theirs = raw_map(data)
     except MessageError as exc:
-        return f"msgpack reads {exc}"
+        return f"msgpack: {exc}"
     try:
         ours = _decode(data)
     except UNDECODABLE as exc:

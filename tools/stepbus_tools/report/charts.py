@@ -270,7 +270,7 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
         at = int(index) if index.isdecimal() else labels.index(index) if index in labels else -1
         if is_single or not 0 <= at < len(labels):
             names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
-            raise WiringError(f"{text}: there is no [{index}]; it has {names or 'a single number'}")
+            raise WiringError(f"{text}: no element [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
     lines = [
         ChartLine(title if is_single else labels[i], field.curve.line(i), number=i) for i in numbers

@@ -87,7 +87,7 @@ def metric_file(text: str) -> Path:
     if not colon or not function.isidentifier() or path.suffix != ".py":
         raise WiringError(f"{text}: write FILE.py:FUNCTION, e.g. my_metrics.py:tracking")
     if not path.is_file():
-        raise WiringError(f"{text}: there is no file {path}")
+        raise WiringError(f"{text}: no file {path}")
     try:
         tree = ast.parse(read_file(path))
     except (OSError, SyntaxError, ValueError) as exc:

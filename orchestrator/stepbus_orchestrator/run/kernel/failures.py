@@ -100,9 +100,9 @@ def _holds(state: RunState, participant: ParticipantState) -> str:
     if waiting is not None and participant.missed_trigger:
         reached("a participant misses a trigger")
         return (
-            f"has held the step for {held}: it reports that it waits for the trigger of step "
-            f"{waiting.step}, which was sent, and {_drops(participant)}; does it read `step_limit` "
-            "(docs/protocol.md, P5.1)?"
+            f"has held the step for {held}: it reports that it is waiting for the "
+            f"trigger of step {waiting.step}, which was sent, and {_drops(participant)}; "
+            "does it read `step_limit` (docs/protocol.md, P5.1)?"
         )
     if participant.spec.bridge is not None:
         return (
@@ -128,8 +128,10 @@ def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
         StepTimeout,
         participant,
         state.owed_step(participant),
-        f"has read nothing for {participant.limit_s('step'):g} s, and messages to it piled up; "
-        f"deadline {participant.limit('step')}",
+        (
+            f"has read no messages for {participant.limit_s('step'):g} s while they queued "
+            f"up; deadline {participant.limit('step')}"
+        ),
     )
 
 

@@ -126,7 +126,9 @@ def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path
     )
     again = branch(first.result.recording, tmp_path / "c", at=70, in_process=True)
     assert again.equal
-    with pytest.raises(RecordingFailed, match="is a branch from step 43: branch it there or later"):
+    with pytest.raises(
+        RecordingFailed, match="is a branch from step 43: branch at that step or later"
+    ):
         branch(first.result.recording, tmp_path / "d", at=42, in_process=True)
 
 
@@ -240,7 +242,7 @@ def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
 
 @pytest.mark.parametrize("change", ["step=1ms", "seed=3", "mission.every=2"])
 def test_what_decides_who_reads_what_is_kept(recorded, tmp_path, change):
-    with pytest.raises(WiringError, match="a branch keeps step, seed, ports and rates"):
+    with pytest.raises(WiringError, match="a branch cannot change step, seed, ports or rates"):
         branch(recorded, tmp_path / "b", at=43, set=[change])
 
 

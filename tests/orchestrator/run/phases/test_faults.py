@@ -143,7 +143,7 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
         ),
         pytest.param(
             "[sh, -c, 'kill -STOP $$']",
-            r"been stopped by a signal or a debugger; `kill -CONT -\d+`",
+            r"a signal or a debugger has stopped it; `kill -CONT -\d+`",
             marks=pytest.mark.slow,
         ),
         ("[sh, -c, 'python3 -c \"STOPS\"; true']", r"not reached the bus; it has been stopped"),

@@ -366,7 +366,7 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
     [
         ({"host": InProcess()}, [], "omit `in_process`"),
         ({"extensions": [External(), Debug(["controller"])]}, [], "--no-deadline controller"),
-        ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
+        ({}, ["faults=['freeze controller at 7']"], "cannot signal a process"),
         ({"extensions": [External({"controler": Path("x")})]}, [], "did you mean 'controller'"),
         (
             {"extensions": [External(), Debug(no_deadline=["controler"])]},
@@ -402,4 +402,4 @@ def test_two_runs_do_not_share_a_ticket(tmp_path):
         tmp_path / "a", "controller.spawn_timeout=500ms", tickets={"controller": ticket},
         invited=invited,
     )  # fmt: skip
-    assert "is the ticket of another run, which still lasts" in second[0].reason
+    assert "is the ticket of another live run" in second[0].reason

@@ -155,8 +155,8 @@ def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
     [
         (["--video", "a.mp4", "--size", "big"], "write width and height in pixels"),
         (["--video", "a.mp4", "--size", "8x8"], "16 to 4096"),
-        (["--video", "a.mp4", "--fps", "0"], "more than 0 and up to 120"),
-        (["--video", "a.mp4", "--fps", "many"], "write frames a second"),
+        (["--video", "a.mp4", "--fps", "0"], "more than 0 and at most 120"),
+        (["--video", "a.mp4", "--fps", "many"], "frames per second"),
         (["--video", "a.mp4", "--from", "9s"], "--from 9s is past the end of"),
         (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
         (["--video", "a.mp4", "--to", "5"], "is no duration"),
