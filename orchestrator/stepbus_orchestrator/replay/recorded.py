@@ -126,7 +126,7 @@ def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) 
             output = scenario.participant(item.source).outputs[item.port]
             if output.record_every != 1:
                 raise RecordingFailed(
-                    f"{recording.path}: {name} reads {item.from_}, which is only partly "
+                    f"{recording.path}: {name} reads {item.from_}, which is not fully "
                     f"recorded (`record: {output.record}`), so it cannot be repeated "
                     "from this recording; record a run with `record: all` for that output"
                 )

@@ -47,7 +47,7 @@ def test_a_fault_that_cannot_be_says_why(written, sentence):
 
 
 def test_a_message_fault_at_a_step_without_a_message_is_refused():
-    with pytest.raises(ScenarioError, match="it fires every 4 steps; take 8 or 12"):
+    with pytest.raises(ScenarioError, match="it fires every 4 steps; use 8 or 12"):
         texts("drop mission at 10", overrides=("duration=1s", "mission.every=4"))
 
 
@@ -96,7 +96,7 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
-        ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is no JointCommand/1"),
+        ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is not a valid JointCommand/1"),
     ],
 )
 def test_who_cannot_be_held_is_refused(setting, sentence):

@@ -106,7 +106,7 @@ def test_only_what_should_have_been_recorded_is_a_hole(recorded):
 
 def test_what_reads_such_a_port_cannot_be_repeated(recorded, tmp_path):
     path = recorded(f"{IMAGE}=every 5")
-    sentence = r"eye reads camera\.image, which is not recorded whole \(`record: every 5`\)"
+    sentence = r"eye reads camera\.image, which is not fully recorded \(`record: every 5`\)"
     with pytest.raises(RecordingFailed, match=sentence):
         replay(path, "eye")
     with pytest.raises(RecordingFailed, match=sentence):

@@ -110,7 +110,7 @@ def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_p
     recording = run(
         load(write_large(tmp_path)), Options(out=tmp_path / "out", host=InProcess())
     ).recording
-    with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
+    with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read no messages for .* queued up"):
         replay(
             recording,
             "reader",

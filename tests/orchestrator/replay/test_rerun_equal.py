@@ -164,7 +164,7 @@ def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
 
 def test_a_recording_without_a_scenario_is_refused(tmp_path):
     log = write_log(tmp_path / "timing.mcap", scenario=None)
-    with pytest.raises(RecordingFailed, match=r"holds no scenario\.yaml: is it the run\.mcap"):
+    with pytest.raises(RecordingFailed, match=r"contains no scenario\.yaml: is it the run\.mcap"):
         Preparation(log, tmp_path / "out")
 
 

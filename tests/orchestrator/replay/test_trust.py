@@ -56,7 +56,7 @@ def test_a_strangers_recording_names_its_programs_and_starts_none(
     assert f"{unstarted} contains programs that are not in your work tree." in said
     assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
-    assert ("mission" in said) == (words[0] == "rerun")
+    assert ("\n  mission" in said) == (words[0] == "rerun")
     assert said.endswith("nothing was started; if you trust these programs, use --trust\n")
     assert not (tmp_path / "runs").exists()
 

@@ -231,7 +231,7 @@ def test_a_longer_run_continues_where_the_recording_ends(recorded, tmp_path):
 
 
 def test_a_duration_that_ends_before_the_step_is_refused(recorded, tmp_path):
-    with pytest.raises(WiringError, match="would end at step 20, before 43"):
+    with pytest.raises(WiringError, match="would end at step 20, before step 43"):
         branch(recorded, tmp_path / "b", at=43, set=["duration=100ms"])
 
 
@@ -339,5 +339,5 @@ def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):
                 message.sequence,
             )
         writer.finish()
-    with pytest.raises(RecordingFailed, match=f"metadata record '{name}' has .*no step"):
+    with pytest.raises(RecordingFailed, match=f"metadata record '{name}' has .* not a step"):
         branch(path, tmp_path / "b", at=43)

@@ -26,8 +26,8 @@ from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
 
 TOO_LONG = (
-    "text: the answer takes 70050 bytes, more than the 60000 that the low-latency transport can "
-    "carry; set bus.low_latency: false"
+    "text: the answer takes 70050 bytes, over the 60000 that the low-latency transport carries; "
+    "set bus.low_latency: false"
 )
 
 

@@ -124,7 +124,7 @@ def test_the_page_names_methods_that_there_are():
     ("name", "sentence"),
     [
         ("{}:No", "No is not a stepbus.RunExtension"),
-        ("{}:Asks", "cannot be made: TypeError"),
+        ("{}:Asks", "cannot be created: TypeError"),
         ("{}:Nobody", "has no class 'Nobody'"),
         ("missing.py:Limit", "no file 'missing.py'"),
         ("{}", "is not of the form"),
