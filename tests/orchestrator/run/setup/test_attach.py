@@ -387,7 +387,7 @@ def test_a_ticket_replaces_nothing_else(tmp_path):
     kept.write_text("print('mine')")
     result, _ = run_with_external(tmp_path, tickets={"controller": kept})
     assert result.exit_code == ExitCode.START
-    assert "which is no ticket" in result.reason
+    assert "exists and is not a ticket" in result.reason
     assert kept.read_text() == "print('mine')"
 
 
