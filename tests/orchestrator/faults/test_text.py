@@ -96,7 +96,10 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
-        ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is not a valid JointCommand/1"),
+        (
+            "controller.on_fault={safe: {command: {mode: jump, values: []}}}",
+            "is not a valid JointCommand/1",
+        ),
     ],
 )
 def test_who_cannot_be_held_is_refused(setting, sentence):

@@ -61,7 +61,7 @@ def env():
         ([[1.0, 2.0]], r"shape \(1, 2\)"),
         ([1.0, np.nan], "step 0: entry 1 of the action is nan"),
         ([np.inf, 0.0], "entry 0 of the action is inf"),
-        (["a", "b"], "no vector of numbers"),
+        (["a", "b"], "not a vector of numbers"),
         (None, "the action"),
     ],
 )

@@ -120,7 +120,11 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
                 *("--vary", "controller.params.kp=1:5", "--optimize", "rmsee"),
                 *("--trials", "3", "--repeats", "2", "--samples", "5"),
             ],
-            ["optimize: rmsee: there is no", "repeats: an optimizer", "samples: an optimizer"],
+            [
+                "optimize: rmsee: unknown metric",
+                "repeats: the optimizer chooses",
+                "samples: the optimizer chooses",
+            ],
         ),
     ],
 )

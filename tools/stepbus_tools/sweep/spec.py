@@ -186,9 +186,9 @@ def _optimizer_problems(spec: Spec, name: str, usual: Spec) -> Iterator[tuple[Ke
     # Metrics of the user's own are known later.
     if not (spec.metrics or name in BUILTIN or name.startswith("rmse.")):
         known = ", ".join([*BUILTIN, "rmse.JOINT"])
-        text = f"{name}: unknown metric{suggest(name, BUILTIN)}; there are {known}, "
         more = argument("--metric", "metrics", "FILE:FUNCTION")
-        yield ("optimize",), f"{text}and your own with {more}"
+        text = f"{name}: unknown metric (built-in: {known}; your own: {more})"
+        yield ("optimize",), f"{text}{suggest(name, BUILTIN)}"
 
 
 def _loads(scenario: str) -> bool:

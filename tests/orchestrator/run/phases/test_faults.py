@@ -29,7 +29,7 @@ def recorded_steps(result):
         ("surrogate", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): ValueError: the knee \\ud800"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
     ],
@@ -146,7 +146,10 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
             r"a signal or a debugger has stopped it; `kill -CONT -\d+`",
             marks=pytest.mark.slow,
         ),
-        ("[sh, -c, 'python3 -c \"STOPS\"; true']", r"not reached the bus; a signal or a debugger has stopped it"),
+        (
+            "[sh, -c, 'python3 -c \"STOPS\"; true']",
+            r"not reached the bus; a signal or a debugger has stopped it",
+        ),
         pytest.param(
             "[python, -c, 'while True: pass']",
             r"bus; it has computed for \d+\.\d s; what does it",

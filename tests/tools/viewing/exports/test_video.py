@@ -210,7 +210,7 @@ def test_the_whole_scene_is_seen():
     columns = np.flatnonzero((pixels[:, :, 0] - pixels[:, :, 1] > 60).any(axis=0))
     assert 0 < columns[0] < 45
     assert 75 < columns[-1] < 119
-    with pytest.raises(WiringError, match="no viewpoint"):
+    with pytest.raises(WiringError, match="not a viewpoint"):
         parse_viewpoint("1,2", box_of(scene))
 
 
