@@ -106,8 +106,8 @@ def _holds(state: RunState, participant: ParticipantState) -> str:
         )
     if participant.spec.bridge is not None:
         return (
-            f"has been waiting for {_worker(participant)}for {held}; all inputs have arrived; does it "
-            "answer every message, and flush the answer?"
+            f"has been waiting for {_worker(participant)}for {held}; all inputs have arrived; "
+            "does it answer every message, and flush the answer?"
         )
     reached("a participant computes too long")
     drops = f"; it reports {_drops(participant)}" if participant.drops else ""
