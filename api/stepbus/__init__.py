@@ -1,8 +1,7 @@
-"""stepbus: co-simulation for robotics in lockstep; what a user does from Python.
+"""stepbus: co-simulation for robotics in lockstep; the Python API.
 
-Each name is imported when it is first used. What a controller on a robot takes part with loads
-nothing of the orchestrator. What is used less is in `stepbus.messages`, `.params`, `.errors`,
-`.results`, `.wiring` and `.testing`.
+Names are imported on first use, so a controller on a robot loads nothing of the orchestrator. Less
+common names are in `stepbus.messages`, `.params`, `.errors`, `.results`, `.wiring` and `.testing`.
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""What can fail. Each error is a `StepbusError`: of the wiring, or of a run with its `ExitCode`."""
+"""Errors. Each is a `StepbusError`: a `WiringError`, or the error of a run with its `ExitCode`."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Public names that are imported when they are first used (PEP 562)."""
+"""Import public names on first use (PEP 562)."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -11,9 +11,9 @@ def imported_on_use(
 ) -> tuple[Callable[[str], Any], Callable[[], list[str]]]:
     """Return `__getattr__` and `__dir__` of a module.
 
-    names: that it offers. homes: modules, of which the first that has a name is where it comes
-    from; those behind it are not loaded. modules: those of the names that are modules below it.
-    A name whose extra is not installed raises ExtraMissing.
+    names: public names. homes: modules that are searched for a name, in order; the search stops at
+    the first that has it. modules: the names that are submodules. A name whose extra is not
+    installed raises ExtraMissing.
     """
 
     def find(name: str) -> Any:

@@ -1,4 +1,4 @@
-"""Messages of all types that ship, and what declares types of your own."""
+"""All built-in message types, and the tools to declare your own."""
 
 from stepbus_participant import load_types
 from stepbus_schemas import Types, messages

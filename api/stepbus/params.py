@@ -1,4 +1,4 @@
-"""Parameters of a participant: types of what its `Settings` declare."""
+"""Types for the parameters that a participant's `Settings` declare."""
 
 from stepbus_participant.parameters import settings
 from stepbus_participant.parameters.settings import *

@@ -1,4 +1,4 @@
-"""Recordings: replay, compare, run again, recover, export, report."""
+"""Recordings: compare, recover, export, report."""
 
 from __future__ import annotations
 
@@ -35,13 +35,13 @@ __all__ = [
 def compare(first: Source, second: Source) -> Comparison:
     """Compare the numbers of two runs, aligned by time, with an error for each of them.
 
-    Where `diff` says whether two recordings are the same, this says how far two runs are apart,
-    such as with other parameters or another step. Numbers are compared at the times of the
-    recording with fewer messages, with what the other then holds; only those count that both have
-    in the same unit. `compare(a, b)["plant.joint_state.position.joint1"].rmse` is one,
-    `compare(a, b).frame()` are all.
+    `diff` tests whether two recordings are equal; `compare` measures how far apart two runs are,
+    e.g. with different parameters or step sizes. Values are compared at the times of the recording
+    with fewer messages, with the value that the other holds at that time. Only values with the same
+    unit in both are compared. Read one error with `compare(a,
+    b)["plant.joint_state.position.joint1"].rmse`, or all with `compare(a, b).frame()`.
 
-    Raises RecordingFailed when one cannot be read.
+    Raises RecordingFailed when a recording cannot be read.
     """
     from stepbus_tools import figures  # noqa: PLC0415  (a tool, when it is asked for)
 
@@ -74,18 +74,18 @@ def export(
     to: str = "",
     **others: str | PathLike[str],
 ) -> dict[str, Exported]:
-    """Write a recording for other programs, as `stepbus export`; return form → what was written.
+    """Export a recording as `stepbus export` does; return format → what was written.
 
-    parquet, csv: a folder, which gets a file for each port, or a file that ends in .parquet or
-    .csv, which gets a row for each value. scene: an HTML file that opens offline. ros2: an .mcap,
-    or a folder, which becomes a bag. foxglove: an .mcap. rerun: an .rrd. video: .mp4 or .gif of
-    `camera`, a port of images (default: the first), or of the scene from `viewpoint`, such as
-    "front" or "1,-2,1.5:0,0,0.5" [m]; with `size` ("1280x720"), `fps`, and `from_` and `to`, times
-    of the simulation such as "2s". others: forms that other packages add.
+    parquet, csv: a folder (one file per port), or a .parquet or .csv file (one row per value).
+    scene: a self-contained HTML file. ros2: an .mcap, or a folder for a bag. foxglove: an .mcap.
+    rerun: an .rrd. video: .mp4 or .gif of `camera`, an image port (default: the first), or of the
+    scene from `viewpoint`, such as "front" or "1,-2,1.5:0,0,0.5" [m]; with `size` ("1280x720"),
+    `fps`, and the simulation times `from_` and `to`, such as "2s". others: formats that other
+    packages add.
 
-    What cannot be exported, and the damage of a recording, are sentences in `problems`. Raises
-    RecordingFailed when nothing can be exported or a file cannot be written, WiringError for
-    a target or an option that does not fit, ExtraMissing without the extra `export` or `rerun`.
+    `problems` lists what could not be exported, and any damage of the recording. Raises
+    RecordingFailed when nothing can be exported or a file cannot be written, WiringError for an
+    invalid target or option, ExtraMissing without the extra `export` or `rerun`.
     """
     from stepbus_tools.viewing import exports  # noqa: PLC0415  (a tool, when it is asked for)
 
@@ -95,7 +95,7 @@ def export(
     }  # fmt: skip
     targets = {form: Path(path) for form, path in given.items() if path is not None}
     if not targets:
-        raise WiringError("nothing to export; name a target, e.g. parquet='tables'")
+        raise WiringError("nothing to export; give a target, e.g. parquet='tables'")
     with Recording(recording_file(recording)) as opened:
         damage = [line for line in (exports.damage_line(opened),) if line]
         written = exports.export(
@@ -106,14 +106,14 @@ def export(
 
 
 def report(*recordings: Source, out: str | PathLike[str] | None = None) -> Path:
-    """Write the page of a run, or of several beside each other, as `stepbus report`; its path.
+    """Write the report of one run, or of several side by side; return its path.
 
-    out: default: report.html beside the first recording. Raises RecordingFailed when a recording
+    out: default: report.html next to the first recording. Raises RecordingFailed when a recording
     cannot be read or the page cannot be written, ExtraMissing without the extra `report`.
     """
     from stepbus_tools.viewing import page  # noqa: PLC0415  (a tool, when it is asked for)
 
     if not recordings:
-        raise WiringError("nothing to report; name a recording")
+        raise WiringError("nothing to report; give a recording")
     target = None if out is None else Path(out)
     return page.write_page([recording_file(source) for source in recordings], target)

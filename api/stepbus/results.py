@@ -1,4 +1,4 @@
-"""What the functions of `stepbus` return and report, for annotations."""
+"""Types that the functions of `stepbus` return and report, for annotations."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""Scenarios: load them, run them, describe them, call them while they run."""
+"""Load, run, verify and describe scenarios, and call participants of a live run."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ def load(
     faults: Sequence[str] = (),
     folder: str | PathLike[str] | None = None,
 ) -> Scenario:
-    """Load and check a scenario; start nothing.
+    """Load and check a scenario without starting a process.
 
     scenario: a built-in name such as `two_link`, the path of a YAML file or its folder, or a map
     with the keys of a scenario file (docs/reference/scenario.md), in which message classes stand
     for their names. set: `{"controller.params.kp": 80}` or `["controller.params.kp=80"]`. faults:
-    texts such as `kill plant at 120`. folder: what file names in a map are relative to; default:
-    the current one.
+    strings such as `kill plant at 120`. folder: base of relative file names in a map; default: the
+    current folder.
 
     ```python
     plant = {"participant": "stepbus_plant:Plant", "outputs": {"joint_state": stepbus.JointState}}
@@ -58,11 +58,13 @@ def load(
         given = None if folder is None else Path(folder)
         return load_scenario(plain_value(scenario), override_texts(set), faults, folder=given)
     if folder is not None:
-        raise WiringError("folder: only a scenario that is a map has none of its own")
+        raise WiringError(
+            "folder: only valid with a scenario given as a map; a scenario file has its own folder"
+        )
     if isinstance(scenario, Scenario):
         if set or faults:
             raise WiringError(
-                f"{scenario.name} is loaded already; give `set` and `faults` to stepbus.load"
+                f"{scenario.name} is already loaded; pass `set` and `faults` to stepbus.load"
             )
         return scenario
     return load_scenario(Path(scenario), override_texts(set), faults)
@@ -83,24 +85,24 @@ def run(
     report: bool = False,
     extensions: Sequence[RunExtension] = (),
 ) -> Result:
-    """Run a scenario and return how it ended; a run that fails returns too, with its exit code.
+    """Run a scenario and return its result; a failed run also returns, with its exit code.
 
-    scenario, set, faults: as of `load`. out: folder of the run, a new one; default:
+    scenario, set, faults: as in `load`. out: new folder of the run; default:
     `runs/<scenario>-<time>`. observer: reports progress and warnings. pace: pauses and steps the
-    run. interrupt: ends the run once it is set, from any thread. in_process: host all participants
-    in this process, which is quicker and records the same bytes
-    (docs/guide/running/in_process.md). external: participants that you start, with
-    `stepbus join`, each with the path of its ticket (docs/guide/running/attach.md); the tickets of
-    others with `start: external` are in `out`. real_time: let steps begin on the grid of the wall
-    clock, so many times as fast (docs/guide/running/real_time.md); `result.real_time` has how late
-    they were. extensions: features of your own (docs/guide/writing/extension.md).
+    run. interrupt: event that ends the run when set, from any thread. in_process: run all
+    participants in this process, which is faster and records the same bytes
+    (docs/guide/running/in_process.md). external: participants that you start with `stepbus join`,
+    each with the path of its ticket (docs/guide/running/attach.md); the tickets of others with
+    `start: external` are in `out`. real_time: pace steps by the wall clock, as a factor of real
+    time (docs/guide/running/real_time.md); `result.real_time` has their lateness. extensions: your
+    own extensions (docs/guide/writing/extension.md).
 
-    Raises ScenarioError when the scenario cannot run, ExtraMissing when a package that one of our
-    participants needs is not installed, OutputExists when `out` holds a run already,
-    RecordingFailed when it cannot be written.
+    Raises ScenarioError when the scenario cannot run, ExtraMissing when a built-in participant
+    needs a package that is not installed, OutputExists when `out` already contains a run,
+    RecordingFailed when the recording cannot be written.
     """
     if real_time is not None and not 1e-3 <= real_time <= 1e3:
-        raise WiringError(f"real_time: a factor from 0.001 to 1000, not {real_time}")
+        raise WiringError(f"real_time must be a factor from 0.001 to 1000, not {real_time}")
     loaded = load(scenario, set=set, faults=faults)
     tickets = {name: Path(path) for name, path in (external or {}).items()}
     loaded = as_external(loaded, tickets)
@@ -133,9 +135,9 @@ def describe(
     *,
     set: Overrides = (),  # noqa: A002  as --set on the command line
 ) -> list[ParticipantDescription]:
-    """Start every participant, without a step, and return its ports, joints and limits.
+    """Start every participant, run no step, and return its ports, joints and limits.
 
-    scenario, set: as of `load`. Raises RunFailure when a participant cannot start.
+    scenario, set: as in `load`. Raises RunFailure when a participant cannot start.
     """
     return describe_scenario(load(scenario, set=set))
 
@@ -148,10 +150,10 @@ def verify(
     set: Overrides = (),  # noqa: A002  as --set on the command line
     out: str | PathLike[str] | None = None,
 ) -> Verification:
-    """Run a scenario several times, with other start orders, delays, windows and transports.
+    """Run a scenario several times, with different start orders, delays, windows and transports.
 
-    runs: how often, at least 2. seed: of start orders and delays. out: a new folder for the runs;
-    default: a temporary one, which stays only where a run failed or differed.
+    runs: number of runs, at least 2. seed: seed of the start orders and delays. out: a new folder
+    for the runs; default: a temporary one, kept only if a run failed or differed.
     """
     return verify_scenario(load(scenario, set=set), runs=runs, seed=seed, out=out)
 
@@ -161,10 +163,10 @@ def call(
 ) -> CallReply:
     """Call a participant of a live run; it answers between two steps.
 
-    folder: of the run. Without a participant and a method, the reply's value lists all calls.
-    args: numbers, texts, lists, maps.
+    folder: folder of the run. Without a participant and a method, the reply's value lists all
+    calls. args: numbers, strings, lists, maps.
 
-    Raises WiringError when no run is live there or the call is refused, BusFailed when the run
-    does not answer.
+    Raises WiringError when the folder has no live run or the call is refused, BusFailed when the
+    run does not answer.
     """
     return call_run(Path(folder), participant, method, args)

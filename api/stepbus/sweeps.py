@@ -1,4 +1,4 @@
-"""Many runs of one scenario."""
+"""Sweeps: many runs of one scenario."""
 
 from __future__ import annotations
 
@@ -41,25 +41,27 @@ def sweep(
     on_progress: Callable[[SweepProgress], None] = lambda _progress: None,
     interrupt: threading.Event | None = None,
 ) -> SweepResult:
-    """Run a scenario once for each point, and return one table; what is done already stays done.
+    """Run a scenario once per point and return one table; resume the sweep if it was interrupted.
 
-    scenario: a scenario, as of `stepbus run`, or the YAML file of a sweep
-    (docs/guide/running/sweeps.md). What is given takes the place of what the file has. vary:
-    PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4'
-    (together), 'faults=none,kill plant at 100'; may be repeated. In Python a map too:
-    `{"controller.params.kp": [50, 100], "controller.params.kd": "~uniform(10, 20)"}`. set: what is
-    the same in all runs, e.g. duration=2s; may be repeated. samples: draws of each ~. sampling: how
-    they are drawn: random, latin, sobol or halton. seed: of the draws. repeats: runs of each point,
-    other seeds. metrics: measure each run by your function of its recording; may be repeated.
-    optimize: let Optuna choose the points; axes: PATH=50:200[:log]. maximize: make it large.
-    trials: runs of --optimize. batch: runs asked for at once (default: 4). out: folder of the sweep
-    (default: one in sweeps/). It is the same for the same sweep. jobs: processes (default: all
-    cores). keep: recordings that stay. timeout_s: limit of a run [s] (default: none). retry: repeat
-    a run that failed to start, died or was late. address: of a Ray cluster, e.g. auto or HOST:6379.
-    on_progress: is called with how far it is. interrupt: as of `run`.
+    scenario: a scenario, as in `stepbus run`, or the YAML file of a sweep
+    (docs/guide/running/sweeps.md). Arguments override the file. vary: PATH=50:200:7,
+    PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4' (together),
+    'faults=none,kill plant at 100'; may be repeated. In Python a map too: `{"controller.params.kp":
+    [50, 100], "controller.params.kd": "~uniform(10, 20)"}`. set: override one value in all runs,
+    e.g. duration=2s; may be repeated. samples: number of samples from each distribution (~).
+    sampling: sampling method: random, latin, sobol or halton. seed: seed of the samples and the
+    optimizer. repeats: runs per point, each with another seed. metrics: your own metric, a function
+    of the recording; may be repeated. optimize: minimize this metric with Optuna, which chooses the
+    points; axes: PATH=50:200[:log]. maximize: maximize the metric instead. trials: number of runs
+    for --optimize. batch: number of runs that the optimizer proposes at once (default: 4). out:
+    folder of the sweep (default: one in sweeps/). The same sweep always gets the same default
+    folder. jobs: number of worker processes (default: all cores). keep: recordings to keep.
+    timeout_s: time limit of a run [s] (default: none). retry: how often to repeat a run that failed
+    to start, died or timed out. address: address of a Ray cluster, e.g. auto or HOST:6379.
+    on_progress: called with the progress. interrupt: as in `run`.
 
-    Raises ScenarioError or WiringError with every problem, RecordingFailed where the folder holds
-    another sweep or cannot be written, StartFailed where Ray does not start, Interrupted.
+    Raises ScenarioError or WiringError with every problem, RecordingFailed when the folder contains
+    another sweep or cannot be written, StartFailed when Ray does not start, Interrupted.
     """
     given = {
         "set": override_texts(set),

@@ -1,4 +1,4 @@
-"""What tests of your own participants need: no processes, no bus, no orchestrator.
+"""Test your own participants without processes, bus or orchestrator.
 
 ```python
 from stepbus import JointCommand, JointState
@@ -75,10 +75,10 @@ def make_config(
     folder: str | PathLike[str] = ".",
     publishes: str = "last",
 ) -> Config:
-    """Return the configuration that a participant would get from a scenario.
+    """Return a configuration such as a participant gets from a scenario.
 
-    inputs, outputs: port → message type, as a class or a name. folder: what relative file names
-    in `params` are relative to.
+    inputs, outputs: port → message type, as a class or a name. folder: base of relative file names
+    in `params`.
     """
     return Config(
         name=name,
@@ -113,8 +113,8 @@ def scenario_config(
 ) -> Config:
     """Return the configuration that a participant gets in a scenario; its seed is the scenario's.
 
-    scenario, set: as of `stepbus.load`. Raises ScenarioError when the scenario cannot run,
-    KeyError when it has no such participant.
+    scenario, set: as in `stepbus.load`. Raises ScenarioError when the scenario cannot run, KeyError
+    when it has no such participant.
     """
     from stepbus.runs import load  # noqa: PLC0415  it loads the orchestrator
     from stepbus_orchestrator.run.kernel.admission import welcome_of  # noqa: PLC0415
@@ -129,9 +129,9 @@ _AT_ONCE = -1
 
 
 def feed(index: int = 0, /, *, step: str = "5ms", **messages: Message) -> Step:
-    """Return a step whose inputs hold these messages, each of them new.
+    """Return a step with these messages as new inputs.
 
-    index: number of the step. step: its length. messages: by input port.
+    index: step number. step: step length. messages: by input port.
     """
     types = Types.of(map(type, messages.values()))
     inputs = {
@@ -166,15 +166,15 @@ def _declared(factory: Callable[[Config], Participant]) -> Config:
 
 
 class Bench:
-    """One participant without processes and bus: made, described and started as in a run.
+    """One participant without processes and bus, created, described and started as in a run.
 
-    factory: makes the participant, usually its class; or a participant that is started already.
+    factory: creates the participant, usually its class; or a participant that has already started.
     config: see `make_config` and `scenario_config`; default: that of the started participant, or
-    the ports that its class declares.
-    descriptions: of its inputs; default: an empty one each.
+    the ports that its class declares. descriptions: descriptions of its inputs; default: an empty
+    one for each.
 
-    participant: what the factory made. descriptions: what it reports of its outputs. index: number
-    of the step that comes next.
+    participant: the participant. descriptions: descriptions of its outputs. index: number of the
+    next step.
     """
 
     def __init__(
@@ -199,14 +199,14 @@ class Bench:
             self.participant.start({port: given.get(port, Description()) for port in inputs})
 
     def step(self, index: int | None = None, /, **messages: Message) -> dict[str, Any]:
-        """Make one step and return what the participant publishes in it, by output port.
+        """Run one step and return the outputs that the participant publishes, by port.
 
-        index: number of the step; default: the one after the last. messages: by input port; an
-        input that is not named keeps its message and is not new.
+        index: step number; default: the next one. messages: by input port; other inputs keep their
+        last message, which is not new.
 
-        Raises OutputError for a message that could not be sent: on a port that the configuration
-        does not have, of another type, or with a field out of its type; and whatever the
-        participant raises.
+        Raises OutputError for a message that cannot be sent: on a port that the configuration
+        lacks, of the wrong type, or with a field of the wrong type. Errors of the participant pass
+        through.
         """
         step = self._step
         step.index = self.index if index is None else index
@@ -236,12 +236,12 @@ class Bench:
             raise OutputError(f"{where} cannot be sent: {explained(exc)}") from exc
 
     def call(self, verb: str, *args: Any) -> Any:
-        """Return the answer to a call, which is made between two steps."""
+        """Call a method of the participant between two steps and return the answer."""
         return self.participant.calls()[verb].function(*args)
 
     @property
     def end_reason(self) -> str | None:
-        """Return why the participant asks for the end of the run; None while it does not."""
+        """Return why the participant requests the end of the run; None if it does not."""
         return self._step.end_reason
 
     def close(self) -> None:
@@ -256,9 +256,9 @@ class Bench:
 
 
 def assert_replays(recording: Source, participant: str, **options: Any) -> ReplayResult:
-    """Replay a participant and return the result; options: as of `stepbus.replay`.
+    """Replay a participant and return the result; options: as in `stepbus.replay`.
 
-    Raises AssertionError, with the first difference or what went wrong, when it is not equal.
+    Raises AssertionError with the first difference, or with the error, when it is not equal.
     """
     from stepbus import replay  # noqa: PLC0415  it loads the orchestrator
     from stepbus_orchestrator.recording.layout import recording_file  # noqa: PLC0415

@@ -1,4 +1,4 @@
-"""How a participant is connected, for programs that take part without `main`."""
+"""Connect a participant to a run, for programs that do not use `main`."""
 
 from stepbus_participant import Bus, Endpoint, Ports, PortType, Ticket, load_ticket
 

@@ -72,11 +72,11 @@ def argument(option: str, parameter: str = "", value: str = "") -> str:
 
 
 class ScenarioError(SettingsError):
-    """A scenario cannot be run; `problems` has every reason, its text one a line."""
+    """A scenario is invalid; `problems` lists every reason, and the text has one per line."""
 
 
 class OutputExists(WiringError, FileExistsError):
-    """What a call would write is there already, from a run or from the user."""
+    """The output of a call already exists."""
 
     __str__ = Exception.__str__
 
@@ -89,9 +89,9 @@ def indented(text: str) -> str:
 class RunFailure(RunError):
     """A run failed.
 
-    participant: the one that caused it, if any. step: where the run was; −1 before the first.
-    code: where it is not that of the class. cause: the message without what only this machine
-    knows, where it has such.
+    participant: the participant that caused it, if any. step: step of the failure; −1 before the
+    first. code: exit code, if not that of the class. cause: the message without details of this
+    machine, such as paths.
     """
 
     code = ExitCode.INTERNAL
@@ -122,7 +122,7 @@ class StartFailed(RunFailure):
 class ParticipantFault(RunFailure):
     """A participant raised, or broke the protocol.
 
-    witness: the participant that detected it, if another one did; it has ended too.
+    witness: the participant that detected the fault, if another one did; it has ended too.
     """
 
     code = ExitCode.FAULT
@@ -154,7 +154,7 @@ class BusFailed(RunFailure, ConnectionError):
 
 
 class Diverged(RunFailure):
-    """A participant did not repeat what is recorded of it, from its recorded inputs."""
+    """A participant did not reproduce its recorded outputs from its recorded inputs."""
 
     code = ExitCode.DIFFERENT
 

@@ -122,7 +122,7 @@ def view(name: str) -> Any:
         from stepbus_participant import ExtraMissing  # noqa: PLC0415
 
         raise ExtraMissing(
-            f"no installed package has the view {name!r} (entry points of the group {VIEWS!r}); "
-            "was stepbus installed with pip?"
+            f"no installed package provides the view {name!r} (entry points of the group "
+            f"{VIEWS!r}); was stepbus installed with pip?"
         )
     return point.load()

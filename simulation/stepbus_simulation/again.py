@@ -75,7 +75,7 @@ class Again(Execution):
             problem = self._branch(recorded_end(Recording(self._recording)))
         except RecordingFailed as exc:
             problem = str(exc)
-        allowed = ("complete steps", "the recording goes on there", "would end at step")
+        allowed = ("complete steps", "the recording continues after that", "would end at step")
         if any(text in problem for text in allowed):
             self.new, problem = None, ""
         return problem

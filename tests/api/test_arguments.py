@@ -13,8 +13,8 @@ SHORT = {"duration": "50ms"}
 WRONG = [
     ({"set": {"controller.params.kpp": 3}}, 'set=["controller.params.kpp=3"]: '),
     ({"faults": ["kil plant at 3"]}, 'faults=["kil plant at 3"]: '),
-    ({"faults": ["kill plant at 3"], "in_process": True}, "leave out `in_process`"),
-    ({"set": {"plant.start": "external"}, "in_process": True}, "leave out `in_process`"),
+    ({"faults": ["kill plant at 3"], "in_process": True}, "omit `in_process`"),
+    ({"set": {"plant.start": "external"}, "in_process": True}, "omit `in_process`"),
 ]
 
 
@@ -31,7 +31,7 @@ def test_python_names_its_parameters(tmp_path, arguments, words):
     [
         (["--set", "controller.params.kpp=3"], "--set controller.params.kpp=3: "),
         (["--fault", "kil plant at 3"], "--fault kil plant at 3: "),
-        (["--fault", "kill plant at 3", "--in-process"], "leave out --in-process"),
+        (["--fault", "kill plant at 3", "--in-process"], "omit --in-process"),
     ],
 )
 def test_the_command_line_names_its_options(tmp_path, capsys, options, words):
@@ -45,13 +45,13 @@ def test_a_folder_that_holds_a_run_is_an_error_of_its_own(tmp_path, capsys):
     out = tmp_path / "out"
     assert stepbus.run("two_link", set=SHORT, out=out, in_process=True).exit_code == 0
     with pytest.raises(
-        stepbus.errors.OutputExists, match="holds a run already; choose another `out`"
+        stepbus.errors.OutputExists, match="already contains a run; choose another `out`"
     ) as caught:
         stepbus.run("two_link", set=SHORT, out=out, in_process=True)
     assert isinstance(caught.value, FileExistsError)
     assert not isinstance(caught.value, stepbus.errors.RecordingFailed)
     assert main(["run", "two_link", "--out", str(out)]) == ExitCode.SCENARIO
-    assert "holds a run already; choose another --out" in capsys.readouterr().err
+    assert "already contains a run; choose another --out" in capsys.readouterr().err
 
 
 def test_a_run_in_this_process_leaves_stdout_to_its_program(tmp_path):

@@ -45,7 +45,7 @@ def test_an_export_says_what_is_missing(result, tmp_path):
 
 
 def test_an_export_to_nowhere_and_of_nothing_is_an_error(result, tmp_path):
-    with pytest.raises(stepbus.WiringError, match="name a target"):
+    with pytest.raises(stepbus.WiringError, match="give a target"):
         stepbus.export(result)
     with pytest.raises(stepbus.WiringError, match=r"write \.mp4 or \.gif"):
         stepbus.export(result, video=tmp_path / "film.avi")
@@ -75,12 +75,12 @@ def test_a_run_writes_its_page_when_it_is_told_to(result, tmp_path):
     other = stepbus.run(
         "two_link", set={"duration": "50ms"}, out=tmp_path / "run", in_process=True, report=True
     )
-    assert "It ran to its end." in other.recording.with_name("report.html").read_text()
+    assert "It finished." in other.recording.with_name("report.html").read_text()
     both = stepbus.report(result, other, out=tmp_path / "both.html")
     assert both == tmp_path / "both.html"
     assert "comparison" in both.read_text()
     assert stepbus.report(result) == result.recording.with_name("report.html")
-    with pytest.raises(stepbus.WiringError, match="name a recording"):
+    with pytest.raises(stepbus.WiringError, match="give a recording"):
         stepbus.report()
 
 

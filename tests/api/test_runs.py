@@ -61,7 +61,9 @@ def test_a_scenario_is_loaded_once_and_prints_in_a_line():
     assert isinstance(loaded, stepbus.Scenario)
     assert stepbus.load(loaded) is loaded
     assert repr(loaded) == "<Scenario two_link: 20 steps of 5 ms, plant, controller, mission>"
-    with pytest.raises(stepbus.WiringError, match="folder: only a scenario that is a map"):
+    with pytest.raises(
+        stepbus.WiringError, match="folder: only valid with a scenario given as a map"
+    ):
         stepbus.load("two_link", folder=TWO_LINK)
 
 
@@ -93,7 +95,7 @@ def test_values_of_python_reach_the_scenario():
 
 
 def test_a_loaded_scenario_takes_no_more_overrides():
-    with pytest.raises(stepbus.WiringError, match="two_link is loaded already; give `set`"):
+    with pytest.raises(stepbus.WiringError, match="two_link is already loaded; pass `set`"):
         stepbus.run(stepbus.load("two_link"), set=SHORT)
 
 
@@ -169,7 +171,7 @@ def test_a_run_in_real_time_reports_how_late_its_steps_were_and_plots_it(result,
 
 @pytest.mark.parametrize("factor", [0, -1, float("nan"), float("inf")])
 def test_real_time_takes_a_factor(factor, tmp_path):
-    with pytest.raises(stepbus.WiringError, match="real_time: a factor from"):
+    with pytest.raises(stepbus.WiringError, match="real_time must be a factor from"):
         stepbus.run("two_link", out=tmp_path / "out", real_time=factor)
 
 

@@ -81,7 +81,7 @@ def test_an_unknown_language_is_refused_with_the_nearest(tmp_path, capsys):
     assert main(["new", "--language", "octav", str(tmp_path / "arm")]) == ExitCode.SCENARIO
     sentence = capsys.readouterr().err
     assert "no starter in 'octav'; did you mean 'octave'?" in sentence
-    assert "through the bridge: docs/guide/writing/bridge.md" in sentence
+    assert "the bridge connects programs in any language: docs/guide/writing/bridge.md" in sentence
     assert not (tmp_path / "arm").exists()
 
 

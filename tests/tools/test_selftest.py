@@ -135,10 +135,10 @@ def test_joints_that_do_as_they_are_told_pass(verdicts):
     ("joint", "finding"),
     [
         ("degrees", r"reads 57\.3 for 1\.0000 rad; does it measure in degrees\?"),
-        ("swapped", r"does not move; driven moves in its place: are they swapped\?"),
+        ("swapped", r"does not move; driven moves instead: are they swapped\?"),
         ("backwards", r"moves in the other direction, by -51\.57°"),
         ("stuck", r"does not move; is something in its way\?"),
-        ("short", r"ends 5\.16° from where it was sent"),
+        ("short", r"stops 5\.16° from its target"),
         ("coupled", r"moves driven as well, by 25\.78°"),
     ],
 )

@@ -97,9 +97,9 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
     ) -> None:
         for name, function in (("reward", reward), ("terminated", terminated), ("vary", vary)):
             if function is not None and not callable(function):
-                raise WiringError(f"{name} is no function, but {type(function).__name__}")
+                raise WiringError(f"{name} is not a function, but {type(function).__name__}")
         if render_mode not in {None, "rgb_array"}:
-            raise WiringError(f"render_mode {render_mode!r}: there is only 'rgb_array'")
+            raise WiringError(f"render_mode {render_mode!r}: only 'rgb_array' is supported")
         self._place = os.getpid(), threading.get_ident()
         self._reward, self._terminated, self._vary = reward, terminated, vary
         self.render_mode = render_mode
@@ -159,7 +159,7 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         """
         episode = self._episode
         if episode is None or episode.step is None:
-            raise ResetNeeded("no episode is under way: call reset first")
+            raise ResetNeeded("no episode is running: call reset first")
         given = checked_action(action, len(self.action_fields), episode.step.index)
         step = episode.advance(given)
         moment = Moment(
@@ -297,7 +297,7 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
         )
     if spec.publishes == "first":
         raise WiringError(
-            f"{name} publishes first, before it has read its inputs; a policy answers them"
+            f"{name} publishes first, before it reads its inputs; a policy needs the inputs first"
         )
     ports = PolicyPorts(
         inputs={
@@ -312,7 +312,9 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
         [port for port in ports.outputs if (name, port) in read]
     )
     if not act:
-        raise WiringError(f"{name} has no output with numbers that a participant reads; give `act`")
+        raise WiringError(
+            f"{name} has no numeric output that another participant reads; give `act`"
+        )
     params = {**params, "act": act}
     ports.check(Params.of(params))
     changed = msgspec.structs.replace(
@@ -340,5 +342,5 @@ def _number(value: Any, step: int) -> float:
     except (TypeError, ValueError):
         number = math.nan
     if not math.isfinite(number):
-        raise RunError(f"step {step}: `reward` returned {value!r}, no finite number")
+        raise RunError(f"step {step}: `reward` returned {value!r}, not a finite number")
     return number

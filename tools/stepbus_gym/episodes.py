@@ -41,7 +41,7 @@ class Folders:
             return first_new(self._parent / f"{number:06}" for number in numbers)
         except OSError as exc:
             raise RecordingFailed(
-                f"cannot make a folder for an episode: {exc.filename}: {exc.strerror or exc}"
+                f"cannot create a folder for an episode: {exc.filename}: {exc.strerror or exc}"
             ) from exc
 
     def _newest(self) -> int:

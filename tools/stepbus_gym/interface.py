@@ -73,7 +73,7 @@ class PolicyPorts:
             fits = [name for name, form in self.forms(side, port).items() if form.fits]
             if field and field not in fits:
                 raise WiringError(
-                    f"{text}: {known[port]} has no numbers {field!r}{suggest(field, fits)}; "
+                    f"{text}: {known[port]} has no numeric field {field!r}{suggest(field, fits)}; "
                     f"it has {', '.join(fits) or 'none of a fixed number'}"
                 )
             by_port.setdefault(port, []).extend([field] if field else fits)
@@ -121,7 +121,7 @@ class PolicyPorts:
             if not any("n" in form.sizes for form in self.forms("outputs", port).values()):
                 continue
             if not params.joints and state is None:
-                raise WiringError(f"{port}: nothing names its joints; give `joints`")
+                raise WiringError(f"{port}: its joints have no known names; give `joints`")
             outputs[port] = Description(
                 names=list(params.joints), like=None if params.joints else state
             )
@@ -194,7 +194,7 @@ class Interface:
                     self._add(port, self._ports.forms("inputs", port)[name], np.shape(value))
         if not self._observed:
             raise WiringError(
-                "nothing to observe: no input has numbers; it has "
+                "nothing to observe: no input is numeric; it has "
                 f"{', '.join(self._ports.inputs) or 'none'}"
             )
 
@@ -269,7 +269,7 @@ class Interface:
             if not (math.isfinite(field.low) and math.isfinite(field.high)):
                 name = f"{port}.{form.name}"
                 raise WiringError(
-                    f"{name}: nothing describes the limits of {field.entry or 'it'}; give "
+                    f"{name}: the limits of {field.entry or 'it'} are unknown; give "
                     f"limits={{'{name}': (lowest, highest)}}"
                 )
         self._commanded.append(array)

@@ -24,15 +24,15 @@ from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
 Verdict = Literal["ok", "warn", "fail"]
 
 EXTRAS = {
-    "run": "runs, recordings, and this command line",
-    "sim": "physics and dynamics: the plant and the controller that ship",
-    "mujoco": "physics with MuJoCo, on every current Python",
+    "run": "core: runs, recordings, command line",
+    "sim": "physics and dynamics: the built-in plant and controller",
+    "mujoco": "physics with MuJoCo, for every current Python",
     "report": "the plots of a run, report.png",
     "export": "tables, video, and files for ROS 2 and Foxglove",
     "rerun": "files for Rerun: `export --rerun` (170 MB)",
     "view": "3D: `stepbus view`, `run --view`, `export --scene`",
-    "sweep": "many runs of one scenario: tables, a page, an optimizer, a cluster",
-    "gym": "environments of Gymnasium",
+    "sweep": "sweeps: tables, report page, optimizer, cluster",
+    "gym": "Gymnasium environments",
     "docs": "the documentation site",
     "dev": "the tests, the type checker and the linter",
 }
@@ -120,7 +120,7 @@ def versions() -> Iterator[Finding]:
         yield Finding("stepbus", "ok", version("stepbus"))
         yield from (_package(*row) for row in (*needed(), *needed("run")))
     except PackageNotFoundError:
-        text = "is not installed, only found; run `pip install -e .` in its clone"
+        text = "is importable, but not installed; run `pip install -e .` in its clone"
         yield Finding("stepbus", "fail", text)
 
 
@@ -168,7 +168,7 @@ def _loaded(name: str, child: subprocess.Popen[str]) -> Finding:
         with contextlib.suppress(subprocess.TimeoutExpired):
             # What it has started may still hold the pipe.
             child.communicate(timeout=_KILL_S)
-        text = f"takes over {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
+        text = f"not finished after {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
         return Finding(what, "fail", text)
     if child.returncode:
         last = (output.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
@@ -194,7 +194,7 @@ def cores() -> Finding:
     count = len(os.sched_getaffinity(0))
     if count > 1:
         return Finding("cores", "ok", f"{count}")
-    return Finding("cores", "warn", "1: the processes take turns; 2 are better")
+    return Finding("cores", "warn", "1: 1: processes share one core; at least 2 are recommended")
 
 
 def disk() -> Iterator[Finding]:
@@ -203,7 +203,7 @@ def disk() -> Iterator[Finding]:
         try:
             free = shutil.disk_usage(folder := find()).free
         except OSError as exc:
-            text = f"cannot be used: {exc.strerror}; go to another folder, or set TMPDIR"
+            text = f"cannot be used: {exc.strerror}; change to another folder, or set TMPDIR"
             yield Finding(f"disk, {what}", "fail", text)
         else:
             yield Finding(f"disk, {what}", enough(free), f"{free / 1e9:.1f} GB free in {folder}")
@@ -260,9 +260,9 @@ def link(transport: Literal["unix", "tcp"]) -> Finding:
         with tempfile.TemporaryDirectory(prefix="stepbus-") as folder:
             took_s = _pass_message(*_endpoints(transport, Path(folder)))
     except (BusError, Empty, OSError) as exc:
-        reason = str(exc) or f"silence for {_BUS_DEADLINE_S:g} s; does a firewall cut loopback?"
-        return Finding(what, "fail", f"no message came through: {reason}")
-    return Finding(what, "ok", f"a message came through {took_s:.2f} s after start")
+        reason = str(exc) or f"none within {_BUS_DEADLINE_S:g} s; does a firewall block loopback?"
+        return Finding(what, "fail", f"no message arrived: {reason}")
+    return Finding(what, "ok", f"message received {took_s:.2f} s after start")
 
 
 def _endpoints(transport: str, folder: Path) -> list[Endpoint]:

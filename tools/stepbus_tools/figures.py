@@ -24,7 +24,7 @@ _UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 
 
 class Metrics(dict[str, float]):
-    """The metrics of a run by name, as a sweep has them. units: of those that have one."""
+    """The metrics of a run by name, as in a sweep. units: units of those that have one."""
 
     def __init__(self, values: Mapping[str, float], units: Mapping[str, str]) -> None:
         super().__init__(values)
@@ -78,7 +78,7 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
             parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
             units |= {f"{table.name}.{name}": c.unit for name, c in chosen.items() if c.unit}
     if not parts:
-        raise RecordingFailed(f"{recording.path} has no values for a DataFrame")
+        raise RecordingFailed(f"{recording.path} has no numeric signals for a DataFrame")
     frame = pandas.concat(parts, axis=1).sort_index()
     frame.attrs["units"] = units
     return frame
@@ -120,7 +120,7 @@ def _objects(row: Any) -> NDArray[Any]:
 
 @dataclass(frozen=True, kw_only=True)
 class FieldError:
-    """How far one number of a port is apart in two recordings: second minus first.
+    """Error of one value of a port between two recordings: second minus first.
 
     port, field: such as `plant.joint_state`, `position.joint1`. unit: of all numbers here. count:
     messages that were compared. rmse: root of the mean square. share: of the first's own root mean
@@ -144,11 +144,11 @@ class FieldError:
 
 @dataclass(frozen=True, kw_only=True, repr=False)
 class Comparison:
-    """Two recordings beside each other, aligned by time.
+    """Two recordings compared, aligned by time.
 
-    errors: of every number that both have, in recorded order; `pandas.DataFrame(errors)` works.
-    only_first, only_second: ports that only one of them has. span_s: from when to when both have
-    messages [s].
+    errors: error of every value that both have, in recorded order; `pandas.DataFrame(errors)`
+    works. only_first, only_second: ports that only one of them has. span_s: start and end of the
+    time in which both have messages [s].
     """
 
     first: str
@@ -160,7 +160,7 @@ class Comparison:
 
     @property
     def worst(self) -> FieldError | None:
-        """Return the number whose RMSE is the largest share of its size; None where all agree."""
+        """Return the value with the largest RMSE relative to its size; None if all agree."""
         apart = [error for error in self.errors if error.rmse > 0]
         return max(apart, key=lambda error: error.share, default=None)
 
@@ -168,7 +168,7 @@ class Comparison:
         """Return one by `participant.port.field`; raises WiringError when there is none."""
         by_name = {f"{error.port}.{error.field}": error for error in self.errors}
         if name not in by_name:
-            raise WiringError(f"nothing compared is called {name!r}{suggest(name, by_name)}")
+            raise WiringError(f"no compared signal is called {name!r}{suggest(name, by_name)}")
         return by_name[name]
 
     def frame(self) -> Any:

@@ -19,7 +19,9 @@ def replaced(target: Path) -> Iterator[Path]:
     """
     part = target.with_name(f".{target.name}.part")
     if kind := irregular(target):
-        raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
+        raise RecordingFailed(
+            f"{target} is {kind}: it cannot be replaced by a file; choose another name"
+        )
     try:
         target.parent.mkdir(parents=True, exist_ok=True)
         os.close(make_file(part))

@@ -24,12 +24,12 @@ T = TypeVar("T")
 
 
 class Diff(msgspec.Struct, frozen=True, kw_only=True):
-    """What comparing two recordings came to.
+    """Result of comparing two recordings.
 
     equal: whether both have the same ports with the same messages, within the tolerance. ports:
-    by the step of their first divergence; equal ones come last. divergence: the first one.
-    only_first, only_second: topics that one of them lacks. steps: newest step of each; −1 without
-    a message. notes: what else is different: attachments, versions, descriptions, damage.
+    ordered by the step of their first divergence; equal ones last. divergence: the first
+    divergence. only_first, only_second: topics in only one of them. steps: newest step of each; −1
+    without a message. notes: other differences: attachments, versions, descriptions, damage.
     """
 
     first: str
@@ -43,7 +43,7 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
     notes: Sequence[str]
 
     def text(self) -> str:
-        """Return the differences in lines, the first divergence first."""
+        """Return the differences as text, with the first divergence first."""
         return "\n".join([*self._headline(), *self._ports(), *self.notes])
 
     def _headline(self) -> Iterator[str]:
@@ -66,14 +66,14 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
 def diff(
     first: Source, second: Source, tolerance: AnyTolerance = None, *, is_part: bool = False
 ) -> Diff:
-    """Compare the messages of two recordings, which may be of different length or cut off.
+    """Compare the messages of two recordings, which may differ in length or be truncated.
 
-    first: a recording, or the folder of its run. second: another one. tolerance: how far messages
-    may differ, of ports such as `controller/command`; default: equal to the byte. is_part: the
-    first is known to lack messages: what lies behind its end, or in its holes, is no difference.
+    first: a recording, or the folder of its run. second: a recording, or the folder of its run.
+    tolerance: tolerances by port, such as `controller/command`; default: byte-identical. is_part:
+    the first lacks messages: ignore everything after its end and in its gaps.
 
     Raises RecordingFailed when one cannot be read, WiringError when the tolerance names a port or
-    field that neither has.
+    field that neither recording has.
     """
     one, other = Recording(first), Recording(second)
     tolerance = tolerance_of(tolerance)
@@ -158,7 +158,7 @@ def _notes(one: Recording, other: Recording, topics: Sequence[str]) -> Iterator[
         yield from (f"{topic}: {text.partition(';')[0]}" for text in _misfits(topic, one, other))
         if a.record != RECORD_ALL or b.record != RECORD_ALL:
             how = f"{a.record} in the first, {b.record} in the second"
-            yield f"{topic}: compared where both have it recorded ({how})"
+            yield f"{topic}: compared only at the steps that both recordings contain ({how})"
         if a.description != b.description:
             yield f"{topic}: the descriptions differ (names, units or limits)"
     yield from _contents("attachment", one.attachments, other.attachments)

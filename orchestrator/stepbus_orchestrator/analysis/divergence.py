@@ -47,8 +47,8 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
         match self.type:
             case "encoding":
                 return (
-                    f"{where}: the same values in other bytes; "
-                    f"give {argument(f'--abs {self.topic}=0', 'tolerance')} to compare values"
+                    f"{where}: same values, different bytes; use "
+                    f"{argument(f'--abs {self.topic}=0', 'tolerance')} to compare values"
                 )
             case "missing":
                 return f"{where}: the {first} has a message, the {second} has none"

@@ -108,8 +108,9 @@ class _Watched:
             unit = "N·m" if joint.is_rotary else "N"
             if count.cut:
                 yield (
-                    f"{self.receiver} cuts {name} of {who} to {joint.effort:g} {unit} in "
-                    f"{count.share}: up to {abs(count.worst):.4g} {unit} were commanded"
+                    f"{self.receiver} clips {name} of {who} to {joint.effort:g} {unit} "
+                    f"in {count.share}: up to {abs(count.worst):.4g} {unit} were "
+                    "commanded"
                 )
             elif count.full > _OFTEN * count.messages:
                 share = math.floor(100 * count.full / count.messages)
@@ -122,7 +123,7 @@ class _Watched:
 def _beyond(name: str, joint: Joint, count: Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
-    text = f"{name} is sent to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
+    text = f"{name} is commanded to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
     if joint.is_rotary and abs(count.worst) > _FULL_TURN:
         radians = math.radians(count.worst)
         text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"

@@ -103,19 +103,19 @@ class FieldTolerance(Settings):
 class Tolerance:
     """Tolerances by (topic such as `controller/command`, field); `*` for any.
 
-    What is not in it has to be equal to the byte. The more exact of two entries holds: one for
-    the topic before one for any, then one for the field before one for any.
+    Anything without a tolerance must be byte-identical. The most specific entry applies: an exact
+    topic before `*`, then an exact field before `*`.
     """
 
     rules: Mapping[tuple[str, str], FieldTolerance] = field(default_factory=dict)
 
     def of(self, topic: str, name: str) -> FieldTolerance | None:
-        """Return the tolerance of a field; None where it has to be equal to the bit."""
+        """Return the tolerance of a field; None if it must be identical."""
         keys = ((topic, name), (topic, ANY), (ANY, name), (ANY, ANY))
         return next((self.rules[key] for key in keys if key in self.rules), None)
 
     def concerns(self, topic: str) -> bool:
-        """Return whether anything of a topic may differ."""
+        """Return whether any field of a topic has a tolerance."""
         return any(named in {topic, ANY} for named, _ in self.rules)
 
     def __or__(self, other: Tolerance) -> Tolerance:
@@ -131,7 +131,7 @@ class Tolerance:
 
 def _mistakes(topic: str, name: str, fields: Mapping[str, Sequence[str]]) -> Iterable[str]:
     if topic not in {*fields, ANY}:
-        yield f"tolerance: no channel {topic!r} in the recording{suggest(topic, fields)}"
+        yield f"tolerance: no port {topic!r} in the recording{suggest(topic, fields)}"
         return
     known = fields[topic] if topic != ANY else [n for names in fields.values() for n in names]
     if name not in {*known, ANY}:
@@ -167,7 +167,7 @@ def read_tolerance(path: Path) -> Tolerance:
 
     Raises SettingsError that lists every mistake with its line.
     """
-    file = read_yaml(path, "a tolerance file is a map from topics to fields")
+    file = read_yaml(path, "a tolerance file must map topics to fields")
     problems = file.problems()
     topics: dict[str, Literal["ignore"] | dict[str, _Row]] = read_value(
         dict[str, Literal["ignore"] | dict[str, _Row]], file.data, problems

@@ -59,9 +59,9 @@ class TrialResult(msgspec.Struct, frozen=True, kw_only=True):
 
 @dataclass(frozen=True, kw_only=True)
 class Verification:
-    """All trials that were run: up to one that failed or differed from the first.
+    """Result of a verification: all trials, up to the first that failed or differed.
 
-    results: in their order, at least one. folder: of the runs.
+    results: in order, at least one. folder: folder of the runs.
     """
 
     results: tuple[TrialResult, ...]
@@ -162,8 +162,7 @@ def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
         folder = Path(out or tempfile.mkdtemp(prefix="verify-stepbus-"))
     except OSError as exc:
         raise RecordingFailed(
-            f"cannot make the folder {out}: {exc.strerror}; choose a new one with "
-            f"{argument('--out')}"
+            f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
         ) from exc
     try:
         yield folder

@@ -37,13 +37,13 @@ def join_command(
 ) -> int:
     """Start a participant of a run from another terminal, container or debugger.
 
-    Waits for the run of a ticket, then becomes the program: in its own place, with this terminal,
-    as the run would have started it (bridge included). The run waits for it: `stepbus run
-    --external NAME`, or `start: external` in the scenario. Either may be first
-    (docs/guide/running/attach.md). The exit code is that of the program.
+    Waits for the run of a ticket, then runs the program in this terminal, with the arguments and
+    environment that the run would have used (including the bridge). The run must expect it:
+    `stepbus run --external NAME`, or `start: external` in the scenario. You can start either one
+    first (docs/guide/running/attach.md). Exits with the program's exit code.
 
-    ticket: the ticket, as the run prints it. program: command line of the program, after `--`;
-    default: that of the scenario.
+    ticket: the ticket, whose path the run prints. program: command line of the program, after `--`;
+    default: the one in the scenario.
 
     $ stepbus join runs/two_link-20260101-120000/controller.ticket
     $ stepbus join /tmp/c.ticket -- python my_controller.py
@@ -81,11 +81,12 @@ def bridge_command(
     format: BridgeFormat = "json",
     describe: Annotated[str, {"metavar": "JSON"}] = "",
 ) -> int:
-    """Take part in a run on behalf of a program.
+    """Connect a program to a run through the bridge.
 
-    Joins a run with the ticket of STEPBUS_TICKET, starts a program, and exchanges each step with it
-    over descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts it with the key
-    `bridge`; by hand: `exec: [stepbus, bridge, --format, json, --, node, controller.mjs]`.
+    Joins a run with the ticket in STEPBUS_TICKET, starts a program, and exchanges every step with
+    it over file descriptors 3 and 4 (docs/guide/writing/bridge.md). A scenario starts it with the
+    key `bridge`, or explicitly: `exec: [stepbus, bridge, --format, json, --, node,
+    controller.mjs]`.
 
     program: command line of the program, after `--`. format: format of the messages. describe:
     descriptions of the outputs, e.g. {"command": {"like": "joint_state"}}.
@@ -94,7 +95,7 @@ def bridge_command(
     $ stepbus bridge --format raw -- octave-cli --quiet controller.m
     """
     if not program:
-        raise WiringError("the program is missing; write its command line behind --")
+        raise WiringError("no program given; write its command line after --")
     options = ("--format", format, "--describe", describe or "{}")
     here = Path.cwd()
     _become(
@@ -109,14 +110,14 @@ def call_command(
     method: str = "",
     args: Annotated[Sequence[str], {"metavar": "ARG"}] = (),
 ) -> Answer:
-    """Ask a participant something while it runs.
+    """Call a method of a participant in a live run.
 
-    Asks a participant something while it runs, from a second terminal. It answers between two
-    steps, and the question does not affect the result. A call that changes the run is recorded with
-    its step; rerun, replay and branch repeat it there.
+    Calls a method of a participant in a live run, from a second terminal. The participant answers
+    between two steps. A call that only reads does not affect the result. A call that changes the
+    run is recorded with its step; rerun, replay and branch repeat it at that step.
 
-    run: folder of a running run. participant: participant to ask, or `run`: the run itself; without
-    it, lists all methods. method: method to call. args: arguments, as YAML values.
+    run: folder of a live run. participant: participant to call, or `run` for the run itself;
+    without it, lists all methods. method: method to call. args: arguments, as YAML values.
 
     $ stepbus call runs/arm
     $ stepbus call runs/arm plant joint_position joint1
@@ -128,8 +129,8 @@ def call_command(
     if not method:
         offered = call(run).value
         if participant and participant not in offered:
-            hint = suggest(participant, offered) or "; no participant of this run does"
-            raise WiringError(f"{participant!r} answers no calls{hint}")
+            hint = suggest(participant, offered) or "; no participant of this run accepts calls"
+            raise WiringError(f"{participant!r} does not accept calls{hint}")
         offers = {name: row for name, row in offered.items() if participant in {"", name}}
         return Answer(value=offers, lines=[_table(offers)])
     values = [parse_yaml(text, text) for text in args]

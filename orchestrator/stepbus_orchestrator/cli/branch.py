@@ -33,7 +33,7 @@ _PICTURE = "variants.png"
     faults={"flag": "--fault", "metavar": "FAULT"},
     checkpoints={
         "flag": "--no-checkpoints",
-        "help": "repeat all from step 0, whatever the run has saved",
+        "help": "replay from step 0, without the saved checkpoints",
     },
 )
 def branch_command(
@@ -46,19 +46,19 @@ def branch_command(
     trust: Trust = False,
     **given: Any,
 ) -> Answer:
-    """Branch a recording: live again from a step on, with a change.
+    """Replay a recording up to a step, then run live with your changes.
 
-    Takes a recording up to a step, and goes on from there as a live run, with what you change. Up
-    to the step, every participant gets its recorded inputs, as fast as it takes them, and has to
-    publish what is recorded; the first that does not is named (exit code 10). Without a change, the
-    new recording is the old one, byte for byte. A changed participant gets its recorded inputs too;
-    its own outputs count from the step on. A recording contains programs: those that are not in
-    your work tree are shown first; they need a yes, or --trust.
+    Replays a recording up to a step, then continues as a live run with your changes. Until that
+    step, every participant gets its recorded inputs as fast as it can process them and must publish
+    the recorded outputs; the first one that diverges is reported (exit code 10). Without a change,
+    the new recording is byte-identical to the old one. A changed participant also gets its recorded
+    inputs; its own outputs are used from that step on. A recording contains programs: those that
+    are not in your work tree are listed first and start only after you confirm, or with --trust.
 
-    vary: make one branch for each value, and one picture of all; may be repeated. plot: what the
-    picture shows, as of `stepbus plot`; default: the errors of the joints. debug: give a
-    participant this terminal and no deadlines, for a debugger. no_report: make no report.html and
-    no report.png.
+    vary: make one branch per value, and one picture of all branches; may be repeated. plot: signal
+    in that picture, as in `stepbus plot`; default: the joint errors. debug: run a participant in
+    this terminal without deadlines, for a debugger. no_report: do not write report.html and
+    report.png.
 
     $ stepbus branch run.mcap --at 1200
     $ stepbus branch run.mcap --at 6s --set controller.params.kp=90
@@ -73,7 +73,7 @@ def branch_command(
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")
     if vary and debug:
-        raise WiringError("--debug: choose one of the variants, with --set")
+        raise WiringError("--debug cannot be combined with --vary; choose one value with --set")
     branches: list[tuple[Variant, Branch]] = []
     for variant in variants(vary):
         given["overrides"] = [*overrides, *variant.overrides]
@@ -140,7 +140,7 @@ def _lines(branch: Branch, difference: Diff | None, *, has_plots: bool) -> Itera
     result = branch.result
     if branch.way_s:
         rate = branch.at / branch.way_s
-        yield f"live from step {branch.at}; {branch.way_s:.2f} s to get there ({rate:.0f} steps/s)"
+        yield (f"live from step {branch.at}; {branch.way_s:.2f} s to reach it ({rate:.0f} steps/s)")
     if branch.restored:
         rows = (f"{name} from step {step}" for name, step in branch.restored.items())
         yield f"checkpoints: {', '.join(rows)}"
@@ -148,9 +148,11 @@ def _lines(branch: Branch, difference: Diff | None, *, has_plots: bool) -> Itera
         why = "" if result.reason == "finished" else f" ({result.reason})"
         yield f"{result.scenario}: finished{why} after {result.steps} steps"
         if difference.divergence is not None:
-            yield f"leaves the recording at {difference.divergence.text('recorded', 'now')}"
+            yield (
+                f"diverges from the recording at {difference.divergence.text('recorded', 'now')}"
+            )
         elif difference.equal:
-            yield "every message is as recorded, though the files differ"
+            yield "all messages equal the recording; the files differ"
             yield from (f"note: {note}" for note in difference.notes)
     elif branch.equal and result.steps:
         yield f"{result.steps} steps, byte for byte as recorded"

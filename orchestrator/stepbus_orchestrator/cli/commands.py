@@ -60,7 +60,7 @@ def _load(name: str) -> Command:
             f"the command {name!r} cannot be loaded from {point.value}: {exc}"
         ) from exc
     if not isinstance(loaded, Command):
-        raise WiringError(f"the command {name!r} is no Command: {point.value}")
+        raise WiringError(f"the command {name!r} is not a Command: {point.value}")
     return loaded
 
 
@@ -161,7 +161,7 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
     """Return the command that is typed, with its arguments; or show its help, and exit."""
     first = arguments[0]
     if first.startswith("-"):
-        _refuse(f"{first} is no option of stepbus itself; options stand behind the command")
+        _refuse(f"{first} is not an option of stepbus; write options after the command")
     # The core's own first: to find the others takes a while.
     if first not in MODULES and first not in named_points(COMMANDS):
         _refuse(f"no command {first!r}{_meant(first, command_names())}")
@@ -171,7 +171,9 @@ def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
 def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None) -> int:
     """Run one command and return its exit code. loaded: is called when it is loaded."""
     if odd := not_utf8(arguments):
-        print_error(f"{odd!a} is no UTF-8, in which all is recorded; is LC_ALL=C.UTF-8 missing?")
+        print_error(
+            f"{odd!a} is not valid UTF-8; if it is valid in your terminal, set LC_ALL=C.UTF-8"
+        )
         return ExitCode.SCENARIO
     try:
         # From the start on: it loads on a core of its own what participants need.

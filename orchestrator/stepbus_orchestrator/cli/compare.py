@@ -28,7 +28,7 @@ Limits = Annotated[Sequence[str], {"metavar": "[PORT[.FIELD]=]NUMBER"}]
 class ToleranceOptions:
     """How far values may differ.
 
-    abs: absolute tolerance, e.g. 1e-9. rel: relative tolerance. ignore: leave out a port or field.
+    abs: absolute tolerance, e.g. 1e-9. rel: relative tolerance. ignore: ignore a port or field.
     tolerance: YAML file of tolerances (docs/guide/testing/replay.md).
     """
 
@@ -48,7 +48,7 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
     """Compare two recordings, port by port.
 
     Compares the messages of two recordings byte for byte, or within a tolerance. The recordings may
-    differ in length or be cut off. Shows the first difference first. PORT is a topic such as
+    differ in length or be truncated. Shows the first difference first. PORT is a topic such as
     controller/command. Exit code 0: equal, 10: different.
 
     $ stepbus diff runs/a/run.mcap runs/b/run.mcap
@@ -69,7 +69,7 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
     recording=RECORDING,
     participant={"flag": "--participant", "metavar": "NAME"},
     update={"metavar": "OUT.mcap"},
-    window={"type": number("not a number of steps, at least 1", 1)},
+    window={"type": number("not a number of steps (1 or more)", 1)},
     source={"metavar": "FOLDER"},
     program={
         "flag": "--exec",
@@ -82,14 +82,14 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
 def replay_command(
     *, tolerance: ToleranceOptions, trust: Trust = False, json: Json = False, **given: Any
 ) -> Answer:
-    """Run one participant against its recording and compare.
+    """Run one participant on its recorded inputs and compare its outputs.
 
-    Starts one participant of a recorded run, or another program in its place, feeds it exactly the
-    recorded inputs in lockstep, and compares each output with the recorded one: byte for byte, or
-    within a tolerance. Shows the first divergent step with its inputs. The program is that of the
-    scenario in your work tree, if it is found there, else the copy in the recording. Exit code 0:
-    equal, 10: different. A program that is not in your work tree is shown first; it needs a yes, or
-    --trust.
+    Starts one participant of a recorded run, or another program in its place, feeds it the recorded
+    inputs in lockstep, and compares each output with the recorded one: byte for byte, or within a
+    tolerance. Shows the first divergent step with its inputs. Uses the program of the scenario in
+    your work tree, or the copy in the recording if the scenario is not found there. Exit code 0:
+    equal, 10: different. A program that is not in your work tree is listed first and starts only
+    after you confirm, or with --trust.
 
     $ stepbus replay run.mcap --participant controller
     $ stepbus replay runs/arm --participant controller --set controller.params.kp=9
@@ -98,9 +98,11 @@ def replay_command(
     """
     recording, participant, program = (given[n] for n in ("recording", "participant", "program"))
     if program == []:
-        raise WiringError("--exec: the program is missing; write it last, with its arguments")
+        raise WiringError("--exec: no program given; write it last, with its arguments")
     if program and given["source"]:
-        raise WiringError("--source: a program of --exec starts in the current folder")
+        raise WiringError(
+            "--source cannot be combined with --exec, whose program starts in the current folder"
+        )
     is_copy = given["recorded"] or bool(program)
     tree = None if is_copy else find_work_tree(Recording(recording), participant, given["source"])
     given |= {"recorded": tree is None, "source": None if tree is None else tree.file}
@@ -125,4 +127,4 @@ def _replayed(result: ReplayResult) -> Iterator[str]:
     yield f"wall time {result.wall_s:.2f} s ({result.steps_per_s:.0f} steps/s)"
     if result.updated is not None:
         replaced = sum(port.within + port.different for port in result.ports)
-        yield f"wrote {result.updated}: {replaced} messages of {result.participant} are new"
+        yield f"wrote {result.updated}: replaced {replaced} messages of {result.participant}"

@@ -51,13 +51,13 @@ end
 
 @command()
 def completion_command(
-    shell: Annotated[Literal["bash", "zsh", "fish"], {"help": "for which shell"}],
+    shell: Annotated[Literal["bash", "zsh", "fish"], {"help": "shell"}],
 ) -> int:
     """Print the completion script of a shell.
 
     Completes commands, options, names of scenarios, recordings (*.mcap) and other files. The script
-    knows what is installed when it is printed. In bash, `source <(stepbus completion bash)` tries
-    it; the guide says where each shell keeps it (docs/reference/cli.md).
+    lists what is installed when you print it. To try it in bash: `source <(stepbus completion
+    bash)`. See docs/reference/cli.md for where each shell keeps it.
 
     $ stepbus completion bash
     $ stepbus completion zsh

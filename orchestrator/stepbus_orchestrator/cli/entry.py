@@ -47,7 +47,7 @@ def _main() -> int:
         if isinstance(exc, ImportError) and ".so" not in str(exc):
             return _lacking(exc)
         reason = str(exc) or "out of memory"
-        sys.stderr.write(f"stepbus: {reason}; does the limit of memory (ulimit -v) allow enough?\n")
+        sys.stderr.write(f"stepbus: {reason}; check the memory limit (ulimit -v)\n")
         return _INTERNAL
 
 

@@ -13,31 +13,31 @@ _WHICH = (
     (
         "replay",
         "one recording",
-        "Does this participant still publish what it did?",
+        "Does this participant still produce the recorded outputs?",
         "stepbus replay runs/arm --participant controller",
     ),
     (
         "rerun",
         "one recording",
-        "Does the whole run come out the same, here and now?",
+        "Does the whole run reproduce on this machine?",
         "stepbus rerun runs/arm",
     ),
     (
         "verify",
         "a scenario",
-        "Is it the same under any load and in any order?",
+        "Is the result independent of timing and start order?",
         "stepbus verify two_link",
     ),
     (
         "diff",
         "two recordings",
-        "Where do they differ first, and by how much?",
+        "Where do they first differ, and by how much?",
         "stepbus diff runs/arm runs/other",
     ),
     (
         "branch",
         "one recording",
-        "What if something had been different from a step on?",
+        "What changes if I modify something from a step on?",
         "stepbus branch runs/arm --at 6s --set controller.params.kp=90",
     ),
 )
@@ -46,10 +46,10 @@ _WHICH = (
 
 @command()
 def help_command(topic: Annotated[str, {"complete": "command"}] = "") -> int:
-    """Show the help of a command, or which command is the right one.
+    """Show the help of a command, or help to choose a command.
 
-    Shows what a command does, its options and examples. `which` is a table of the five commands
-    that compare runs. Without a topic, it lists all commands.
+    Shows what a command does, its options and examples. `which` compares the five commands that
+    compare runs. Without a topic, it lists all commands.
 
     topic: a command, or `which`.
 

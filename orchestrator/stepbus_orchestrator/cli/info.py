@@ -74,11 +74,11 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
 
 @command(group="look")
 def info_command(recording: RecordingPath) -> Answer:
-    """Show what is in a recording.
+    """Summarize a recording.
 
-    Shows the scenario, how the run ended and when, what took part, which messages there are, and on
-    what it ran. It needs the recording only; result.json beside it adds outcome and wall time. Of a
-    recording that is cut off, it says up to where it goes.
+    Shows the scenario, the outcome, the length, the participants, the messages and the versions.
+    Needs only the recording; result.json next to it adds outcome and wall time. For a truncated
+    recording, shows where it ends.
 
     $ stepbus info runs/arm
     $ stepbus info run.mcap --json
@@ -193,11 +193,13 @@ def _lines(info: Info) -> Iterator[str]:
     levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
     yield f"events    {levels or 'none'}; faults injected: {', '.join(info.faults) or 'none'}"
     yield f"versions  {_versions(info.versions)}"
-    yield f"hash      {info.messages_sha256 or 'none: no chain closes the last step'}"
+    yield (
+        f"hash      {info.messages_sha256 or 'none: the hash chain does not cover the last step'}"
+    )
 
 
 def _bytes(info: Info) -> str:
-    more = f"; {shown_size(info.folder_size)} in its folder" if info.folder_size else ""
+    more = f"; {shown_size(info.folder_size)} in the run folder" if info.folder_size else ""
     return f"{shown_size(info.size)}{more}"
 
 
@@ -212,9 +214,9 @@ def _outcome(info: Info) -> str:
     elif info.outcome:
         ending = info.outcome + (f": {info.reason}" if info.reason != info.outcome else "")
     else:
-        ending = f"the recording is complete; no {RESULT_FILE} of it says how the run ended"
+        ending = f"complete recording; outcome unknown without its {RESULT_FILE}"
     rows = ", ".join(f"{name} from step {step}" for name, step in info.incomplete.items())
-    return f"{ending}; outputs are missing of {rows}" if rows else ending
+    return f"{ending}; missing outputs: {rows}" if rows else ending
 
 
 def _length(info: Info) -> str:

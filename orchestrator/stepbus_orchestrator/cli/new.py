@@ -72,13 +72,13 @@ def write_starter(folder: Path, language: str) -> list[Path]:
     """
     if language not in STARTERS:
         raise WiringError(
-            f"no starter in {language!r}{suggest(language, STARTERS)}; a program in any language "
-            "takes part through the bridge: docs/guide/writing/bridge.md"
+            f"no starter in {language!r}{suggest(language, STARTERS)}; the bridge "
+            "connects programs in any language: docs/guide/writing/bridge.md"
         )
     contents = dict(_contents(STARTERS[language], _scenario_name(folder)))
     try:
         if folder.exists() and any(folder.iterdir()):
-            raise WiringError(f"{folder} holds something already; choose a new folder")
+            raise WiringError(f"{folder} is not empty; choose a new folder")
         for file, text in contents.items():
             (folder / file).parent.mkdir(parents=True, exist_ok=True)
             (folder / file).write_text(text, encoding="utf-8")
@@ -109,14 +109,14 @@ def _source(folder: str) -> Path:
     roots = (_PACKAGE, _CHECKOUT)
     sources = [root / folder for root in roots if (root / folder).is_dir()]
     if not sources:
-        raise WiringError(f"the files of {folder} are missing; install stepbus again")
+        raise WiringError(f"the template files of {folder} are missing; reinstall stepbus")
     return sources[0]
 
 
 def _model_folder() -> Path:
     spec = find_spec("stepbus_scenarios")
     if spec is None or not spec.submodule_search_locations:
-        raise WiringError("the package stepbus_scenarios is missing; install stepbus again")
+        raise WiringError("the package stepbus_scenarios is missing; reinstall stepbus")
     return Path(next(iter(spec.submodule_search_locations))) / "two_link"
 
 
@@ -133,11 +133,11 @@ _LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.
 
 @command(group="run")
 def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
-    """Create a scenario with a controller of your own.
+    """Create a scenario with your own controller.
 
-    Creates a folder with a scenario of the built-in plant and mission, its model, and a small PD
-    controller to change, in a language of your choice. It runs as it is once you have installed
-    what its README names.
+    Creates a folder with a scenario that uses the built-in plant and mission, a robot model, and a
+    small PD controller for you to modify, in the language of your choice. It runs without changes
+    once you have installed what its README lists.
 
     folder: folder to create; may exist if it is empty.
 

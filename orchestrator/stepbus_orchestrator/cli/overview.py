@@ -90,7 +90,7 @@ def _version() -> str:
     """Return the version of stepbus, as `importlib.metadata` would."""
     names = (os.path.basename(folder) for folder in metadata_folders())  # noqa: PTH119
     found = (re.fullmatch(r"stepbus-(.+)\.(?:dist|egg)-info", name) for name in names)
-    return next((match[1] for match in found if match), "(not installed, only found)")
+    return next((match[1] for match in found if match), "(not installed)")
 
 
 def overview() -> str:

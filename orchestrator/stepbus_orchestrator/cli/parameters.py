@@ -292,7 +292,7 @@ def step_or_time(text: str) -> int | str:
         parse_duration(text)
     except WiringError as exc:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is not a step, from 0 on, nor a time such as 6s"
+            f"{text!r} is neither a step (0 or higher) nor a time such as 6s"
         ) from exc
     return text
 
@@ -303,8 +303,10 @@ Json = Annotated[bool, {"help": JSON_HELP}]
 ScenarioName = Annotated[
     str,
     {
-        "help": "a scenario file, a folder with a scenario.yaml, or the name of a built-in one "
-        "such as two_link or two_link/pd",
+        "help": (
+            "a scenario file, a folder with a scenario.yaml, or a built-in scenario such as "
+            "two_link or two_link/pd"
+        ),
         "complete": "scenario",
     },
 ]
@@ -316,19 +318,20 @@ Set = Annotated[
     },
 ]
 RECORDING = {"complete": "recording"}
-RecordingPath = Annotated[Path, {"help": "the run.mcap of a run, or its folder", **RECORDING}]
+RecordingPath = Annotated[Path, {"help": "a run.mcap, or the folder of its run", **RECORDING}]
 Folder = Annotated[Path | None, {"metavar": "FOLDER"}]
 File = Annotated[Path | None, {"metavar": "FILE"}]
 Trust = Annotated[
-    bool, {"help": "start its programs without asking, though your work tree has others"}
+    bool,
+    {"help": "start the recorded programs without asking, even if they are not in your work tree"},
 ]
-PortNumber = Annotated[int | None, {"type": number("no port from 0 to 65535", 0, 65535)}]
+PortNumber = Annotated[int | None, {"type": number("not a port number (0 to 65535)", 0, 65535)}]
 FoxglovePort = Annotated[
     PortNumber,
     {
         "nargs": "?",
         "const": 0,
         "metavar": "PORT",
-        "help": "send it to Foxglove and Lichtblick, over a WebSocket (default: any free port)",
+        "help": "stream to Foxglove or Lichtblick over a WebSocket (default: any free port)",
     },
 ]

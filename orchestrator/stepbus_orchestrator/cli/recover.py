@@ -11,13 +11,13 @@ from stepbus_orchestrator.recording import Recovery, layout, recover
 def recover_command(
     recording: RecordingPath, *, out: File = None, in_place: bool = False
 ) -> Answer:
-    """Rebuild a recording that is cut off or corrupt.
+    """Recover a truncated or corrupt recording.
 
-    Reads an MCAP file up to its first damaged record and writes what it read to a new file, with
+    Reads an MCAP file up to its first damaged record and writes the intact part to a new file, with
     attachments, metadata and a new index. Reports what was lost.
 
     recording: the MCAP file to read, or the folder of a run. out: the file to write (default:
-    <recording>.recovered.mcap). in_place: replace the file that was read.
+    <recording>.recovered.mcap). in_place: replace the original file.
 
     $ stepbus recover runs/two_link-20250101-120000/run.mcap
     $ stepbus recover broken.mcap --out fixed.mcap
@@ -34,7 +34,7 @@ def _lines(recovery: Recovery) -> Iterator[str]:
     """Yield what was kept and what was lost, in sentences."""
     is_cut = recovery.cut_step is not None
     state = "it has holes" if recovery.holes else "undamaged"
-    state = recovery.damage or ("it ends in the midst of a step" if is_cut else state)
+    state = recovery.damage or ("it ends in the middle of a step" if is_cut else state)
     yield f"{recovery.source}: {state}"
     kept = f"{recovery.messages} messages up to step {recovery.last_step}"
     yield (
@@ -51,8 +51,8 @@ def _lines(recovery: Recovery) -> Iterator[str]:
 
 def _loss(recovery: Recovery) -> str:
     if recovery.only_index_lost:
-        return f"lost nothing but the index ({recovery.lost_bytes} bytes), which was rebuilt"
-    lost = f"lost the {recovery.lost_bytes} bytes from byte {recovery.kept_bytes} on"
+        return f"lost only the index ({recovery.lost_bytes} bytes), which was rebuilt"
+    lost = f"lost the last {recovery.lost_bytes} bytes, from byte {recovery.kept_bytes} on"
     if recovery.planned_steps is None:
         return lost
     return (

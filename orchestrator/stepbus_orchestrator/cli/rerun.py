@@ -29,24 +29,25 @@ OUT = {
     group="test",
     of=rerun,
     is_run=True,
-    recording={"help": "the run.mcap of a run, its folder, or that of a sweep", **RECORDING},
+    recording={"help": "a run.mcap, the folder of its run, or the folder of a sweep", **RECORDING},
     out=OUT,
 )
 def rerun_command(
-    row: Annotated[int | None, {"type": number("not the number of a run", 0)}] = None,
+    row: Annotated[int | None, {"type": number("not a run number (0 or higher)", 0)}] = None,
     *,
     trust: Trust = False,
     json: Json = False,
     **given: Any,
 ) -> Answer:
-    """Repeat a run from nothing but its recording.
+    """Repeat a run from its recording alone.
 
-    Extracts the scenario and its files from a recording into <out>/source, runs them, and compares
-    the new recording with the old one, byte for byte. Lists what differs on this machine. Exit code
-    0: every message is equal, 10: one differs. A recording contains programs: those that are
-    not in your work tree are shown first; they need a yes, or --trust.
+    Extracts the scenario and its files from a recording into <out>/source, runs it, and compares
+    the new recording with the old one, byte for byte. Lists what differs on this machine, such as
+    versions. Exit code 0: all messages are equal, 10: at least one differs. A recording contains
+    programs: those that are not in your work tree are listed first and start only after you
+    confirm, or with --trust.
 
-    row: which run of a sweep.
+    row: number of a run in a sweep.
 
     $ stepbus rerun runs/two_link-20250101-120000/run.mcap
     $ stepbus rerun run.mcap --set window=1 --out /tmp/again
@@ -55,12 +56,14 @@ def rerun_command(
     recording, out, overrides = given["recording"], given["out"], given["set"]
     if rerun_row := _rerun_row(recording):
         if row is None or overrides:
-            raise WiringError(f"{recording} is a sweep: give the number of a run, and no --set")
+            raise WiringError(
+                f"{recording} is a sweep: give the number of one of its runs, without --set"
+            )
         out = out or new_folder(recording / f"{recording.resolve().name}-{row}", "rerun")
         with displayed(f"run {row}", quiet=json) as display, interruptible() as interrupt:
             return _answer_of_row(rerun_row(recording, row, out, display, interrupt))
     if row is not None:
-        raise WiringError(f"{recording} holds no sweep, so it has no run {row}")
+        raise WiringError(f"{recording} is not a sweep, so it has no run {row}")
     trusted = trusted_programs(recording, trust=trust)
     out = out or new_folder(recording, "rerun")
     preparation = Preparation(recording, out, overrides, trusted=trusted)

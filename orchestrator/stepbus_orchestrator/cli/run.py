@@ -44,7 +44,7 @@ from stepbus_schemas import WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
-_NO_REPORT = "no plots  the report was interrupted; the recording and result.json are whole"
+_NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
 Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 
@@ -53,18 +53,18 @@ Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 class Changes:
     """What the command line changes of a scenario.
 
-    window: steps in flight; 1: synchronous mode. transport: how the processes are linked. fault:
-    inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3 seed
-    1'; may be repeated (docs/faults.md). debug: give a participant this terminal and no deadlines,
-    for a debugger. external: wait for a participant that you start yourself, with `stepbus join
-    TICKET`; default: the ticket is in the folder of the run; may be repeated
-    (docs/guide/running/attach.md). join_timeout: how long to wait for those (default: 2min, or the
-    scenario's spawn_timeout). no_deadline: give a participant no deadlines, e.g. one that you start
-    in a debugger.
+    window: maximum steps in flight; 1: synchronous. transport: transport between the processes.
+    fault: inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3
+    seed 1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
+    deadlines, for a debugger. external: wait for a participant that you start yourself, with
+    `stepbus join TICKET`; default: a ticket in the folder of the run; may be repeated
+    (docs/guide/running/attach.md). join_timeout: how long to wait for external participants
+    (default: 2min, or the scenario's spawn_timeout). no_deadline: disable the deadlines of a
+    participant, e.g. one that you start in a debugger.
     """
 
     set: Set = ()
-    window: Annotated[int | None, {"type": number("not a number of steps, from 1 on", 1)}] = None
+    window: Annotated[int | None, {"type": number("not a number of steps (1 or more)", 1)}] = None
     transport: Literal["unix", "tcp"] | None = None
     fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
     debug: Names = ()
@@ -101,8 +101,8 @@ class Changes:
 class Views:
     """What shows the run while it goes on.
 
-    view: show the run in 3D in the browser while it goes on (docs/guide/looking/viewing.md).
-    no_open: with --view, start no browser.
+    view: show the live run in 3D in the browser (docs/guide/looking/viewing.md). no_open: with
+    --view, do not open a browser.
     """
 
     view: bool = False
@@ -116,7 +116,7 @@ class Views:
 
 
 _FACTOR = {
-    "type": number("no number from 0.001 to 1000", 1e-3, 1e3, float),
+    "type": number("not a number from 0.001 to 1000", 1e-3, 1e3, float),
     "nargs": "?",
     "const": 1.0,
     "metavar": "FACTOR",
@@ -142,20 +142,19 @@ def run_command(
 ) -> int:
     """Run a scenario and record it.
 
-    Starts every participant of a scenario, drives them in lockstep, and records everything to
-    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and continues, s makes one step,
-    q stops; none of them affects the result. The exit code gives the cause of a failure
+    Starts all participants of a scenario, steps them in lockstep, and records everything to
+    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and resumes, s makes one step, q
+    stops; none of these affects the result. The exit code tells the cause of a failure
     (docs/exit-codes.md).
 
-    out: folder of this run (default: runs/<name>-<time>). real_time: let steps begin on the wall
-    clock's grid, FACTOR times as fast (default: 1), and count who is late
-    (docs/guide/running/real_time.md). pause_at: pause before a step, or a time such as 6s; 0:
-    before the first. in_process: host all participants in one process: quicker, the same recording.
-    degrees: show the measured angles of all joints in degrees while it runs. extensions: add an
-    extension of your own to the run (docs/guide/writing/extension.md). profile: measure where the
-    time of each step goes: compute, wait, transport, record. speedscope: with --profile, sample the
-    stack of a participant too, for speedscope.app. no_report: make no report.html and no
-    report.png, only figures.
+    out: folder of this run (default: runs/<name>-<time>). real_time: pace steps by the wall clock,
+    at FACTOR times real time (default: 1), and count late steps (docs/guide/running/real_time.md).
+    pause_at: pause before this step, or time such as 6s; 0: before the first. in_process: run all
+    participants in one process: faster, same recording. degrees: show the measured joint angles in
+    degrees during the run. extensions: add your own extension to the run
+    (docs/guide/writing/extension.md). profile: measure how each step spends its time: compute,
+    wait, transport, record. speedscope: with --profile, also sample the stack of a participant, for
+    speedscope.app. no_report: do not write report.html and report.png; print the figures only.
 
     $ stepbus run two_link
     $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
@@ -177,8 +176,8 @@ def run_command(
     has_keys = has_terminal() and not is_quiet
     if pause_at is not None and not (has_keys or views.view):
         raise WiringError(
-            "--pause-at needs a terminal whose keys let the run continue, or --view; it excludes "
-            "--json and --debug"
+            "--pause-at needs --view or an interactive terminal to resume the run; it "
+            "cannot be combined with --json or --debug"
         )
     if speedscope and not profile:
         raise WiringError("--speedscope needs --profile")
@@ -277,8 +276,8 @@ def _lateness(lateness: Lateness) -> str:
     )
     p50, p99, largest = map(in_units, (lateness.p50_us, lateness.p99_us, lateness.max_us))
     return (
-        f"lateness  p50 {p50}, p99 {p99}, max {largest}; steps held past their time: "
-        f"{held or 'none'}\n          {rows}"
+        f"lateness  p50 {p50}, p99 {p99}, max {largest}; late steps: {held or 'none'}\n          "
+        f"{rows}"
     )
 
 

@@ -42,13 +42,14 @@ def validate_command(
     scenario: ScenarioName,
     *,
     set: Set = (),
-    steps: Annotated[int, {"type": number("not a number of steps, from 0 on", 0)}] = 5,
+    steps: Annotated[int, {"type": number("not a number of steps (0 or more)", 0)}] = 5,
 ) -> Answer:
     """Check a scenario and show its schedule.
 
-    Checks a scenario without a run, and lists all problems at once, with file, line and path. If
-    there is none, each plant loads its world once, to find what only that shows. Prints who
-    publishes at which step, and how many slots of memory each bulk output takes.
+    Checks a scenario without running it, and lists all problems at once, with file, line and path.
+    If there are none, each plant loads its world once, to find errors that only show then. Prints
+    which participant publishes at which step, and how many shared-memory slots each bulk output
+    takes.
 
     steps: how many steps of the schedule to show.
 
@@ -75,7 +76,10 @@ def validate_command(
             f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
             shown + (" …" if is_cut else ""),
             *(
-                f"bulk {output}: {count} slots in memory, each of its largest message"
+                (
+                    f"bulk {output}: {count} slots in shared memory, each sized for its "
+                    "largest message"
+                )
                 for output, count in slots.items()
             ),
         ],
@@ -84,12 +88,13 @@ def validate_command(
 
 @command(group="run")
 def describe_command(scenario: ScenarioName, *, set: Set = ()) -> Answer:
-    """List ports, joints and limits; make no step.
+    """List ports, joints and limits, without running a step.
 
-    Starts every participant, lets it load its model, and prints its inputs and the descriptions of
-    its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and whether the motor of
-    a joint is on. It is off in the modes passive and teleport, and when its effort limit is 0.
-    Makes no step and records nothing. Exit codes are those of run.
+    Starts every participant, waits until it has loaded its model, and prints its inputs and the
+    descriptions of its outputs: names, types, modes, limits (rad, rad/s, N·m; - for none), and
+    whether the motor of each joint is on. A motor is off in the modes passive and teleport, and
+    when its effort limit is 0. Runs no step and records nothing. The exit codes are those of
+    `stepbus run`.
 
     $ stepbus describe two_link
     $ stepbus describe two_link/pd --set plant.params.world=world.yaml
@@ -115,7 +120,7 @@ def _described(described: list[ParticipantDescription]) -> Iterator[str | Table]
 
 def _headline(output: OutputPort) -> str:
     description = output.description
-    facts = [f"taken by {', '.join(output.taken_by) or 'no participant'}"]
+    facts = [f"read by {', '.join(output.taken_by) or 'no participant'}"]
     if description.shape:
         facts.append(f"shape {' × '.join(map(str, description.shape))}")
     facts += [f"{field} in {unit}" for field, unit in description.units.items()]
@@ -159,13 +164,13 @@ def types_command(
 ) -> Answer:
     """Show message types, or write their schemas and byte vectors.
 
-    Shows the fields of message types with units and shapes, and their layout in format raw of the
-    bridge. With --out, writes what a program in another language is tested with: JSON Schemas, and
-    byte vectors that its codec has to read, write and refuse.
+    Shows the fields of message types with units and shapes, and their layout in the bridge's raw
+    format. With --out, writes test data for programs in other languages: JSON Schemas, and byte
+    vectors that a codec must read, write and reject.
 
-    source: a scenario with types of its own, a YAML file of types, or an installed module of
-    message classes (default: the types that ship). out: write messages.md, vectors.json and a JSON
-    Schema for each type.
+    source: a scenario with its own types, a YAML file of types, or an installed module of message
+    classes (default: the built-in types). out: write messages.md, vectors.json and a JSON Schema
+    for each type.
 
     $ stepbus types
     $ stepbus types types.yaml --out types
@@ -196,7 +201,7 @@ def _types(source: str) -> Types:
     """Return the types of a scenario, a file or a module; raises WiringError."""
     path = Path(source)
     if is_file_name(source) and path.is_file():
-        data = read_yaml(path, "a file of message types has the key 'types'").data
+        data = read_yaml(path, "a file of message types needs the key 'types'").data
         if "participants" not in data and "extends" not in data:
             return load_types(path)
     elif "." in source and not path.exists():

@@ -79,7 +79,7 @@ def supervise(environment: Mapping[str, str]) -> int:
         )
     except OSError as exc:
         sys.stderr.write(
-            f"stepbus: this command needs a process more: {exc.strerror} (ulimit -u, ulimit -f)\n"
+            f"stepbus: cannot start a helper process: {exc.strerror} (ulimit -u, ulimit -f)\n"
         )
         return _INTERNAL
     watchdog = TurnWatchdog(memory, pid, is_owner=True)

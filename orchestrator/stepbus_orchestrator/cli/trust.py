@@ -33,12 +33,20 @@ def trusted_programs(
 def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
     has_terminal = sys.stdin.isatty() and sys.stderr.isatty()
     rows = "\n".join(f"  {indented(line)}" for line in programs.lines())
-    shown = f"{recording} has other programs than your work tree. It starts, with your rights:"
+    shown = (
+        f"{recording} contains programs that are not in your work tree. They would run with "
+        "your permissions:"
+    )
     if tree is not None:
-        shown = f"{tree.shown()} is not yours alone. It starts, with your rights:"
+        shown = (
+            f"{tree.shown()} can be written by other users. Its programs would run with your "
+            "permissions:"
+        )
     if has_terminal:
-        write(sys.stderr, f"{shown}\n{rows}\nStart that? [y/N] ")
+        write(sys.stderr, f"{shown}\n{rows}\nStart them? [y/N] ")
         if sys.stdin.readline().strip().lower() in {"y", "yes"}:
             return
         raise Untrusted("nothing was started")
-    raise Untrusted(f"{shown}\n{rows}\nnothing was started; if you trust that, use --trust")
+    raise Untrusted(
+        f"{shown}\n{rows}\nnothing was started; if you trust these programs, use --trust"
+    )

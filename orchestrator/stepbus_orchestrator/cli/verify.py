@@ -25,8 +25,8 @@ _SHOWN_HASH = 12
     of=verify,
     hidden=["on_result", "owns_descriptors"],
     is_run=True,
-    runs={"flag": "-n", "type": number("not a number of runs, at least 2", 2)},
-    seed={"type": number("not a seed, a number from 0 on", 0)},
+    runs={"flag": "-n", "type": number("not a number of runs (2 or more)", 2)},
+    seed={"type": number("not a seed (an integer, 0 or higher)", 0)},
     out={"metavar": "FOLDER"},
 )
 def verify_command(
@@ -34,10 +34,10 @@ def verify_command(
 ) -> Answer:
     """Run a scenario several times and compare the recordings.
 
-    Runs a scenario several times: once as it is, then with shuffled start order, random delays in
-    every participant, and other windows and transports, and last with all participants in one
-    process, where they can share one. All recordings must be equal byte for byte. Exit code 10: two
-    differ; the first difference is shown.
+    Runs a scenario several times: once unchanged, then with shuffled start orders, random delays in
+    every participant, and different windows and transports, and finally, if possible, with all
+    participants in one process. All recordings must be byte-identical. Exit code 10: two differ;
+    the first difference is shown.
 
     $ stepbus verify two_link
     $ stepbus verify two_link -n 10 --set duration=2s --seed 1
@@ -82,7 +82,10 @@ def _answer(
 ) -> Answer:
     first, code = verification.results[0].result, ExitCode.FINISHED
     difference, error = None, ""
-    lines = [f"{len(verification.results)} runs of {first.steps} steps, one result", first.hashes()]
+    lines = [
+        f"{len(verification.results)} runs of {first.steps} steps, all identical",
+        first.hashes(),
+    ]
     if verification.failed:
         failed = verification.failed.result
         error, lines, code = failed.reason, [], ExitCode(failed.exit_code)
@@ -90,15 +93,15 @@ def _answer(
         one, other = verification.different
         difference = diff(one.result.recording, other.result.recording)
         error = (
-            f"run {other.trial.number} differs from run {one.trial.number}: the same scenario "
-            "gave two results"
+            f"run {other.trial.number} differs from run {one.trial.number}: the same "
+            "scenario gave different results"
         )
         lines, code = [difference.text()], ExitCode.DIFFERENT
     if partly:
         names = [f"{name}.{port}" for name, ports in partly.items() for port in ports]
-        lines.append(f"compared only where they are recorded: {', '.join(names)}")
+        lines.append(f"compared only where recorded: {', '.join(names)}")
     if out or code:
-        lines.append(f"the runs are in {verification.folder}")
+        lines.append(f"runs kept in {verification.folder}")
     value = {"equal": not code, "diff": difference, "runs": verification.results}
     return Answer(value=value, lines=lines, error=error, code=code)
 

@@ -73,7 +73,7 @@ class _Viewer:
             if not self._place:
                 words = stderr.read().decode(errors="replace")
                 why = words.strip().rpartition("\n")[2].removeprefix(_PREFIX)
-                self._why_not = why or "the view could not be started"
+                self._why_not = why or "cannot start the view"
             self._has_begun.set()
             _pass_on(self.process)
 
@@ -85,8 +85,8 @@ class _Viewer:
         while not self._has_begun.wait(_POLL_S) and not interrupt.is_set():
             if time.monotonic() > give_up:
                 print_error(
-                    f"the view (pid {self.process.pid}) has not begun after {_START_S:.0f} s; is "
-                    "its process stopped? The run begins without it"
+                    f"the view (pid {self.process.pid}) has not started after "
+                    f"{_START_S:.0f} s; is its process stopped? The run starts without it"
                 )
                 return
         if interrupt.is_set() and not self._place:

@@ -33,17 +33,11 @@ class Activity:
         elapsed_s: how long it has had [s].
         """
         if self.is_stopped:
-            return (
-                "it has been stopped by a signal or a debugger; `kill -CONT "
-                f"{target}` lets it continue."
-            )
+            return f"a signal or a debugger has stopped it; `kill -CONT {target}` resumes it."
         if self.waits_for_disk:
-            return (
-                "it waits for a device and takes no signal meanwhile; is a disk, or a network "
-                "folder, stuck?"
-            )
+            return "it is in uninterruptible I/O; does a disk or a network mount hang?"
         if self.is_running or self.cpu_s > _BUSY * elapsed_s:
-            return f"it has computed for {self.cpu_s:.1f} s; what does it load, or import?"
+            return f"it has computed for {self.cpu_s:.1f} s; what does it load or import?"
         return ""
 
 

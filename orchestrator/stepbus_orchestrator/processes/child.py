@@ -69,7 +69,7 @@ class BoundedLog:
             if not more:
                 break
         self._cut += end - _HEAD - len(self._mark) - len(tail)
-        self._mark = f"\n[stepbus: {self._cut} bytes are cut out here]\n".encode()
+        self._mark = f"\n[stepbus: {self._cut} bytes omitted]\n".encode()
         os.ftruncate(file, _HEAD)
         os.write(file, self._mark + tail)
 
@@ -78,7 +78,9 @@ TERM_GRACE_S = 1.0
 """How long a process may take to end after SIGTERM [s]."""
 _KILL_S = 5.0
 """How long a killed process may take to go; one in the middle of a disk access takes long [s]."""
-_CAUSES = {signal.SIGBUS: " (did another process cut a file that it maps, such as one of slots?)"}
+_CAUSES = {
+    signal.SIGBUS: " (did another process truncate a file that it maps, such as one of slots?)"
+}
 _FIRST_PAUSE_S = 0.0005
 _LONGEST_PAUSE_S = 0.05
 
@@ -183,13 +185,14 @@ class Child(Process):
         except OSError as exc:
             if not log.parent.is_dir():
                 raise RecordingFailed(
-                    f"{log.parent} is gone: another process changed the run's folder while it "
-                    "started; run again, and leave it alone until it ends"
+                    f"{log.parent} no longer exists: another process changed the run's "
+                    "folder during start-up; run again, and do not change the folder "
+                    "until the run ends"
                 ) from exc
             if not cwd.is_dir():
-                raise StartFailed(f"{cwd} is gone, in which {name} starts") from exc
+                raise StartFailed(f"{cwd} no longer exists; {name} starts in it") from exc
             is_script = exc.errno == errno.ENOEXEC
-            hint = "; a script begins with #! and its interpreter" if is_script else ""
+            hint = "; a script needs a first line with #! and its interpreter" if is_script else ""
             raise StartFailed(
                 f"{name} could not be started: {' '.join(command)}: {exc.strerror or exc}{hint} "
                 f"(participants.{name}.exec)",

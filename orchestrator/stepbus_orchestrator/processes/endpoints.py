@@ -85,15 +85,17 @@ def private_folder() -> Path:
         tempfile.gettempdir().encode()
         return Path(tempfile.mkdtemp(prefix="stepbus-"))
     except (OSError, UnicodeEncodeError) as exc:
-        reason = exc.strerror or exc if isinstance(exc, OSError) else "its name is no UTF-8"
+        reason = exc.strerror or exc if isinstance(exc, OSError) else "its name is not valid UTF-8"
         raise BusFailed(
-            f"cannot make a folder for sockets: {reason}; set TMPDIR to one that can be written"
+            f"cannot create a folder for sockets: {reason}; set TMPDIR to a writable folder"
         ) from exc
 
 
 def gone(path: Path) -> str:
     """Return the sentence about something in the private folder that is there no more."""
-    return f"{path}, which is private to the run, is gone: did another process remove it?"
+    return (
+        f"{path}, the private folder of the run, no longer exists: did another process remove it?"
+    )
 
 
 def new_token() -> str:
@@ -161,13 +163,15 @@ def _unix(folder: Path, index: int) -> str:
     path = folder / f"{index}.sock"
     if len(str(path).encode()) > _SOCKET_PATH_BYTES:
         raise BusFailed(
-            f"{path}: a Unix socket's path holds at most {_SOCKET_PATH_BYTES} bytes; "
-            f"set TMPDIR to a shorter folder or use {argument('--set', value='bus.transport=tcp')}"
+            f"{path}: the path of a Unix socket has at most {_SOCKET_PATH_BYTES} bytes; "
+            "set TMPDIR to a shorter folder or use "
+            f"{argument('--set', value='bus.transport=tcp')}"
         )
     if odd := set(str(path)) & set(_NOT_IN_ADDRESSES):
         raise BusFailed(
-            f"{path}: an address of Zenoh cannot hold {' '.join(sorted(odd))}; set TMPDIR to a "
-            f"folder without, or use {argument('--set', value='bus.transport=tcp')}"
+            f"{path}: a Zenoh address cannot contain {' '.join(sorted(odd))}; set TMPDIR "
+            "to a folder without these characters, or use "
+            f"{argument('--set', value='bus.transport=tcp')}"
         )
     return f"{_UNIX}{path}"
 
@@ -187,7 +191,8 @@ def _ports(base: int | None, count: int) -> list[int]:
     except OSError as exc:
         raise BusFailed(
             f"port {port} on 127.0.0.1 cannot be used: {exc.strerror}; the run needs "
-            f"{count} ports from bus.port on; choose another or leave it out for free ones"
+            f"{count} ports, starting at bus.port; choose another bus.port, or omit it "
+            "to use free ports"
         ) from exc
     finally:
         for probe in held:
@@ -206,7 +211,7 @@ def _certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any
     try:
         return certificates(names, folder)
     except OSError as exc:
-        hint = "set TMPDIR to a folder with room" if folder.is_dir() else gone(folder)
+        hint = "set TMPDIR to a folder with free space" if folder.is_dir() else gone(folder)
         raise BusFailed(
             f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
         ) from exc

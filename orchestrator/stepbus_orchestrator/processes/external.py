@@ -102,13 +102,12 @@ def _check_replaceable(path: Path, name: str) -> None:
         return
     except (OSError, WiringError) as exc:
         raise StartFailed(
-            f"{name}: its ticket would replace {path}, which is no ticket ({exc}); choose another "
-            "path",
+            f"{name}: {path} exists and is not a ticket ({exc}); choose another path",
             participant=name,
         ) from exc
     if lasts:
         raise StartFailed(
-            f"{name}: {path} is the ticket of another run, which still lasts; choose another path",
+            f"{name}: {path} is the ticket of another live run; choose another path",
             participant=name,
         )
 
@@ -151,11 +150,11 @@ def _read(path: Path) -> tuple[JoinTicket, bool]:
     try:
         status = os.fstat(file)
         if not stat.S_ISREG(status.st_mode):
-            raise WiringError(f"{path}: a ticket is a file")
+            raise WiringError(f"{path}: not a file; give the path of a ticket")
         if status.st_uid != os.geteuid():
             raise WiringError(
-                f"{path}: it belongs to user {status.st_uid}, and you are {os.geteuid()}; in a "
-                f"container, become that user (docker run --user {status.st_uid})"
+                f"{path}: owned by user {status.st_uid}, but you are user {os.geteuid()}; "
+                f"in a container, run as that user (docker run --user {status.st_uid})"
             )
         content = os.read(file, _MOST_BYTES)
         try:
@@ -213,7 +212,7 @@ class External(Process):
 
     def how_it_ended(self) -> str:
         """Return its end in words."""
-        return "has left the bus: it has ended, or was killed; its exit code is not ours to see"
+        return "has left the bus: it has ended or was killed; stepbus cannot see its exit code"
 
     def last_error(self) -> str:
         """Return nothing: it prints where it was started."""

@@ -133,8 +133,10 @@ class Launcher:
             self._ticket(spec, endpoint, fields).save(path)
         except OSError as exc:
             raise StartFailed(
-                f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; "
-                "set TMPDIR to a folder with room",
+                (
+                    f"{spec.name}: its ticket {path} cannot be written: {exc.strerror}; set "
+                    "TMPDIR to a folder with free space"
+                ),
                 participant=spec.name,
             ) from exc
         child = Child(

@@ -35,8 +35,9 @@ def _check_memory() -> None:
         mmap.mmap(-1, _OWN_MEMORY_BYTES).close()
     except (OSError, MemoryError, ValueError) as exc:
         raise StartFailed(
-            f"a run needs {_OWN_MEMORY_BYTES >> 20} MB of address space besides what is loaded, "
-            f"and this shell allows {allowed >> 20} MB in all; raise the limit (ulimit -v)"
+            f"a run needs {_OWN_MEMORY_BYTES >> 20} MB of address space on top of what "
+            f"is loaded, but this shell allows {allowed >> 20} MB in total; raise the "
+            "limit (ulimit -v)"
         ) from exc
 
 
@@ -49,7 +50,7 @@ def _check_open_files(participants: int) -> None:
     allowed, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     if allowed not in {resource.RLIM_INFINITY, -1} and allowed < needed:
         raise StartFailed(
-            f"a run of {participants} participant{'s' * (participants > 1)} needs {needed} open "
-            f"files, and this shell allows {allowed}; raise the limit with "
+            f"a run of {participants} participant{'s' * (participants > 1)} needs "
+            f"{needed} open files, but this shell allows {allowed}; raise the limit with "
             f"`ulimit -n {max(256, 2 * needed)}`"
         )

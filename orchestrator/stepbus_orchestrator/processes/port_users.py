@@ -65,7 +65,7 @@ class PortUsers:
 
 def _words(takers: Mapping[str, Collection[int]]) -> str:
     return " and ".join(
-        f"{name} has taken TCP port {', '.join(map(str, sorted(ports)))} of the run"
+        f"{name} uses TCP port {', '.join(map(str, sorted(ports)))} of the run"
         for name, ports in sorted(takers.items())
     )
 

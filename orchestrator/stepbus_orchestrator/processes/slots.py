@@ -74,7 +74,7 @@ class RunSlots:
             output = file_name(name, port)
             length = outputs.bulk.get(port)
             if output not in self._agreed or length is None:
-                return f"announced {port!r} in a slot, where no slots were agreed on"
+                return f"announced {port!r} in a slot, but no slots were agreed on"
             if sink.is_recorded(name, port, outputs.step):
                 try:
                     content = read_slot(self._files[output], offset, outputs.step, length)

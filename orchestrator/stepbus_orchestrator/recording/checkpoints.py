@@ -83,7 +83,9 @@ class Checkpoints:
             self.problems.append(f"no checkpoints: {path}: {explained(exc)}")
             return {}
         if index.recording != sha256:
-            self.problems.append(f"no checkpoints: those in {path.parent} are of another recording")
+            self.problems.append(
+                f"no checkpoints: those in {path.parent} belong to another recording"
+            )
             return {}
         return index.states
 

@@ -121,7 +121,7 @@ def channel_metadata(
 
 def incomplete(step: int) -> str:
     """Return what is said of the last step of a recording that was ended in its midst."""
-    return f"step {step}, the last one, is not complete and is left out"
+    return f"step {step}, the last one, is incomplete and was skipped"
 
 
 def has_chain(step: int) -> bool:

@@ -143,8 +143,9 @@ class McapFile:
         if changed:
             reached("a recording was changed or removed")
             raise RecordingFailed(
-                f"the recording {self.path} {changed}: another process changed it while the run "
-                "wrote it; run again, and leave the run's folder alone until it ends"
+                f"the recording {self.path} {changed}: another process changed it during "
+                "the run; run again, and do not change the run's folder until the run "
+                "ends"
             )
 
     @contextlib.contextmanager
@@ -164,7 +165,7 @@ class McapFile:
 
     def _failure(self, exc: OSError) -> RecordingFailed:
         remedy = (
-            "raise the limit of a file's size (ulimit -f)"
+            "raise the file size limit (ulimit -f)"
             if exc.errno == errno.EFBIG
             else f"free some disk space or choose another folder with {argument('--out')}"
         )

@@ -124,7 +124,7 @@ class Recorder(Sink):
 
     @property
     def messages_sha256(self) -> str:
-        """Return the SHA-256 of all messages (P13.3); empty where no chain closes the last step."""
+        """Return the SHA-256 of all messages (P13.3); empty if no chain covers the last step."""
         return messages_sha256(self._last_chain) if self._last_chain else ""
 
     @property

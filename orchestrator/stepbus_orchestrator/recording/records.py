@@ -89,7 +89,7 @@ class RecordFile:
         """Return opcode and content of a record; raises DamagedRecord when it is not complete."""
         head = self.read(offset, HEAD.size)
         if len(head) < HEAD.size:
-            raise DamagedRecord(f"the file ends in the head of the record at byte {offset}")
+            raise DamagedRecord(f"the file ends in the header of the record at byte {offset}")
         opcode, length = HEAD.unpack(head)
         check_head(opcode, length, offset, self.size)
         return opcode, self.read(offset + HEAD.size, length)
@@ -101,7 +101,7 @@ def _why(path: Path, exc: OSError) -> str:
     if not isinstance(exc, FileNotFoundError):
         return why
     if path.parent.is_dir() and path.name == layout.RUN_FILE:
-        return f"{why}; {path.parent} is no folder of a run"
+        return f"{why}; {path.parent} is not the folder of a run"
     return f"{why}; give the folder of a run, e.g. runs/two_link-20260101-120000, or its run.mcap"
 
 
@@ -113,10 +113,12 @@ def type_of(opcode: int) -> str:
 def check_head(opcode: int, length: int, offset: int, size: int) -> None:
     """Raise DamagedRecord when no such record can stand at `offset` of `size` bytes."""
     if opcode not in _KNOWN and opcode < _FIRST_PRIVATE_OPCODE:
-        raise DamagedRecord(f"byte {offset}: {opcode} is no record type")
+        raise DamagedRecord(f"byte {offset}: {opcode} is not a record type")
     left = size - offset - HEAD.size
     if length > left:
-        raise DamagedRecord(f"the {type_of(opcode)} at byte {offset} lacks {length - left} bytes")
+        raise DamagedRecord(
+            f"the {type_of(opcode)} at byte {offset} is {length - left} bytes short"
+        )
 
 
 def split(data: bytes, allowed: Collection[int] | None = None) -> Iterator[tuple[int, bytes]]:
@@ -128,11 +130,11 @@ def split(data: bytes, allowed: Collection[int] | None = None) -> Iterator[tuple
     offset, size = 0, len(data)
     while offset < size:
         if size - offset < HEAD.size:
-            raise DamagedRecord(f"it ends in the head of the record at byte {offset}")
+            raise DamagedRecord(f"it ends in the header of the record at byte {offset}")
         opcode, length = HEAD.unpack_from(data, offset)
         check_head(opcode, length, offset, size)
         if allowed is not None and opcode not in allowed:
-            raise DamagedRecord(f"a {type_of(opcode)} does not belong there")
+            raise DamagedRecord(f"unexpected record of type {type_of(opcode)}")
         start = offset + HEAD.size
         offset = start + length
         yield opcode, data[start:offset]
@@ -170,7 +172,7 @@ def chunk_content(content: bytes, *, checked: bool) -> bytes:
         elif chunk.compression:
             raise ValueError(f"compression {chunk.compression!r} is not zstd or none")
         if len(data) != chunk.uncompressed_size:
-            raise ValueError(f"it holds {len(data)} bytes, not {chunk.uncompressed_size}")
+            raise ValueError(f"it contains {len(data)} bytes, not {chunk.uncompressed_size}")
         _check_crc(data, chunk.uncompressed_crc, checked=checked)
     except _PARSE_ERRORS as exc:
         raise _corrupt(Opcode.CHUNK, exc) from exc

@@ -26,14 +26,14 @@ from stepbus_schemas import StepbusError, reached
 
 @dataclass(frozen=True, kw_only=True)
 class Recovery:
-    """What was saved, and what was lost.
+    """Result of a recovery.
 
-    damage: what is wrong with the source, empty when nothing is. cut_step: the step that it ends
-    in the midst of, which is left out; None where it ends with a whole step. messages, attachments,
-    metadata: how many records were kept. last_step: the newest step with a message; −1 without
-    any. planned_steps: what the scenario asks for, where it is known. kept_bytes, lost_bytes: of
-    the source; what is lost includes the index, which is rebuilt. only_index_lost: whether all
-    messages were kept. holes: what is missing between them.
+    damage: damage of the source; empty if none. cut_step: incomplete last step, which is skipped;
+    None if the last step is complete. messages, attachments, metadata: how many records were kept.
+    last_step: the newest step with a message; −1 without any. planned_steps: number of steps in the
+    scenario, if known. kept_bytes, lost_bytes: bytes of the source; the lost ones include the
+    index, which is rebuilt. only_index_lost: whether all messages were kept. holes: gaps between
+    them.
     """
 
     source: Path
@@ -52,7 +52,7 @@ class Recovery:
 
     @property
     def missing_steps(self) -> int | None:
-        """Return how many steps of the scenario are missing; None where that is unknown."""
+        """Return how many steps of the scenario are missing; None if unknown."""
         if self.planned_steps is None:
             return None
         return 0 if self.only_index_lost else max(0, self.planned_steps - 1 - self.last_step)
@@ -69,7 +69,9 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
     being written.
     """
     if kind := irregular(target):
-        raise RecordingFailed(f"{target} is {kind}: no file takes its place; name another one")
+        raise RecordingFailed(
+            f"{target} is {kind}: it cannot be replaced by a file; choose another name"
+        )
     if target.exists() and not in_place:
         raise OutputExists(
             f"{target} exists already; choose another name with {argument('--out', 'target')}"

@@ -121,7 +121,7 @@ class ReservedFile:
                     found = crc32(block, found)
         except (FileNotFoundError, NotADirectoryError):
             return "was removed"
-        return "" if found == crc else "has another content than was written"
+        return "" if found == crc else "has other content than was written"
 
     def release(self) -> None:
         """Give back the room that was set aside."""

@@ -73,7 +73,9 @@ class Scanner:
         """Yield what is in the record behind the last intact one; return its opcode."""
         offset, index = self.intact_bytes, self.index
         if offset >= self.size:
-            raise DamagedRecord("the file ends before its end record: it was cut off between two")
+            raise DamagedRecord(
+                "the file ends before its end record: it was truncated between two records"
+            )
         opcode, content = self.file.record(offset)
         length = HEAD.size + len(content)
         channels, times = set(), []
@@ -104,7 +106,7 @@ class Scanner:
 
     def _take_end(self) -> None:
         if self.file.read(self.intact_bytes, len(MAGIC) + 1) != MAGIC:
-            raise DamagedRecord("the closing magic bytes are missing, or something follows them")
+            raise DamagedRecord("the closing magic bytes are missing, or more data follows them")
         self.intact_bytes = self.size
 
     def _check_message(self, message: mcap.Message) -> None:
@@ -112,13 +114,13 @@ class Scanner:
         channel = self.index.channels.get(message.channel_id)
         if channel is None:
             raise DamagedRecord(
-                f"a message is of channel {message.channel_id}, which is not described"
+                f"a message is of channel {message.channel_id} that has no Channel record"
             )
         if self.index.is_ours:
             if message.sequence < self._done:
                 raise DamagedRecord(
-                    f"a message of step {message.sequence} comes after later ones: the write that "
-                    "was to replace it was cut off"
+                    f"a message of step {message.sequence} follows later ones: the write "
+                    "that should replace it was interrupted"
                 )
             self._done = message.sequence
             # Written last, it shows that nothing of its step is missing.
@@ -141,5 +143,5 @@ class Scanner:
         expected = int.from_bytes(content[-CRC_BYTES:], "little")
         if (expected or must) and expected != self._crc:
             raise DamagedRecord(
-                f"the checksum of the {name} is wrong: something in it is not what was written"
+                f"the checksum of the {name} is wrong: its content has changed since it was written"
             )

@@ -25,11 +25,11 @@ from stepbus_orchestrator.scenario.override import Overrides, override_texts
 
 @dataclass(frozen=True, kw_only=True)
 class Branch(Repeated):
-    """A run whose first steps are those of a recording.
+    """Result of a branch: a run whose first steps come from a recording.
 
-    at: the first step that is not. changed: participants whose own outputs count from there on
-    only. way_s: how long the run took to get to `at` [s]; 0 where it did not get there. restored:
-    participants that started from a checkpoint, each with its step; all others started at step 0.
+    at: the first live step. changed: participants whose outputs are used from there on only. way_s:
+    time to reach `at` [s]; 0 if the run did not reach it. restored: participants that started from
+    a checkpoint, each with its step; all others started at step 0.
     """
 
     at: int
@@ -45,9 +45,9 @@ class BranchPlan:
     at: the first live step. scenario: what runs. notes: what may make it different from the
     recording.
 
-    Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
-    ScenarioError when the scenario cannot run here; WiringError for a change that no branch can
-    make.
+    Raises RecordingFailed when the recording ends before `at`, or `out` already contains a run;
+    ScenarioError when the scenario cannot run here; WiringError for a change that a branch does not
+    support.
     """
 
     def __init__(
@@ -147,23 +147,22 @@ def branch(
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> Branch:
-    """Take a recording up to a step, and go on from there live, with a change.
+    """Replay a recording up to a step, then run live with your changes.
 
-    Below `at`, each participant gets its recorded inputs; the first that does not publish what is
-    recorded is named in `result`.
+    Before `at`, each participant gets its recorded inputs; `result` names the first one whose
+    outputs differ from the recording.
 
-    recording: the run.mcap of a run, or its folder. out: folder of the new run. at: the first live
+    recording: a run.mcap, or the folder of its run. out: folder of the new run. at: the first live
     step, or its time, e.g. 6s. set: change a parameter from that step on, e.g.
-    controller.params.kp=90; may be repeated. A changed participant's own outputs count from `at`
-    on. calls: call a participant before that step, e.g. 'controller set kp 90'; may be repeated.
-    faults: inject a fault at that step or later, e.g. 'freeze plant at 1300 for 200ms'. in_process:
-    host all participants in one process: quicker, the same recording. checkpoints: whether
-    participants start from the newest state that the run has saved, instead of step 0. observer,
-    interrupt: as of `run`.
+    controller.params.kp=90; may be repeated. The outputs of a changed participant are used from
+    `at` on. calls: call a participant before that step, e.g. 'controller set kp 90'; may be
+    repeated. faults: inject a fault at that step or later, e.g. 'freeze plant at 1300 for 200ms'.
+    in_process: run all participants in one process: faster, same recording. checkpoints: start
+    participants from the newest saved state instead of step 0. observer, interrupt: as in `run`.
 
-    Raises RecordingFailed when the recording does not go so far, or `out` holds a run already;
-    ScenarioError when the scenario cannot run here; WiringError for a change that no branch can
-    make.
+    Raises RecordingFailed when the recording ends before `at`, or `out` already contains a run;
+    ScenarioError when the scenario cannot run here; WiringError for a change that a branch does not
+    support.
     """
     prepared = BranchPlan(
         recording_file(recording),

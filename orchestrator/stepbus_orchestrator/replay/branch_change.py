@@ -52,7 +52,7 @@ class Change:
         at, scenario = self.at, self.scenario
         if scenario.steps is not None and at > scenario.steps:
             raise WiringError(
-                f"duration: the branch would end at step {scenario.steps}, before {at}"
+                f"duration: the branch would end at step {scenario.steps}, before step {at}"
             )
         for fault in scenario.faults:
             if fault.step < at and fault not in self._recorded.faults:
@@ -81,8 +81,9 @@ class Change:
             changed += [key for name in now["participants"] for key in self._differing(name, _KEPT)]
         if changed:
             raise WiringError(
-                f"{', '.join(changed)}: a branch keeps step, seed, ports and rates of the "
-                "recording; change parameters, programs, deadlines, duration, window or bus"
+                f"{', '.join(changed)}: a branch cannot change step, seed, ports or "
+                "rates; it can change parameters, programs, deadlines, duration, window "
+                "and bus"
             )
 
     def _check_step(self, recording: Recording) -> None:
@@ -97,19 +98,21 @@ class Change:
             names = (spec.name for spec in self._recorded.participants)
             end = min(replayable_steps(recording, self._recorded, name) for name in names)
         if not 0 <= at <= end:
-            raise RecordingFailed(f"{recording.path} has {end} complete steps; none is step {at}")
+            raise RecordingFailed(
+                f"step {at} is past the end of {recording.path} ({end} complete steps)"
+            )
         first = step_in(recording, layout.FALLBACK_METADATA, "first")
         if first is not None and at > first:
             who = recording.metadata[layout.FALLBACK_METADATA].get("participant", "a participant")
             raise RecordingFailed(
-                f"{recording.path}: {who} had failed and was replaced from step {first} on; branch "
-                "there or before"
+                f"{recording.path}: {who} failed and was replaced from step {first} on; "
+                "branch at that step or earlier"
             )
         latest = max(counts_from_of(recording).values(), default=0)
         if at < latest:
             raise RecordingFailed(
-                f"{recording.path} is a branch from step {latest}: branch it there or later, or "
-                "branch the recording that it was made from"
+                f"{recording.path} is a branch from step {latest}: branch at that step "
+                "or later, or branch the original recording"
             )
 
     def call(self, text: str) -> CallRecord:
@@ -162,7 +165,7 @@ def variants(texts: Sequence[str]) -> list[Variant]:
         for chosen in itertools.islice(itertools.product(*rows), _MOST + 1)
     ]
     if len(given) > _MOST:
-        raise WiringError(f"--vary: more than {_MOST} variants")
+        raise WiringError(f"--vary: at most {_MOST} variants")
     if len({variant.folder for variant in given}) < len(given):
         raise WiringError("--vary: two variants are the same")
     return given

@@ -54,23 +54,23 @@ def replay(
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> ReplayResult:
-    """Run one participant against its recording, and compare what it publishes.
+    """Run one participant on its recorded inputs and compare its outputs with the recording.
 
-    Its program, files and parameters are those of the work tree, where that has the scenario
-    (`find_work_tree`), else the copy in the recording.
+    Uses the program, files and parameters of the work tree if the scenario is found there
+    (`find_work_tree`), otherwise the copy in the recording.
 
-    recording: the run.mcap of a run, or its folder. participant: participant to start. tolerance:
-    how far outputs may differ; default: equal to the byte. set: override one value of the recorded
-    scenario, e.g. controller.params.kp=101. update: write a new reference recording. window: how
-    many steps its peers are played ahead of it. recorded: start the copy in the recording, not the
-    program in the work tree. source: folder or file of the scenario in the work tree (default: it
-    is searched). bridge: start the program through `stepbus bridge`. program: start this program
-    instead of the recorded one, in the current folder; everything after it is its command line.
+    recording: a run.mcap, or the folder of its run. participant: participant to start. tolerance:
+    tolerances of the outputs; default: byte-identical. set: override one value of the recorded
+    scenario, e.g. controller.params.kp=101. update: write a new reference recording. window: number
+    of steps that recorded inputs are sent ahead. recorded: start the copy in the recording, not the
+    program in the work tree. source: folder or file of the scenario in the work tree (default:
+    search for it). bridge: start the program through `stepbus bridge`. program: start this program
+    instead of the recorded one, in the current folder; all following arguments belong to it.
     trusted: fingerprint of the programs that may be started (`Sources.fingerprint`); None: any.
-    observer, interrupt: as of `run`.
+    observer, interrupt: as in `run`.
 
-    Raises WiringError (ScenarioError) when the recording, participant or tolerance do not fit,
-    RunFailure when the participant fails; it quotes its log.
+    Raises WiringError (ScenarioError) when the recording, participant or tolerance are invalid,
+    RunFailure, which quotes the log, when the participant fails.
     """
     opened, tolerance = Recording(recording), tolerance_of(tolerance, participant)
     target, tree_path = (None if path is None else Path(path) for path in (update, source))
@@ -131,8 +131,8 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
     if not programs_of(recording, participant).files:
         return []
     note = (
-        "this tests the copy in the recording: its scenario was not found in the work tree; "
-        f"name its folder with {argument('--source')}, or mean the copy with "
+        "testing the copy in the recording, as its scenario was not found in the work "
+        f"tree; give its folder with {argument('--source')}, or choose the copy with "
         f"{argument('--recorded')}"
     )
     return [note]

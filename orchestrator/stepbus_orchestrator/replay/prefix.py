@@ -18,12 +18,12 @@ from stepbus_schemas import CallRecord
 WINDOW = 256
 """How many steps participants may be apart while each repeats its own [steps]."""
 _WHY = (
-    "it got its recorded inputs, so it is not deterministic, or not the program that was recorded; "
-    "see docs/guide/testing/branch.md"
+    "it received its recorded inputs, so either it is not deterministic or it is not the "
+    "recorded program; see docs/guide/testing/branch.md"
 )
 _WHY_RESTORED = (
-    "it started from its checkpoint before step {step}, which does not have all of its state, or "
-    "it is not the program that was recorded; branch with {without}"
+    "it started from its checkpoint before step {step}; either the checkpoint lacks some "
+    "of its state, or it is not the recorded program; branch with {without}"
 )
 
 
@@ -98,7 +98,10 @@ class RecordedPrefix(Repetition):
             run.timing.event("live", text=f"from step {self.at}")
         elif state.is_complete:
             raise Diverged(
-                f"{state.at(state.last_step)}: {state.reason}; the recording goes on there",
+                (
+                    f"{state.at(state.last_step)}: {state.reason}; the recording continues "
+                    "after that"
+                ),
                 step=state.last_step,
             )
 
@@ -106,8 +109,10 @@ class RecordedPrefix(Repetition):
         """Raise Diverged, but for a participant that was changed."""
         if name not in self.counts_from:
             raise Diverged(
-                f"before the first step: {name} describes {port} (names, units, limits) not as "
-                f"recorded; it is not the program that was recorded",
+                (
+                    f"before the first step: {name} describes {port} (names, units, limits) "
+                    "differently from the recording; it is not the recorded program"
+                ),
                 participant=name,
             )
 
@@ -128,8 +133,8 @@ class RecordedPrefix(Repetition):
     def answers_otherwise(self, call: CallRecord, recorded: CallRecord) -> None:
         """Raise Diverged, with both answers."""
         raise Diverged(
-            f"{at_step(call.step, self._step_ns)}: {call.participant} answers the call "
-            f"{call.method} with {call.error or call.value!r}, recorded is "
+            f"{at_step(call.step, self._step_ns)}: {call.participant} answered the call "
+            f"{call.method} with {call.error or call.value!r}, but the recorded answer is "
             f"{recorded.error or recorded.value!r}; {_WHY}",
             participant=call.participant,
             step=call.step,

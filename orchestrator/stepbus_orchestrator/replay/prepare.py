@@ -134,7 +134,7 @@ def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) ->
         elif name not in recorded:
             yield f"{name} is not in the recording"
         elif today[name] != recorded[name]:
-            yield f"{name} is not the recorded one"
+            yield f"{name} differs from the recorded one"
 
 
 def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
@@ -150,7 +150,7 @@ def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
     ]
     more = len(changes) - _MOST_CHANGES
     if more > 0:
-        changes[_MOST_CHANGES:] = [f"{more} more values of {old.name} are not the recorded ones"]
+        changes[_MOST_CHANGES:] = [f"{more} more values of {old.name} differ from the recording"]
     return changes
 
 
@@ -167,7 +167,10 @@ def _rewired(
     wiring = ("every", "publishes", "inputs", "outputs")
     changed += [f"{old.name}.{key}" for key in wiring if getattr(old, key) != getattr(new, key)]
     if changed:
-        yield f"{', '.join(changed)}: not as recorded; replayed as recorded"
+        yield (
+            f"{', '.join(changed)}: changed since the recording; the replay uses the "
+            "recorded values"
+        )
 
 
 def shorten(scenario: Scenario, recording: Recording, participant: str, window: int) -> Scenario:

@@ -113,8 +113,8 @@ def step_in(recording: Recording, record: str, key: str) -> int | None:
     text = recording.metadata.get(record, {}).get(key)
     if text is not None and not text.isdecimal():
         raise RecordingFailed(
-            f"{recording.path}: its metadata record {record!r} has {text!r} for {key}, which is no "
-            "step: something else than stepbus wrote it"
+            f"{recording.path}: its metadata record {record!r} has {text!r} for {key}, "
+            "which is not a step; another program wrote or changed the file"
         )
     return None if text is None else int(text)
 
@@ -126,9 +126,9 @@ def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) 
             output = scenario.participant(item.source).outputs[item.port]
             if output.record_every != 1:
                 raise RecordingFailed(
-                    f"{recording.path}: {name} reads {item.from_}, which is not recorded whole "
-                    f"(`record: {output.record}`), so it cannot be repeated from this recording; "
-                    "record a run with `record: all` there"
+                    f"{recording.path}: {name} reads {item.from_}, which is not fully "
+                    f"recorded (`record: {output.record}`), so it cannot be repeated "
+                    "from this recording; record a run with `record: all` for that output"
                 )
 
 

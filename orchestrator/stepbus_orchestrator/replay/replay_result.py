@@ -28,14 +28,14 @@ class InputValue(msgspec.Struct, frozen=True, kw_only=True):
 
 
 class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
-    """How one participant compares with its recording.
+    """Result of a replay: how one participant compares with its recording.
 
-    equal: whether all outputs are, within the tolerance. steps: how many were replayed.
-    divergence: the first one. inputs: what the participant's inputs held when it computed that.
-    ports: by the step of their first divergence. wall_s: from the first trigger to the end [s].
-    updated: the new reference recording, where one was asked for. source: the scenario of the work
-    tree whose program was started; empty: the recorded copy, or another program. changes: how it
-    differs from the recorded one. notes: what else is different.
+    equal: whether all outputs are equal, within the tolerance. steps: number of replayed steps.
+    divergence: the first divergence. inputs: inputs of the participant at that step. ports: ordered
+    by the step of their first divergence. wall_s: from the first trigger to the end [s]. updated:
+    the new reference recording, if requested. source: the scenario in the work tree whose program
+    was started; empty: the recorded copy, or another program. changes: how it differs from the
+    recorded one. notes: other differences.
     """
 
     recording: str
@@ -57,7 +57,7 @@ class ReplayResult(msgspec.Struct, frozen=True, kw_only=True):
         return self.steps / self.wall_s if self.wall_s else 0.0
 
     def text(self) -> str:
-        """Return the result in lines, the first divergence and its inputs first."""
+        """Return the result as text, with the first divergence and its inputs first."""
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:

@@ -60,10 +60,10 @@ class Repeated:
 
 @dataclass(frozen=True, kw_only=True)
 class Rerun(Repeated):
-    """A run of the same scenario.
+    """Result of a rerun.
 
-    recorded_steps: how many steps the recording has. flaws: its damage and holes, which are among
-    the notes too.
+    recorded_steps: number of steps in the recording. flaws: its damage and gaps, which are also in
+    the notes.
     """
 
     recorded_steps: int = 0
@@ -109,7 +109,7 @@ class Preparation:
     def run(
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
     ) -> Rerun:
-        """Run, and compare with the recording; observer, interrupt: as of `run`."""
+        """Run, and compare with the recording; observer, interrupt: as in `run`."""
         recording, end = self._recording, recorded_end(self._recording)
         # The first steps of a branch can only come from its recording.
         changed = counts_from_of(recording)
@@ -144,13 +144,13 @@ def rerun(
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> Rerun:
-    """Run the scenario of a recording again, from nothing but the recording.
+    """Run the scenario of a recording again, from the recording alone.
 
-    recording: the run.mcap of a run, or its folder. out: folder of the new run. set: override one
-    value, e.g. window=1; may be repeated. observer, interrupt: as of `run`.
+    recording: a run.mcap, or the folder of its run. out: folder of the new run. set: override one
+    value, e.g. window=1; may be repeated. observer, interrupt: as in `run`.
 
-    Raises RecordingFailed when the recording holds no scenario, OutputExists when `out` holds a
-    run.
+    Raises RecordingFailed when the recording contains no scenario, OutputExists when `out` already
+    contains a run.
     """
     preparation = Preparation(recording_file(recording), Path(out), override_texts(set))
     return preparation.run(observer, interrupt)
@@ -160,7 +160,7 @@ def _changes(sources: Sources, scenario: Scenario, overrides: Sequence[str]) -> 
     if resolved(scenario).encode() != sources.scenario:
         given = argument("--set", value=" ".join(overrides))
         cause = given if overrides else "this version reads it differently"
-        yield f"the scenario is not the recorded one: {cause}"
+        yield f"the scenario differs from the recorded one: {cause}"
 
 
 def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:

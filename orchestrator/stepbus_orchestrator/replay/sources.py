@@ -34,7 +34,7 @@ class Sources:
         """
         if SCENARIO_ATTACHMENT not in attachments:
             raise RecordingFailed(
-                f"{recording} holds no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+                f"{recording} contains no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
             )
         files = layout.files_of(attachments)
         for name in files:
@@ -42,7 +42,7 @@ class Sources:
             below = path.parts[_levels(name) :]
             if path.is_absolute() or ".." in below or not below or "\0" in name:
                 raise RecordingFailed(
-                    f"{recording}: attached file {name!r} leads out of its folder"
+                    f"{recording}: attached file {name!r} points outside its folder"
                 )
         _refuse_modules(recording, attachments[SCENARIO_ATTACHMENT])
         return cls(attachments[SCENARIO_ATTACHMENT], files)
@@ -92,7 +92,9 @@ def _refuse_modules(recording: Path, scenario: bytes) -> None:
     given = data.get("types") if isinstance(data, dict) else None
     for source in given if isinstance(given, list) else [given]:
         if isinstance(source, str) and not is_file_name(source):
-            raise RecordingFailed(f"{recording}: its types name the module {source!r}: refused")
+            raise RecordingFailed(
+                f"{recording}: its message types refer to the module {source!r}: refused"
+            )
 
 
 def _levels(name: str) -> int:
@@ -116,14 +118,17 @@ def trusted_sources(recording: Recording, trusted: str | None) -> Sources:
 def unpack_into(out: Path, sources: Sources) -> Path:
     """Write sources into the folder of a new run; raises OutputExists where it holds one."""
     if (out / "logs").exists() or (out / SOURCE_FOLDER).exists():
-        raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
+        raise OutputExists(f"{out} already contains a run; choose another {argument('--out')}")
     return sources.unpack(out / SOURCE_FOLDER)
 
 
 def version_notes(who: str, recorded: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
     """Return a sentence for each thing that is another than it was."""
     return [
-        f"{who} ran with {name} {recorded.get(name, 'absent')}, now it is {now.get(name, 'absent')}"
+        (
+            f"{who} ran with {name} {recorded.get(name, 'absent')}, here it is "
+            f"{now.get(name, 'absent')}"
+        )
         for name in sorted({*recorded, *now})
         if recorded.get(name) != now.get(name)
     ]

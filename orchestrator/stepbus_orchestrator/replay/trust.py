@@ -130,7 +130,7 @@ def recorded_programs(recording: Recording) -> dict[str, ParticipantSpec]:
     try:
         return programs_in(parse_yaml(SCENARIO_ATTACHMENT, text))
     except (KeyError, TypeError, AttributeError) as exc:
-        raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is no scenario") from exc
+        raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is not a scenario") from exc
 
 
 def _harmless(text: str) -> str:

@@ -94,8 +94,8 @@ def find_work_tree(
         file = _Search(recorded, participant).at(given.absolute())
         if file is None:
             raise WiringError(
-                f"{given} has no scenario named {recorded.get('name')!r} with a participant "
-                f"{participant!r}, as the recording"
+                f"{given} has no scenario named {recorded.get('name')!r} with a "
+                f"participant {participant!r}, as in the recording"
             )
     else:
         file = search.at(Path(origin.file)) if origin.file else None

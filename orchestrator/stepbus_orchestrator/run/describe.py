@@ -59,7 +59,7 @@ def _ask(scenario: Scenario, spec: ParticipantSpec, module: str, problems: Probl
             check=True,
         )
     except subprocess.TimeoutExpired:
-        problems.add(where, f"its world is not loaded after {_LONGEST_S:g} s")
+        problems.add(where, f"its world did not load within {_LONGEST_S:g} s")
     except OSError as exc:
         problems.add(where, f"its world cannot be loaded: {exc}")
     except subprocess.CalledProcessError as exc:

@@ -124,9 +124,9 @@ class Episode(HostedCaller):
 
     def _check(self) -> None:
         if threading.get_ident() != self._place[1]:
-            raise WiringError("an episode belongs to the thread that started it")
+            raise WiringError("use an episode only in the thread that started it")
         if not self._is_waiting:
-            raise WiringError("no episode is under way: reset the environment first")
+            raise WiringError("no episode is running: reset the environment first")
 
     def _switch(self) -> None:
         """Run until the run needs us."""
@@ -154,7 +154,7 @@ class Episode(HostedCaller):
         if isinstance(self._outcome, BaseException):
             raise self._outcome
         if self._outcome is None:
-            raise WiringError("the run goes on")
+            raise WiringError("the run has not ended")
         return self._outcome.check()
 
     # --- the run's side -------------------------------------------------------------------

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 class RunExtension:
-    """A feature of a run. Override what it needs; everything else does nothing.
+    """Extends a run. Override the methods that you need; the others do nothing.
 
     An instance is for one run. All methods are called on the run's own thread, in the order in
     which the extensions were given. A RunFailure that one raises ends the run and is its outcome.
@@ -42,11 +42,11 @@ class RunExtension:
     # --- before the run -------------------------------------------------------------------
 
     def prepare(self, scenario: Scenario) -> Scenario:
-        """Return the scenario that is run and recorded; raises WiringError for what cannot be."""
+        """Return the scenario to run and record; raises WiringError if it is unsuitable."""
         return scenario
 
     def adapt(self, scenario: Scenario) -> Scenario:
-        """Return what the participants run of a scenario that is recorded as it is."""
+        """Return the scenario that the participants get; the recording keeps the original."""
         return scenario
 
     def metadata(self) -> Mapping[str, Mapping[str, str]]:
@@ -54,75 +54,75 @@ class RunExtension:
         return {}
 
     def attach(self, run: Run) -> None:
-        """Take the run: its bus is open, and no participant has been started."""
+        """Attach to the run: its bus is open, and no participant has started."""
         self.run = run
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return options for the start of a participant, as `Launcher.start` takes them.
 
-        folder: where it is started; default: that of the scenario.
+        folder: working directory; default: that of the scenario.
         """
         return {}
 
     def started(self, participant: ParticipantState) -> None:
-        """Take note of a participant that has been started, or that the user has to start."""
+        """React to a participant that was started, or that the user has to start."""
 
     # --- during the run -------------------------------------------------------------------
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
-        """Note, again and again, which participants have yet to get ready, or to leave."""
+        """Watch the participants that are not ready or have not ended yet; called repeatedly."""
 
     def ready(self) -> None:
-        """Check what all participants have said of themselves; the first step comes next."""
+        """Check the descriptions of all participants; called before the first step."""
 
     def turn(self) -> None:
-        """Do what is due by the clock; called at each turn of the run."""
+        """Do periodic work; called at each turn of the run loop."""
 
     def act(self) -> None:
-        """Do what is due between two steps, before further ones are released."""
+        """Act between two steps, before further steps are released."""
 
     def completed(self, step: int) -> None:
-        """Look at a step that is complete, before the next begins.
+        """Inspect a complete step before the next one begins.
 
-        A run with an extension that overrides this has a window of one step, so that what it
-        decides does not depend on how far ahead participants are.
+        Overriding this limits the window to one step, so that decisions do not depend on how far
+        ahead participants are.
         """
 
     def limit(self, released: int) -> int:
         """Return the first step that must not be released yet; default: none.
 
-        released: steps below it have been released. Called again and again.
+        released: all steps below it have been released. Called repeatedly.
         """
         return FAR
 
     def released(self, first: int, limit: int) -> None:
-        """Take note that the steps from `first` to below `limit` begin now."""
+        """React to the begin of the steps from `first` to below `limit`."""
 
     def wait_s(self, released: int, longest_s: float) -> float | None:
         """Return how long to wait for messages, at most until the next step is due [s].
 
-        longest_s: how long to wait where no step is. None: no step is held by the clock.
+        longest_s: wait when no step is due. None: the clock holds no step.
         """
         return None
 
     def is_holding(self) -> bool:
-        """Return whether the run is held until the user lets it continue."""
+        """Return whether the run is held until the user resumes it."""
         return False
 
     # --- at its end -----------------------------------------------------------------------
 
     def stopping(self) -> None:
-        """Take note that no further step begins."""
+        """React to the end of stepping: no further step begins."""
 
     def close(self) -> None:
-        """Release everything; called once where `attach` was, also after a failure."""
+        """Release resources; called once after `attach`, also after a failure."""
 
     def result(self) -> Mapping[str, Any]:
-        """Return fields of the run's result."""
+        """Return fields for the run's result."""
         return {}
 
     def finish(self, result: Result) -> None:
-        """Take the result, when the recording is closed; raises RecordingFailed."""
+        """Process the result after the recording is closed; may raise RecordingFailed."""
 
 
 _METHODS = {name for name, value in vars(RunExtension).items() if callable(value)} - {"prepare"}

@@ -30,7 +30,7 @@ def default_folder(scenario: Scenario, parent: Path) -> Path:
         make_folder(parent)
         return first_new(parent / name for name in names)
     except OSError as exc:
-        raise RecordingFailed(f"cannot make a folder in {parent}: {exc.strerror}") from exc
+        raise RecordingFailed(f"cannot create a folder in {parent}: {exc.strerror}") from exc
 
 
 def first_new(folders: Iterable[Path]) -> Path:
@@ -57,9 +57,9 @@ def claim(out: Path) -> None:
             # Of two runs that are given the same folder, one makes this.
             is_used = not _is_made(out / LOGS_FOLDER)
     except OSError as exc:
-        raise RecordingFailed(f"cannot make the folder {out}: {exc.strerror}") from exc
+        raise RecordingFailed(f"cannot create folder {out}: {exc.strerror}") from exc
     if is_used:
-        raise OutputExists(f"{out} holds a run already; choose another {argument('--out')}")
+        raise OutputExists(f"{out} already contains a run; choose another {argument('--out')}")
 
 
 def read_files(paths: Mapping[str, Path]) -> dict[str, bytes]:
@@ -87,8 +87,8 @@ def scratch_folder(purpose: str) -> Iterator[Path]:
         folder = Path(tempfile.mkdtemp(prefix=f"{purpose}-stepbus-")).resolve()
     except OSError as exc:
         raise RecordingFailed(
-            f"cannot make a folder for temporary files: {exc.strerror or exc}; set TMPDIR to one "
-            "that can be written"
+            f"cannot create a temporary folder: {exc.strerror or exc}; set TMPDIR to a "
+            "writable folder"
         ) from exc
     try:
         yield folder

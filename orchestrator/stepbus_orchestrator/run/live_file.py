@@ -116,8 +116,8 @@ def _pack(live: Live, request: CallRequest) -> bytes:
     data = encode(request)
     if live.endpoint.low_latency and len(data) > LOW_LATENCY_BYTES:
         raise WiringError(
-            f"the call takes {len(data)} bytes, over the {LOW_LATENCY_BYTES} that the run's "
-            "low-latency transport carries; start it with "
+            f"the call takes {len(data)} bytes, more than the {LOW_LATENCY_BYTES} that "
+            "the run's low-latency transport can carry; start it with "
             f"{argument('--set', value='bus.low_latency=false')}"
         )
     return data

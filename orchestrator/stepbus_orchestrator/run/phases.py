@@ -115,7 +115,7 @@ def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
             users = mesh.users.seen(
                 [port for n in ended for port in tcp_ports(mesh.participants[n])]
             )
-            return users and f"{users}, which keeps links from opening; {_USE_UNIX}"
+            return users and f"{users}, which blocks new connections; {_USE_UNIX}"
         if run.clock.monotonic() > end_s:
             return gone(lost)
         run.clock.sleep(_CHECK_S)
@@ -134,7 +134,9 @@ def _start(run: Run) -> None:
     # A relay could cut a link at any step, though it cannot read what is encrypted. It had the port
     # before its owner, and has a connection at it for as long as it passes on what comes.
     if mesh is not None and (users := mesh.users.look()):
-        raise BusFailed(f"before the first step: {users}, and may stand in a link; {_USE_UNIX}")
+        raise BusFailed(
+            f"before the first step: {users}, and may intercept a connection; {_USE_UNIX}"
+        )
     ready = {name: one.ready for name, one in state.participants.items() if one.ready is not None}
     run.descriptions = {
         **run.descriptions,
@@ -229,7 +231,7 @@ def _fall_back(run: Run, failure: RunFailure) -> None:
     state.replaced = participant.name
     run.receive_for(LAST_REPORTS_S)
     first, until = run.safe_stop.start(participant.name, run.descriptions)
-    state.end = (until, f"{participant.name} has failed; the run was held")
+    state.end = (until, f"{participant.name} has failed; its commands were held")
     run.recorder.add_metadata(
         layout.FALLBACK_METADATA,
         {"participant": participant.name, "first": str(first), "until": str(until)},
@@ -337,10 +339,12 @@ def _check_ends(run: Run, late: list[ParticipantState]) -> None:
         reached("a participant is late to end")
         first = late[0]
         raise StopTimeout(
-            f"{', '.join(one.who() for one in late)} did not end within "
-            f"{first.limit_s('stop'):g} s of the stop and was "
-            f"{'killed' if first.external is None else 'left alone'} "
-            f"(participants.{first.name}.stop_timeout); the recording is complete",
+            (
+                f"{', '.join(one.who() for one in late)} did not end within "
+                f"{first.limit_s('stop'):g} s of the stop and was "
+                f"{'killed' if first.external is None else 'left running'} "
+                f"(participants.{first.name}.stop_timeout); the recording is complete"
+            ),
             participant=first.name,
             step=run.state.steps,
         )

@@ -25,12 +25,12 @@ def _measured_angles(state: RunState, descriptions: Descriptions) -> dict[str, f
 
 @dataclass(frozen=True, kw_only=True)
 class Progress:
-    """A moment of a run.
+    """Progress of a run.
 
-    phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed and in all (None:
-    open end). phases: of each participant. compute_us: mean computing time of each
-    participant's step [µs]. drops: messages each participant has dropped. angles: newest measured
-    angle of each joint [rad].
+    phase: `starting`, `stepping`, `paused` or `stopping`. step, steps: completed steps and their
+    planned number (None: no fixed end). phases: phase of each participant. compute_us: mean
+    computing time of each participant's step [µs]. drops: messages each participant has dropped.
+    angles: newest measured angle of each joint [rad].
     """
 
     phase: str
@@ -46,13 +46,13 @@ class Progress:
 
 
 class Observer:
-    """Watches a run; called on the run's own thread, so it must be quick."""
+    """Receives progress and events of a run, on the run's thread, so it must return quickly."""
 
     def progress(self, progress: Progress) -> None:
-        """Take how far the run is; called about four times a second."""
+        """Receive the progress of the run; called about four times a second."""
 
     def event(self, level: str, who: str, step: int, text: str) -> None:
-        """Take a sentence for the user."""
+        """Receive an event as a text for the user."""
 
 
 def progress_of(
@@ -147,7 +147,9 @@ class Events:
         if is_shown:
             self._observer.event(level, who, step, text)
         elif self._shown[source] == _MOST_SHOWN + 1:
-            self._observer.event("info", who, step, f"the further events of {source} are recorded")
+            self._observer.event(
+                "info", who, step, f"further events of {source} are only in the recording"
+            )
 
 
 _UNITS = (("s", 1e6), ("ms", 1e3), ("µs", 1.0))
@@ -181,8 +183,8 @@ class Lateness(msgspec.Struct, frozen=True, kw_only=True):
         held = ", ".join(f"{count} by {name}" for name, count in self.late.items()) or "none"
         reached = self.factor * self.kept
         return (
-            f"real time was not kept: {reached:.2f} instead of {self.factor:g}; the last step was "
-            f"{self.behind_s:.1f} s late (steps held past their time: {held})"
+            f"real time was not kept: {reached:.2f} instead of {self.factor:g}; the last "
+            f"step was {self.behind_s:.1f} s late (late steps: {held})"
         )
 
 

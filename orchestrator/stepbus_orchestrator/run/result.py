@@ -30,16 +30,16 @@ RESULT_FILE = "result.json"
 class Result(msgspec.Struct, frozen=True, kw_only=True):
     """How a run ended, and where its files are.
 
-    outcome: `finished` or `failed`. exit_code: as documented in docs/exit-codes.md. reason: why
-    it ended, in one sentence. cause: the same, without what only this machine knows. participant,
-    at_step: who is to blame and when, where it failed. steps: complete ones. wall_s: from the first
-    trigger to the end [s]. start_s: from the call to the first trigger [s]. real_time_factor:
-    simulated over wall time. sha256: of run.mcap. messages_sha256: of its messages alone, which no
-    version, file or processor name changes. unauthenticated: messages without the run's token; they
-    changed nothing. drops: messages each participant dropped. faults: those that were injected on
-    purpose. warning_count: warnings and errors that participants reported. warnings: the first
-    fifty of each output. file, overrides: of the scenario, on this machine. real_time: how late the
-    steps were, in a run in real time.
+    outcome: `finished` or `failed`. exit_code: see docs/exit-codes.md. reason: why it ended, in one
+    sentence. cause: the same, without details of this machine, such as paths. participant, at_step:
+    the participant that failed, and the step. steps: number of complete steps. wall_s: from the
+    first trigger to the end [s]. start_s: from the call to the first trigger [s]. real_time_factor:
+    simulated over wall time. sha256: hash of run.mcap. messages_sha256: hash of its messages alone,
+    independent of versions, files and processor names. unauthenticated: number of messages without
+    the run's token, which were ignored. drops: messages that each participant dropped. faults:
+    injected faults. warning_count: warnings and errors that participants reported. warnings: the
+    first fifty of each output. file, overrides: scenario file and overrides, on this machine.
+    real_time: lateness of the steps, for a run in real time.
     """
 
     scenario: str
@@ -90,16 +90,16 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
 
     @property
     def metrics(self) -> dict[str, float]:
-        """Return what a sweep measures of a run, by name: `rmse`, `rmse.joint1`, `energy`, ….
+        """Return the metrics of the run by name, as in a sweep: `rmse`, `rmse.joint1`, `energy`, ….
 
-        `metrics.units` has their units. What the run has nothing to measure by is left out. It
-        reads the recording; raises RecordingFailed when it cannot.
+        `metrics.units` has their units. Metrics without data are omitted. Reads the recording;
+        raises RecordingFailed when it cannot be read.
         """
         measured: dict[str, float] = view("metrics")(self)
         return measured
 
     def check(self) -> Self:
-        """Return the result of a run that has finished; raises RunFailure for one that failed."""
+        """Return the result if the run finished; raises RunFailure if it failed."""
         if self.exit_code:
             raise RunFailure(
                 self.reason,
@@ -127,7 +127,7 @@ class Result(msgspec.Struct, frozen=True, kw_only=True):
         return f"{messages}sha256    {self.sha256}"
 
     def save(self, disk: Disk = os) -> None:
-        """Write result.json; no reader sees half of it. Raises OSError where the disk does."""
+        """Write result.json atomically. Raises OSError when it cannot be written."""
         data = msgspec.json.format(msgspec.json.encode(self), indent=2)
         target = Path(self.folder) / RESULT_FILE
         part = target.with_name(f".{RESULT_FILE}.part")

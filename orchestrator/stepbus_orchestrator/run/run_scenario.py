@@ -83,8 +83,8 @@ def run(
 
 
 _SHARED = (
-    "{folder} may be written by every user of this machine, who could put files of theirs in the "
-    "place of the run's; choose another {out}, or take that right away: chmod o-w {folder}"
+    "{folder} is writable by every user of this machine, who could replace the run's "
+    "files; choose another {out}, or remove that permission: chmod o-w {folder}"
 )
 
 

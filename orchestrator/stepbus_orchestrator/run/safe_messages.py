@@ -114,4 +114,4 @@ def motion_at_end(
             )
     if moving:
         return f"but {' and '.join(moving)}"
-    return "and brought to rest" if measured else "and told to stop"
+    return "and the robot came to rest" if measured else "and were commanded to stop"

@@ -95,7 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
     check = parser.parse_args(arguments).check
     if not (CHECKOUT / "pyproject.toml").is_file():
-        parser.error(f"{CHECKOUT} is no checkout of stepbus; run this from one")
+        parser.error(f"{CHECKOUT} is not a checkout of stepbus; run this from one")
     stale = False
     for path, text in generated_files(CHECKOUT).items():
         if path.is_file() and path.read_text(encoding="utf-8") == text:

@@ -80,11 +80,11 @@ def _check_bus(row: ScenarioFile, problems: Problems) -> None:
     bus, last = row.bus, LAST_TCP_PORT - len(row.participants)
     if bus.port is not None:
         if bus.transport == "unix" and not problems.has(("bus", "transport")):
-            problems.add(("bus", "port"), "is for transport tcp; a Unix socket has none")
+            problems.add(("bus", "port"), "is only for transport tcp; Unix sockets have no port")
         elif bus.port > last:
             problems.add(("bus", "port"), f"must be at most {last}, not {bus.port}")
     if bus.transport == "tcp" and bus.low_latency:
-        text = "is for transport unix; TCP never uses the low-latency transport; leave it out"
+        text = "is only for transport unix; TCP never uses the low-latency transport; remove it"
         problems.add(("bus", "low_latency"), text)
 
 
@@ -104,7 +104,7 @@ def _participant(
 ) -> ParticipantSpec:
     keys = ("participants", name)
     if name in _RESERVED:
-        problems.add(keys, f"{name!r} means something else already; choose another name")
+        problems.add(keys, f"{name!r} is a reserved name; choose another")
     most = LONGEST_NS // (scenario.step_ns or 1)
     if row.every > most:
         problems.add((*keys, "every"), f"must be at most {most}, not {row.every}")

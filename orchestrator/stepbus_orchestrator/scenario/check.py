@@ -69,7 +69,10 @@ def _connection_mistake(
         others = [name for name in specs if name != spec.name]
         return f"no participant {item.source!r}{suggest(item.source, others)}"
     if source is spec:
-        return f"{spec.name!r} reads its own output; let it keep that as its own state"
+        return (
+            f"{spec.name!r} reads its own output; keep that value as a variable of the "
+            "participant instead"
+        )
     output = source.outputs.get(item.port)
     if output is None:
         return f"{item.source!r} has no output {item.port!r}{suggest(item.port, source.outputs)}"
@@ -84,9 +87,9 @@ def _connection_mistake(
 def _holding_mistake(spec: ParticipantSpec) -> str:
     """Return why no other can stand in for a participant, or nothing."""
     if spec.publishes == "first":
-        return "hold is for participants that command; one that publishes first cannot be held"
+        return "hold is not possible for a participant that publishes first"
     if not spec.outputs:
-        return "hold needs an output to hold"
+        return "hold needs an output"
     bulk = [port for port, output in spec.outputs.items() if output.bulk]
     return f"hold cannot publish the bulk output {bulk[0]!r}" if bulk else ""
 

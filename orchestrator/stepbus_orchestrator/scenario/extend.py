@@ -12,7 +12,7 @@ from stepbus_participant import suggest
 from stepbus_participant.parameters import YamlFile, read_yaml, show
 
 _KEY = "extends"
-_EXPECTED = "a scenario has at least name, step and participants"
+_EXPECTED = "a scenario needs at least name, step and participants"
 
 
 def read_extended(path: Path) -> YamlFile:
@@ -66,7 +66,7 @@ def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...
         known = suggest(name, (*others, *builtin_names()))
         return f"no file {name!r} in {path.parent}, and no built-in scenario{known}"
     circle = (*chain[chain.index(base.resolve()) :], base)
-    return f"a circle: {' → '.join(file.name for file in circle)}"
+    return f"in a cycle: {' → '.join(file.name for file in circle)}"
 
 
 def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:

@@ -60,7 +60,7 @@ def read_fault(text: str) -> FaultSpec:
     """Return the fault that a text names, of whatever run; raises WiringError for another text."""
     one = _FORM.fullmatch(" ".join(text.split()))
     if one is None:
-        raise WiringError(f"{text!r} is no fault; {_HELP}")
+        raise WiringError(f"{text!r}: not a fault; {_HELP}")
     return FaultSpec(
         type=one[1],
         participant=one[2],
@@ -87,13 +87,13 @@ def _duration_ns(fault_type: str, text: str | None) -> int | None:
     if text is None:
         return _DEFAULT_NS.get(fault_type)
     if fault_type in FAULT_TYPES and fault_type not in _LASTING:
-        raise WiringError(f"{fault_type} has no duration; only {', '.join(_LASTING)} have one")
+        raise WiringError(f"{fault_type} takes no duration; only {', '.join(_LASTING)} take one")
     return parse_duration(text)
 
 
 def _check(fault: FaultSpec, scenario: Scenario) -> None:
     if fault.type not in FAULT_TYPES:
-        raise WiringError(f"{fault.type!r} is no fault type{suggest(fault.type, FAULT_TYPES)}")
+        raise WiringError(f"unknown fault type {fault.type!r}{suggest(fault.type, FAULT_TYPES)}")
     specs = {spec.name: spec for spec in scenario.participants}
     spec = specs.get(fault.participant)
     if spec is None:
@@ -102,13 +102,14 @@ def _check(fault: FaultSpec, scenario: Scenario) -> None:
         )
     if scenario.steps is not None and fault.step >= scenario.steps:
         raise WiringError(
-            f"step {fault.step} never comes; the run has the steps 0 to {scenario.steps - 1}"
+            f"step {fault.step} is past the end of the run, which has steps 0 to "
+            f"{scenario.steps - 1}"
         )
     if fault.type in MESSAGE_FAULTS and fault.step % spec.every:
         before = fault.step - fault.step % spec.every
         raise WiringError(
-            f"{spec.name} publishes nothing at step {fault.step}: it fires every {spec.every} "
-            f"steps; take {before} or {before + spec.every}"
+            f"{spec.name} publishes nothing at step {fault.step}: it fires every "
+            f"{spec.every} steps; use {before} or {before + spec.every}"
         )
 
 
@@ -117,13 +118,13 @@ def _draw(form: re.Match[str], scenario: Scenario) -> tuple[FaultSpec, ...]:
     count, first = int(form[1]), int(form[2] or 0)
     last = int(form[3]) if form[3] else scenario.steps
     if last is None:
-        raise WiringError("a run without duration needs the last step: 'random N to STEP'")
+        raise WiringError("a run without duration needs a last step: 'random N to STEP'")
     if scenario.steps is not None and last > scenario.steps:
-        raise WiringError(f"the run has only the steps below {scenario.steps}, not up to {last}")
+        raise WiringError(f"step {last} is past the end of the run ({scenario.steps} steps)")
     if not 1 <= count <= _MOST:
-        raise WiringError(f"must draw 1 to {_MOST} faults, not {count}")
+        raise WiringError(f"must be 1 to {_MOST} faults, not {count}")
     if first >= last:
-        raise WiringError(f"there is no step from {first} to below {last}")
+        raise WiringError(f"there are no steps from {first} to below {last}")
     generator = random.Random(int(form[4]) if form[4] else scenario.seed)  # noqa: S311
     drawn = [_one(generator, first, last, scenario.participants) for _ in range(count)]
     return tuple(sorted(drawn, key=lambda fault: fault.step))

@@ -53,8 +53,8 @@ def _missing(path: Path, name: str, builtin: dict[str, Path]) -> str:
     if path.suffix in {".yaml", ".yml"} or name.startswith((".", "/")):
         return f"no such file or folder (looked in {Path.cwd()})"
     return (
-        f"no file, no folder and no built-in scenario of that name{suggest(name, builtin)}; "
-        f"a scenario of your own is given by path, e.g. ./my_robot/{MAIN_FILE}"
+        "no such file, folder or built-in scenario (give the path of your own, e.g. "
+        f"./my_robot/{MAIN_FILE}){suggest(name, builtin)}"
     )
 
 

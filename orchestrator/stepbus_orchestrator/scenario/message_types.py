@@ -32,7 +32,7 @@ def own_types(
         if not problems.has(keys):
             declared = read_types(source, problems, keys, folder)
             for name in (name for name in declared if name in types):
-                problems.add(keys, f"{name} is declared twice; leave one of the two out")
+                problems.add(keys, f"{name} is declared twice; remove one of the two")
             types |= declared
             if isinstance(source, str) and is_file_name(source) and "://" not in source:
                 files[source] = tuple(declared)
@@ -76,4 +76,4 @@ def _safe_problems(
             try:
                 msgspec.convert(message, types[name])
             except msgspec.ValidationError as exc:
-                yield (port,), f"is no {name}: {explained(exc, types[name])}"
+                yield (port,), f"is not a valid {name}: {explained(exc, types[name])}"

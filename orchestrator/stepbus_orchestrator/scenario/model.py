@@ -167,9 +167,12 @@ class ParticipantRow(Settings, dict=True):
         if key == "external":
             return "a participant that you start yourself has `start: external`"
         if key == "name":
-            return "the key above is the participant's name"
+            return "the participant's name is its key under `participants`"
         if key in keys_of(ScenarioFile):
-            return f"{key!r} belongs to the scenario: write it at the top, beside `participants`"
+            return (
+                f"{key!r} belongs to the scenario: write it at the top level, next to "
+                "`participants`"
+            )
         parts = (("inputs", InputSpec), ("on_fault", HoldSpec), ("bridge", BridgeSpec))
         for part, settings in parts:
             if key in keys_of(settings):
@@ -184,7 +187,7 @@ class ParticipantRow(Settings, dict=True):
         elif not self.exec:
             yield (), "needs either 'participant', a class, or 'exec', the command of a program"
         elif not self.exec[0]:
-            yield ("exec",), "names no program"
+            yield ("exec",), "needs the name of a program"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"
@@ -194,7 +197,10 @@ class ParticipantRow(Settings, dict=True):
     def _class_problems(self, name: str) -> Iterator[tuple[Keys, str]]:
         given = {"exec": self.exec, "bridge": self.bridge}
         for key in (key for key, value in given.items() if value):
-            text = f"is for a program; {name} is a class (`participant`); leave out one of them"
+            text = (
+                f"is only for a program (`exec`), but {name} is a class (`participant`); "
+                "remove one of them"
+            )
             yield (key,), text
         source, _, attribute = name.rpartition(":")
         if not source or not attribute.isidentifier():
@@ -291,14 +297,14 @@ def keys_of(settings: type[Settings]) -> tuple[str, ...]:
 class Scenario:
     """A complete scenario, checked.
 
-    step_ns: length of a communication step [ns]. steps: how many; none: until something ends the
-    run. participants: in the order of the file. window: steps that may be in flight. batch:
-    outputs of a participant per log message. checkpoint_steps: how often participants save their
-    state, 0: never. faults: what is done to it on purpose. types: message
-    types, with its own that ports have. type_files: files of the scenario → the types that each
-    declares. folder: what relative file names are relative to. file: where it was read from.
-    overrides: with which. files: what a recording of it holds, name → file; left_out: what it does
-    not, a sentence each. Two scenarios are equal when all before `folder` is.
+    step_ns: length of a communication step [ns]. steps: number of steps; None: no fixed end.
+    participants: in the order of the file. window: maximum steps in flight. batch: outputs of a
+    participant per log message. checkpoint_steps: steps between two saved states of a participant,
+    0: never. faults: faults to inject. types: message types, including the scenario's own.
+    type_files: files of the scenario → the types that each declares. folder: base of relative file
+    names. file: path of the scenario file. overrides: overridden values. files: files that a
+    recording contains, name → file; left_out: a text for each file that it does not contain. Two
+    scenarios are equal when all fields before `folder` are.
     """
 
     name: str
@@ -320,11 +326,11 @@ class Scenario:
     left_out: Sequence[str] = field(default=(), compare=False)
 
     def participant(self, name: str) -> ParticipantSpec:
-        """Return one participant; raises KeyError when there is none of that name."""
+        """Return a participant by name; raises KeyError for an unknown name."""
         return {spec.name: spec for spec in self.participants}[name]
 
     def changed(self, names: Collection[str], **fields: Any) -> "Scenario":
-        """Return the scenario with other fields of some participants."""
+        """Return a copy of the scenario with changed fields of some participants."""
         rows = self.participants
         specs = (structs.replace(row, **fields) if row.name in names else row for row in rows)
         return replace(self, participants=tuple(specs))

@@ -55,7 +55,7 @@ def _parsed(data: dict[str, Any], setting: str, file: str) -> tuple[Keys, Any]:
         if head not in names:
             place = ScenarioFile.elsewhere(head) or _parameter(data, head)
             known = f"; {place}" if place else suggest(head, (*names, *TOP_KEYS))
-            raise WiringError(f"no participant and no key {head!r}{known}")
+            raise WiringError(f"no participant or key {head!r}{known}")
         parts = ["participants", *parts]
     return tuple(parts), parse_yaml(file, text)
 
@@ -78,7 +78,9 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
     if isinstance(node, list):
         index = int(key) if key.isdecimal() else len(node)
         if index >= len(node):
-            raise WiringError(f"{here} is a list of {len(node)}; {key!r} is none of its indices")
+            raise WiringError(
+                f"{here} is a list of {len(node)} values; {key!r} is not one of its indices"
+            )
         new = _replaced(node[index], (*at, key), rest, value) if rest else value
         return [*node[:index], new, *node[index + 1 :]]
     if not isinstance(node, dict):

@@ -67,5 +67,8 @@ class OutputSpec(Settings, omit_defaults=True):
             text = f"must be all, off or every N, e.g. every 10, not {self.record!r}"
             yield ("record",), text + near
         elif self.record != RECORD_ALL and self.type == type_name(Event):
-            text = f"an output of {self.type} is recorded whole: what it says is shown from there"
+            text = (
+                f"an output of {self.type} must be recorded completely: views and reports "
+                "show its events"
+            )
             yield ("record",), text

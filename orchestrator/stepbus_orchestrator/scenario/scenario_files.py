@@ -127,8 +127,8 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     if is_program and is_file(path.parent.parent / "pyvenv.cfg"):
         if not Path(text).is_absolute():
             files.left_out.append(
-                f"{text}: a virtual environment is not recorded; write its absolute path, and a "
-                "rerun on this machine finds it"
+                f"{text}: a virtual environment is not recorded; write its absolute path "
+                "so that a rerun on this machine finds it"
             )
         return None
     if is_program and os.access(path, os.X_OK) and not path.is_relative_to(files.folder):
@@ -136,8 +136,8 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     # In a copy, the folders above the scenario's have other names.
     if os.path.normpath(text) != files.name(path):
         message = (
-            f"write {text!r} as {files.name(path)!r}: a recording is run again from a copy of "
-            "these files, in which folders above the scenario's have other names"
+            f"write {text!r} as {files.name(path)!r}: a rerun uses a copy of these "
+            "files, in which the folders above the scenario's have other names"
         )
         files.problems.append((keys, message))
         return None
@@ -187,9 +187,9 @@ def _take_folder(files: Files, root: Path, *, warns: bool) -> None:
         if len(paths) > _MOST_FILES or size > _MOST_BYTES:
             if warns:
                 files.left_out.append(
-                    f"what lies in {root}: more than {_MOST_FILES} files, or {_MOST_BYTES >> 20} "
-                    "MiB; name what your programs load in `files` of a participant, or what they "
-                    f"do not in {IGNORE_FILE}"
+                    f"{root} has more than {_MOST_FILES} files or {_MOST_BYTES >> 20} "
+                    "MiB to record; list what your programs load in `files` of a "
+                    f"participant, or exclude the rest in {IGNORE_FILE}"
                 )
             return
     files.take(paths)

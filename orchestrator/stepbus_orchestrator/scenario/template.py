@@ -58,7 +58,7 @@ def _instance(
     filling = _Filling(values)
     result = merged(filling.value(template), own, at)
     for parameter in (parameter for parameter in filling.used if parameter not in values):
-        problems.add((*at, "with"), f"gives template {name!r} no {parameter!r}")
+        problems.add((*at, "with"), f"lacks {parameter!r}, a parameter of template {name!r}")
     for parameter in (parameter for parameter in values if parameter not in filling.used):
         text = f"template {name!r} has no parameter {parameter!r}{suggest(parameter, filling.used)}"
         problems.add((*at, "with", parameter), text)

@@ -40,7 +40,7 @@ def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
     limits = ["controller.params.effort_limit=100", "plant.params.effort.joint1=10"]
     (line,) = found(tmp_path, *limits)
     assert line == (
-        "plant cuts joint1 of controller.command to 10 N·m in 86 % of the steps: "
+        "plant clips joint1 of controller.command to 10 N·m in 86 % of the steps: "
         "up to 100 N·m were commanded"
     )
 
@@ -65,7 +65,7 @@ def test_a_joint_that_saturates_in_many_steps_is_named(tmp_path):
 def test_degrees_where_radians_belong_are_asked_for(tmp_path):
     lines = found(tmp_path, "mission.params.amplitude=57")
     assert (
-        "mission.reference: joint2 is sent to 57 rad, beyond its stop at 6.283 rad; is it in "
+        "mission.reference: joint2 is commanded to 57 rad, beyond its stop at 6.283 rad; is it in "
         "degrees? 57° is 0.9948 rad"
     ) in lines
 
@@ -83,10 +83,12 @@ def test_degrees_in_a_goal_are_asked_for(tmp_path):
     right = Goal(id=1, type="move_joints", joints=["elbow"], values=[1.0])
     assert goals(tmp_path, right) == []
     wrong = Goal(id=2, type="move_joints", joints=["elbow"], values=[90.0])
-    sentence = "plant.goal: elbow is sent to 90 rad, beyond its stop at 2 rad; is it in degrees?"
+    sentence = (
+        "plant.goal: elbow is commanded to 90 rad, beyond its stop at 2 rad; is it in degrees?"
+    )
     assert goals(tmp_path, right, wrong) == [f"{sentence} 90° is 1.571 rad"]
     (line,) = goals(tmp_path, wrong, joint="left/elbow")
-    assert line.startswith("plant.goal: elbow is sent to 90 rad, beyond its stop")
+    assert line.startswith("plant.goal: elbow is commanded to 90 rad, beyond its stop")
     millimetres = Goal(id=2, type="move_joints", joints=["elbow"], values=[300.0])
     (line,) = goals(tmp_path, millimetres, joint_type="prismatic")
     assert line.endswith("beyond its stop at 2 m; is it in mm? 300 mm is 0.3 m")
@@ -101,7 +103,9 @@ def test_millimetres_where_metres_belong_are_asked_for(tmp_path):
     world.write_text(world.read_text().replace("position: 1.0", "position: 0.0"))
     settings = ["duration=200ms", "mission.params.offset={joint1: 0, joint2: 100}"]
     lines = findings(Recording(run_it(tmp_path / "arm", tmp_path / "run", *settings).recording))
-    sentence = r"joint2 is sent to \S+ m, beyond its stop at 0.2 m; is it in mm\? \S+ mm is 0\.1"
+    sentence = (
+        r"joint2 is commanded to \S+ m, beyond its stop at 0.2 m; is it in mm\? \S+ mm is 0\.1"
+    )
     assert any(re.search(sentence, line) for line in lines), lines
 
 
@@ -117,7 +121,7 @@ def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path,
     limit = ["--set", "plant.params.effort.joint1=10"]
     assert cli.main([*words, *limit, "--out", str(tmp_path / "run")]) == 0
     said = capsys.readouterr().out
-    assert "\nattention plant cuts joint1 of controller.command to 10 N·m in " in said
+    assert "\nattention plant clips joint1 of controller.command to 10 N·m in " in said
     assert "\ntracking RMSE of the whole run: joint1 " in said
     assert not (tmp_path / "run/report.png").exists()
 

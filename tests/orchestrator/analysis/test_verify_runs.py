@@ -50,7 +50,7 @@ def test_the_command_prints_a_line_per_run_and_leaves_nothing(own_temp, capsys):
     shown = capsys.readouterr().out.splitlines()
     lines = [line for line in shown if not line.startswith("verify two_link: ")]
     assert lines[0].startswith("run 1 of 2: window 64, unix, started plant controller mission,")
-    assert lines[2] == "2 runs of 20 steps, one result"
+    assert lines[2] == "2 runs of 20 steps, all identical"
     assert list(own_temp.iterdir()) == []
 
 
@@ -81,4 +81,4 @@ def test_a_number_of_runs_that_compares_nothing_is_refused(count, capsys):
     with pytest.raises(SystemExit) as caught:
         cli.main(["verify", "two_link", "-n", count])
     assert caught.value.code == 2
-    assert "number of runs, at least 2" in capsys.readouterr().err
+    assert "number of runs (2 or more)" in capsys.readouterr().err

@@ -84,7 +84,7 @@ def test_the_new_controller_has_at_most_22_lines(tmp_path):
 def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
     (tmp_path / "mine.txt").touch()
     assert main(["new", str(tmp_path)]) == ExitCode.SCENARIO
-    assert "holds something already" in capsys.readouterr().err
+    assert "is not empty; choose a new folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -93,7 +93,7 @@ def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
         (["run", "two_lonk"], "two_link"),
         (["run", "two_link", "--set", "controler.params.kp=1"], "controller"),
         (["run", "two_link", "--set", "nonsense"], "nonsense"),
-        (["run", "two_link", "--out", "/proc/no/such"], "cannot make the folder"),
+        (["run", "two_link", "--out", "/proc/no/such"], "cannot create folder"),
         (["validate", "/no/such/file.yaml"], "/no/such/file.yaml"),
         (["describe", "/dev/null"], "/dev/null"),
         (["new", "/proc/no/such"], "cannot be written"),

@@ -105,11 +105,11 @@ def test_names_of_an_output_that_is_like_an_input_are_those_of_the_input(tmp_pat
         ('names=["a", "b"], limits={"lower": [1.0]}', "limits.lower has 1 values for 2 names"),
         ('names=["a"], details={"type": ["x", "y"]}', "details.type has 2 values for 1 names"),
         ('names=["a", "a"]', "a is listed twice"),
-        ('like="stat"', "state is like 'stat', which is no input of it; it has none"),
+        ('like="stat"', "state is like 'stat', which is not one of its inputs; it has none"),
     ],
 )
 def test_a_description_that_does_not_fit_together_is_refused(tmp_path, description, sentence):
-    with pytest.raises(RunFailure, match=f"sensor .* wrongly: .*{sentence}") as caught:
+    with pytest.raises(RunFailure, match=f"sensor .* incorrectly: .*{sentence}") as caught:
         describe(load(sensor(tmp_path, description)))
     assert caught.value.code == ExitCode.START
 

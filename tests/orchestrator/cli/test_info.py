@@ -40,9 +40,7 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
 def test_a_recording_alone_says_that_it_is_complete(two_link_recording, tmp_path, capsys):
     shutil.copy(two_link_recording, tmp_path / "alone.mcap")
     rows = info(tmp_path / "alone.mcap", capsys)
-    assert rows["outcome"] == [
-        "the recording is complete; no result.json of it says how the run ended"
-    ]
+    assert rows["outcome"] == ["complete recording; outcome unknown without its result.json"]
     assert rows["length"] == ["60 steps of 5 ms = 0.3 s"]
     assert "folder" not in rows["recording"][0]
 
@@ -52,7 +50,7 @@ def test_the_result_of_another_run_is_not_taken_for_its_own(two_link_recording, 
     result = json.loads((two_link_recording.parent / "result.json").read_text())
     other = json.dumps({**result, "messages_sha256": "0" * 64, "outcome": "failed"})
     (tmp_path / "result.json").write_text(other)
-    assert "no result.json of it" in info(tmp_path, capsys)["outcome"][0]
+    assert "without its result.json" in info(tmp_path, capsys)["outcome"][0]
 
 
 def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
@@ -64,7 +62,7 @@ def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
     steps = int(rows["length"][0].split(" of 400 steps of 5 ms")[0])
     assert 0 < steps < 400
     assert f"{steps} JointCommand/1 (controller/command)" in rows["types"][0]
-    assert rows["hash"] == ["none: no chain closes the last step"]
+    assert rows["hash"] == ["none: the hash chain does not cover the last step"]
 
 
 def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
@@ -75,7 +73,7 @@ def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
     rows = info(tmp_path / "out", capsys)
     assert rows["outcome"][0].startswith("failed: ")
     assert reason in rows["outcome"][0]
-    assert "; outputs are missing of " in rows["outcome"][0]
+    assert "; missing outputs: " in rows["outcome"][0]
     assert rows["events"][0].endswith("faults injected: kill controller at 5")
 
 
@@ -95,7 +93,7 @@ def test_a_pipe_in_the_place_of_the_result_holds_nothing(two_link_recording, tmp
     os.mkfifo(tmp_path / "result.json")
     command = [sys.executable, "-m", "stepbus_orchestrator.cli", "info", tmp_path]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60)
-    assert (done.returncode, "no result.json of it" in done.stdout) == (0, True)
+    assert (done.returncode, "without its result.json" in done.stdout) == (0, True)
 
 
 def test_json_has_the_same_and_more(two_link_recording, capsys):

@@ -23,7 +23,7 @@ from stepbus_orchestrator.cli import main
         (["info", "runs/a", "--josn"], "unknown option --josn; did you mean '--json'?"),
         (["run", "--json"], "the following arguments are required: scenario"),
         (["ru", "two_link"], "did you mean 'run'?"),
-        (["--json", "run"], "--json is no option of stepbus itself; options stand behind the"),
+        (["--json", "run"], "--json is not an option of stepbus; write options after the"),
         (["run", "two_link", "--windw", "3"], "see stepbus run --help"),
         (
             ["sweep", "two_link", "--timeout", "60"],
@@ -32,8 +32,11 @@ from stepbus_orchestrator.cli import main
         (["join", "ticket", "--wait", "1 year"], "'1 year' is no duration; write a number and"),
         (["run", "two_link", "--join-timeout", "0s"], "'0s' must be longer than 0"),
         (["run", "two_link", "--pause-at", "soon"], "nor a time such as 6s"),
-        (["run", "two_link", "--pause-at", "-1"], "'-1' is not a step, from 0 on"),
-        (["run", "two_link", "--window", "x"], "'x' is not a number of steps, from 1 on"),
+        (
+            ["run", "two_link", "--pause-at", "-1"],
+            "'-1' is neither a step (0 or higher) nor a time",
+        ),
+        (["run", "two_link", "--window", "x"], "'x' is not a number of steps (1 or more)"),
     ],
 )
 def test_a_word_that_no_command_knows_is_told_the_nearest(words, sentence, capsys):
@@ -49,7 +52,7 @@ def test_a_word_that_no_command_knows_is_told_the_nearest(words, sentence, capsy
         (["validate", "two_link", "--set", "controller.kp=80"], "write it as params.kp"),
         (["validate", "two_link", "--set", "controller.evry=2"], "did you mean 'every'?"),
         (["report", "nofile"], "No such file or directory; give the folder of a run, e.g. runs/"),
-        (["report", "."], "No such file or directory; . is no folder of a run"),
+        (["report", "."], "No such file or directory; . is not the folder of a run"),
     ],
 )
 def test_what_is_not_there_is_told_with_what_to_give(

@@ -104,10 +104,10 @@ def overwrite(recording):
         (lambda path: shutil.rmtree(path.parent), "was removed"),
         (lambda path: path.unlink(), "was removed"),
         (lambda path: path.rename(path.with_name("moved.mcap")), "was removed"),
-        (lambda path: os.truncate(path, 0), "has another content than was written"),
+        (lambda path: os.truncate(path, 0), "has other content than was written"),
         # Into the attachments, which are not written again, unlike what lies behind the chunks.
-        (lambda path: os.truncate(path, 1000), "has another content than was written"),
-        (overwrite, "has another content than was written"),
+        (lambda path: os.truncate(path, 1000), "has other content than was written"),
+        (overwrite, "has other content than was written"),
         (replace, "was replaced by another file"),
         (lambda path: path.unlink() or path.mkdir(), "was replaced by another file"),
         (lambda path: path.unlink() or os.mkfifo(path), "was replaced by another file"),
@@ -154,7 +154,7 @@ def test_the_command_says_that_a_recording_was_changed(tmp_path):
     process, recording = start(tmp_path, "--no-report", "--set", "duration=2s", *freeze)
     overwrite(recording)
     _, errors = process.communicate(timeout=60)
-    assert f"the recording {recording} has another content than was written" in errors
+    assert f"the recording {recording} has other content than was written" in errors
     assert "Traceback" not in errors
     assert process.returncode == ExitCode.RECORDING
 

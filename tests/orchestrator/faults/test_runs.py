@@ -104,7 +104,7 @@ def test_a_held_participant_is_replaced_by_its_last_and_then_a_safe_command(tmp_
         "controller",
         40,
     )
-    assert "its commands were held from step 40 to 64 and told to stop" in result.reason
+    assert "its commands were held from step 40 to 64 and were commanded to stop" in result.reason
     commands = [
         data for topic, _, _, data in messages(result.recording) if topic == "controller/command"
     ]

@@ -156,7 +156,7 @@ def run_under(attack, tmp_path, *words, scenario="two_link", is_other=True):
 def test_a_port_that_somebody_takes_first_is_the_fault_of_no_participant(tmp_path, is_other, who):
     code, error, result = run_under(SQUAT, tmp_path, scenario=held_scenario, is_other=is_other)
     assert (code, result["participant"]) == (7, None)
-    assert f"{who} has taken TCP port " in error
+    assert f"{who} uses TCP port " in error
     assert ".rs:" not in error
 
 
@@ -173,7 +173,7 @@ def test_nonsense_from_the_start_is_the_fault_of_no_participant(tmp_path):
 def test_no_run_starts_over_links_that_lead_through_somebody_else(tmp_path):
     code, error, result = run_under(RELAY, tmp_path, scenario=passed_scenario)
     assert (code, result["steps"], result["participant"]) == (7, 0, None)
-    assert re.search(r"user nobody has taken TCP port \d+ of the run, and may stand in a l", error)
+    assert re.search(r"user nobody uses TCP port \d+ of the run, and may intercept a c", error)
 
 
 def family_of(process):

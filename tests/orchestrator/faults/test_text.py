@@ -30,14 +30,14 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
 @pytest.mark.parametrize(
     ("written", "sentence"),
     [
-        ("kil plant at 3", "'kil' is no fault type; did you mean 'kill'?"),
+        ("kil plant at 3", "unknown fault type 'kil'; did you mean 'kill'?"),
         ("kill plnt at 3", "no participant 'plnt'; did you mean 'plant'?"),
-        ("kill plant at 200", "step 200 never comes; the run has the steps 0 to 199"),
-        ("kill plant at 3 for 1s", "kill has no duration; only delay, freeze, slow have one"),
+        ("kill plant at 200", "step 200 is past the end of the run, which has steps 0 to 199"),
+        ("kill plant at 3 for 1s", "kill takes no duration; only delay, freeze, slow take one"),
         ("delay plant at 3 for 5", "'5' is no duration"),
-        ("kill plant", "'kill plant' is no fault; write TYPE PARTICIPANT at STEP"),
-        ("random 0", "must draw 1 to 1000 faults, not 0"),
-        ("random 3 from 7 to 7", "there is no step from 7 to below 7"),
+        ("kill plant", "'kill plant': not a fault; write TYPE PARTICIPANT at STEP"),
+        ("random 0", "must be 1 to 1000 faults, not 0"),
+        ("random 3 from 7 to 7", "there are no steps from 7 to below 7"),
     ],
 )
 def test_a_fault_that_cannot_be_says_why(written, sentence):
@@ -47,7 +47,7 @@ def test_a_fault_that_cannot_be_says_why(written, sentence):
 
 
 def test_a_message_fault_at_a_step_without_a_message_is_refused():
-    with pytest.raises(ScenarioError, match="it fires every 4 steps; take 8 or 12"):
+    with pytest.raises(ScenarioError, match="it fires every 4 steps; use 8 or 12"):
         texts("drop mission at 10", overrides=("duration=1s", "mission.every=4"))
 
 
@@ -65,7 +65,7 @@ def test_drawn_faults_keep_to_their_steps():
 
 
 def test_a_run_without_an_end_needs_the_last_step_of_random_faults():
-    with pytest.raises(ScenarioError, match="needs the last step"):
+    with pytest.raises(ScenarioError, match="needs a last step"):
         texts("random 3", overrides=("duration=null",))
 
 
@@ -91,12 +91,15 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
     [
         (
             "plant.on_fault=hold",
-            "hold is for participants that command; one that publishes first cannot",
+            "hold is not possible for a participant that publishes first",
         ),
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),
-        ("controller.on_fault={safe: {command: {mode: jump, values: []}}}", "is no JointCommand/1"),
+        (
+            "controller.on_fault={safe: {command: {mode: jump, values: []}}}",
+            "is not a valid JointCommand/1",
+        ),
     ],
 )
 def test_who_cannot_be_held_is_refused(setting, sentence):

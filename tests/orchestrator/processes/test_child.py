@@ -119,7 +119,7 @@ def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
     assert len(log) < 9 * 1024 * 1024
     assert log.startswith(b"the first line")
     assert log.endswith(b"the last line")
-    assert b"bytes are cut out here]" in log
+    assert b"bytes omitted]" in log
 
 
 def test_a_short_log_stays_as_it_is(start, tmp_path):
@@ -166,8 +166,11 @@ def test_a_log_as_large_as_the_limit_of_files_is_named(start, monkeypatch, tmp_p
 @pytest.mark.parametrize(
     ("activity", "sentence"),
     [
-        (Activity(is_stopped=True, cpu_s=9), "stopped by a signal or a debugger; `kill -CONT -7`"),
-        (Activity(waits_for_disk=True), "waits for a device and takes no signal"),
+        (
+            Activity(is_stopped=True, cpu_s=9),
+            "signal or a debugger has stopped it; `kill -CONT -7`",
+        ),
+        (Activity(waits_for_disk=True), "is in uninterruptible I/O"),
         (Activity(cpu_s=4.0), "it has computed for 4.0 s"),
         (Activity(cpu_s=0.2), ""),
     ],

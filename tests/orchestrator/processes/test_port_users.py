@@ -58,7 +58,7 @@ def test_connections_that_wait_are_counted(listening):
 
 
 def test_the_port_of_a_process_that_has_ended_is_anothers(listening):
-    words = f"another process has taken TCP port {listening} of the run"
+    words = f"another process uses TCP port {listening} of the run"
     assert PortUsers([listening]).seen([listening]) == words
     assert PortUsers([listening]).seen([listening + 1]) == ""
 
@@ -87,7 +87,7 @@ def test_another_user_on_a_port_is_named(family, host):
     )
     try:
         port = int(stranger.stdout.readline())
-        assert PortUsers([port]).look() == f"user nobody has taken TCP port {port} of the run"
+        assert PortUsers([port]).look() == f"user nobody uses TCP port {port} of the run"
         assert PortUsers([port + 1]).look() == ""
     finally:
         stranger.kill()

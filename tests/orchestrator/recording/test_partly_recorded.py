@@ -106,7 +106,7 @@ def test_only_what_should_have_been_recorded_is_a_hole(recorded):
 
 def test_what_reads_such_a_port_cannot_be_repeated(recorded, tmp_path):
     path = recorded(f"{IMAGE}=every 5")
-    sentence = r"eye reads camera\.image, which is not recorded whole \(`record: every 5`\)"
+    sentence = r"eye reads camera\.image, which is not fully recorded \(`record: every 5`\)"
     with pytest.raises(RecordingFailed, match=sentence):
         replay(path, "eye")
     with pytest.raises(RecordingFailed, match=sentence):
@@ -126,8 +126,8 @@ def test_it_is_compared_where_both_have_it(recorded, how, common):
     found = diff(recorded(), recorded(f"{IMAGE}={how}"))
     assert found.equal
     assert {port.topic: port.equal for port in found.ports}["camera/image"] == common
-    note = f"camera/image: compared where both have it recorded (all in the first, {how} in"
-    assert any(line.startswith(note) for line in found.notes)
+    note = f"only at the steps that both recordings contain (all in the first, {how} in"
+    assert any(note in line for line in found.notes)
 
 
 def test_info_says_what_is_not_recorded_whole(recorded, capsys):
@@ -150,7 +150,7 @@ def test_info_says_what_is_not_recorded_whole(recorded, capsys):
         (f"{IMAGE}=10", "record"),
         (
             "camera.outputs.events={type: Event/1, record: off}",
-            "an output of Event/1 is recorded whole",
+            "an output of Event/1 must be recorded completely",
         ),
     ],
 )

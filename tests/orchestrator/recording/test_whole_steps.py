@@ -65,7 +65,7 @@ def test_a_cut_anywhere_leaves_whole_steps(ended, tmp_path, is_closed, share):
     with Recording(cut) as recording:
         assert recording.last_step == recovery.last_step
         counted = Counter(len(port) for name, port in recording.ports.items() if name in TOPICS)
-        told = f"step {recovery.last_step + 1}, the last one, is not complete and is left out"
+        told = f"step {recovery.last_step + 1}, the last one, is incomplete and was skipped"
         assert (told in recording.damage) == (recovery.cut_step is not None)
     assert set(counted) <= {recovery.last_step + 1}
     assert recovery.cut_step in {None, recovery.last_step + 1}
@@ -94,7 +94,7 @@ def test_older_recordings_may_end_within_a_step_though_they_have_an_index(ended,
         library=library,
         enable_data_crcs=True,
     )
-    told = "step 650, the last one, is not complete and is left out"
+    told = "step 650, the last one, is incomplete and was skipped"
     with Recording(old) as recording:
         assert (recording.damage, recording.last_step) == (told, 649)
         assert recording["plant/b"].last_step == 649

@@ -42,7 +42,7 @@ def failure_of(recording, *overrides, **options):
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 0\.5 s"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 0\.5 s"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
         ("message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
@@ -110,7 +110,9 @@ def test_a_frozen_participant_that_large_messages_pile_up_for_hangs_nobody(tmp_p
     recording = run(
         load(write_large(tmp_path)), Options(out=tmp_path / "out", host=InProcess())
     ).recording
-    with pytest.raises(StepTimeout, match=r"reader \(pid \d+\) has read nothing for .* piled up"):
+    with pytest.raises(
+        StepTimeout, match=r"reader \(pid \d+\) has read no messages for .* queued up"
+    ):
         replay(
             recording,
             "reader",

@@ -57,7 +57,7 @@ def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
     code = cli.main(["rerun", str(first.recording), "--set", other, "--out", str(tmp_path / "b")])
     said = capsys.readouterr().out
     assert code == ExitCode.DIFFERENT
-    assert "note: the scenario is not the recorded one: --set controller.params" in said
+    assert "note: the scenario differs from the recorded one: --set controller.params" in said
     assert (
         "first divergence: step 5: controller/command: the first has a message, the second has none"
         in said

@@ -101,8 +101,8 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
     old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
     notes = Preparation(old, tmp_path / "again").notes
     now = own_versions()
-    assert f"the orchestrator ran with cpu Z80, now it is {now['cpu']}" in notes
-    assert f"the orchestrator ran with mcap 0.1, now it is {now['mcap']}" in notes
+    assert f"the orchestrator ran with cpu Z80, here it is {now['cpu']}" in notes
+    assert f"the orchestrator ran with mcap 0.1, here it is {now['mcap']}" in notes
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
-    assert notes == ['the scenario is not the recorded one: set=["seed=3"]']
+    assert notes == ['the scenario differs from the recorded one: set=["seed=3"]']
 
 
 def test_files_and_programs_outside_the_log_are_named(tmp_path):
@@ -157,19 +157,19 @@ def test_a_scenario_without_a_duration_is_noted(tmp_path):
 @pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])
 def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
     log = write_log(tmp_path / "run.mcap", files={name: b"print()"})
-    with pytest.raises(RecordingFailed, match="leads out of its folder"):
+    with pytest.raises(RecordingFailed, match="points outside its folder"):
         Preparation(log, tmp_path / "out")
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 
 
 def test_a_recording_without_a_scenario_is_refused(tmp_path):
     log = write_log(tmp_path / "timing.mcap", scenario=None)
-    with pytest.raises(RecordingFailed, match=r"holds no scenario\.yaml: is it the run\.mcap"):
+    with pytest.raises(RecordingFailed, match=r"contains no scenario\.yaml: is it the run\.mcap"):
         Preparation(log, tmp_path / "out")
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
-    with pytest.raises(OutputExists, match="holds a run already; choose another `out`"):
+    with pytest.raises(OutputExists, match="already contains a run; choose another `out`"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
 

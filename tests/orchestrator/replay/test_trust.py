@@ -53,13 +53,11 @@ def test_a_strangers_recording_names_its_programs_and_starts_none(
 ):
     assert cli.main([words[0], str(unstarted), *words[1:]]) == ExitCode.UNTRUSTED == 12
     said = capsys.readouterr().err
-    assert (
-        f"{unstarted} has other programs than your work tree. It starts, with your rights:" in said
-    )
+    assert f"{unstarted} contains programs that are not in your work tree." in said
     assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
-    assert ("mission" in said) == (words[0] == "rerun")
-    assert said.endswith("nothing was started; if you trust that, use --trust\n")
+    assert ("\n  mission" in said) == (words[0] == "rerun")
+    assert said.endswith("nothing was started; if you trust these programs, use --trust\n")
     assert not (tmp_path / "runs").exists()
 
 
@@ -161,7 +159,7 @@ def test_on_a_terminal_it_asks(stranger, answer, code):
     )  # fmt: skip
     os.close(theirs)
     said = b""
-    while b"Start that? [y/N] " not in said:
+    while b"Start them? [y/N] " not in said:
         said += os.read(ours, 1000)
     os.write(ours, f"{answer}\n".encode())
     assert process.wait(60) == code

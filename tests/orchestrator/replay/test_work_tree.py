@@ -69,7 +69,7 @@ def test_a_gain_changed_in_the_program_is_caught(project, log):
     result = replay(log, "controller")
     assert (result.equal, list(result.changes)) == (
         False,
-        ["controller.py is not the recorded one"],
+        ["controller.py differs from the recorded one"],
     )
 
 
@@ -96,7 +96,7 @@ def test_a_replay_without_a_work_tree_says_that_it_tests_the_copy(project, log):
     shutil.rmtree(project / "arm")
     result = replay(log, "controller")
     assert result.equal
-    assert result.notes[0].startswith("this tests the copy in the recording: its scenario was not")
+    assert result.notes[0].startswith("testing the copy in the recording, as its scenario was not")
 
 
 def test_the_overrides_of_the_run_are_no_change(project):
@@ -123,7 +123,9 @@ def test_what_the_scenario_connects_otherwise_is_replayed_as_recorded(project, l
     edit(project / "arm/scenario.yaml", "seed: 0", "seed: 7")
     result = replay(log, "controller")
     assert result.equal
-    assert list(result.changes) == ["seed: not as recorded; replayed as recorded"]
+    assert list(result.changes) == [
+        "seed: changed since the recording; the replay uses the recorded values"
+    ]
 
 
 def test_a_new_reference_has_the_files_of_the_work_tree(project, log, capsys):
@@ -155,7 +157,10 @@ def test_a_work_tree_that_others_may_write_is_shown_first(project, log, capsys):
     (project / "arm/scenario.yaml").chmod(0o666)
     assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.UNTRUSTED
     said = capsys.readouterr().err
-    assert "arm/scenario.yaml is not yours alone. It starts, with your rights:" in said
+    assert (
+        "arm/scenario.yaml can be written by other users. Its programs would run with your permissions:"
+        in said
+    )
     assert "\n  controller  controller.py:Controller\n" in said
     assert cli.main(["replay", str(log), *REPLAY, "--trust"]) == 0
 
@@ -245,7 +250,9 @@ def test_a_recording_that_imports_a_module_is_refused(log, types):
         "scenario.yaml": recording.attachments["scenario.yaml"] + row,
     }
     for tree in (find_work_tree(recording, "controller"), None):
-        with pytest.raises(RecordingFailed, match="its types name the module 'evil': refused"):
+        with pytest.raises(
+            RecordingFailed, match="its message types refer to the module 'evil': refused"
+        ):
             programs_of(recording, "controller", own_program=True, tree=tree)
 
 

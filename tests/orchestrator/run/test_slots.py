@@ -217,7 +217,7 @@ def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_wh
     off = "participants.camera.outputs.frame.record=off"
     result, _ = record(tmp_path, "window=1", off, viewer="cut while it is read")
     assert (result.exit_code, result.participant) == (5, "viewer"), result.reason
-    assert "killed by SIGBUS (did another process cut a file that it maps" in result.reason
+    assert "killed by SIGBUS (did another process truncate a file that it maps" in result.reason
 
 
 def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):

@@ -75,7 +75,11 @@ MISTAKES = [
     ),
     ("10s", "10s\nbus: tcp", ":4: bus: must be a map, not 'tcp'"),
     ("10s", "10s\nbus: {transport: udp}", ":4: bus.transport: must be tcp or unix, not 'udp'"),
-    ("10s", "10s\nbus: {port: 7447}", ":4: bus.port: is for transport tcp; a Unix socket has none"),
+    (
+        "10s",
+        "10s\nbus: {port: 7447}",
+        ":4: bus.port: is only for transport tcp; Unix sockets have no port",
+    ),
     (
         "10s",
         "10s\nbus: {transport: tcp, port: 65533}",
@@ -90,8 +94,8 @@ MISTAKES = [
         "10s",
         "10s\nbus: {transport: tcp, low_latency: true}",
         (
-            ":4: bus.low_latency: is for transport unix; TCP never uses the low-latency transport; "
-            "leave it out"
+            ":4: bus.low_latency: is only for transport unix; TCP never uses the low-latency transport; "
+            "remove it"
         ),
     ),
     (
@@ -133,7 +137,7 @@ MISTAKES = [
         "window: 3",
         (
             ":17: participants.mission.window: unknown key 'window'; 'window' belongs to the "
-            "scenario: write it at the top, beside `participants`"
+            "scenario: write it at the top level, next to `participants`"
         ),
     ),
     (
@@ -241,7 +245,7 @@ MISTAKES = [
         "from: mission.reference",
         (
             ":18: participants.mission.inputs.joint_state: 'mission' reads its own output; "
-            "let it keep that as its own state"
+            "keep that value as a variable of the participant instead"
         ),
     ),
     (
@@ -268,7 +272,7 @@ MISTAKES = [
     (
         "  mission:",
         "  window: {exec: [python, -c, pass]}\n  mission:",
-        (":15: participants.window: 'window' means something else already; choose another name"),
+        (":15: participants.window: 'window' is a reserved name; choose another"),
     ),
     (
         "  mission:",

@@ -144,8 +144,8 @@ def test_a_class_that_is_none_ends_a_run_with_the_same_words(tmp_path):
         ("participant: stepbus_plnat:Plant", "no Python module 'stepbus_plnat', not installed for"),
         ("participant: stepbus_plnat:Plant", "; did you mean 'stepbus_plant'?"),
         ("participant: main.py", "must be FILE.py:CLASS or MODULE:CLASS, e.g. controller.py:Controller, not 'main.py'"),
-        ("participant: main.py:Own\n    exec: [python, main.py]", "exec: is for a program; main.py:Own is a class (`participant`); leave out one of them"),
-        ("participant: main.py:Own\n    bridge: json", "bridge: is for a program; main.py:Own is a class"),
+        ("participant: main.py:Own\n    exec: [python, main.py]", "exec: is only for a program (`exec`), but main.py:Own is a class"),
+        ("participant: main.py:Own\n    bridge: json", "bridge: is only for a program (`exec`), but main.py:Own is a class"),
         ("every: 2", "participants.own: needs either 'participant', a class, or 'exec', the command"),
     ],
 )  # fmt: skip

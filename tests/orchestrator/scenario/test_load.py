@@ -129,7 +129,9 @@ def test_a_scenario_of_a_package_that_is_not_installed_says_what_installs_it(mon
 
 
 def test_an_unknown_name_is_answered_with_the_nearest():
-    with pytest.raises(ScenarioError, match=r"did you mean 'two_link'\?; .*given by path"):
+    with pytest.raises(
+        ScenarioError, match=r"give the path of your own, .*; did you mean 'two_link'\?"
+    ):
         load("two_lnk")
 
 
@@ -139,8 +141,14 @@ DEEP = "is nested too deeply: over 100 maps and lists in each other"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
-        ("- a\n", "scenario.yaml: is no map; a scenario has at least name, step and participants"),
+        (
+            "",
+            "scenario.yaml: is empty; a scenario needs at least name, step and participants",
+        ),
+        (
+            "- a\n",
+            "scenario.yaml: is no map; a scenario needs at least name, step and participants",
+        ),
         (
             "a: 1\nb: [1\n",
             (

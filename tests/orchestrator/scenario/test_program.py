@@ -52,7 +52,7 @@ def test_a_program_of_the_folder_comes_before_path(tmp_path):
         ("[python, -m]", "no Python module ''"),
         ("[python, -m, email]", "the Python package 'email' has no __main__.py"),
         ("[]", "needs either 'participant', a class, or 'exec'"),
-        ("['']", "names no program"),
+        ("['']", "needs the name of a program"),
         ("python main.py", "must be a list, not 'python main.py'"),
         ("[python, main.py, 5]", "exec[2]: must be text, not 5; put it in quotes"),
         ("", "needs either 'participant', a class, or 'exec'"),

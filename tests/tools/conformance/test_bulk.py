@@ -53,7 +53,7 @@ def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
     [
         ("NoBulkHandshake", "handshake", "no handshake on bulk port copy"),
         ("WrongStamp", "content", "P7.5|no attachment with the token|all that it announces"),
-        ("WrongLength", "content", r"copy has 100.* bytes, announced were"),
+        ("WrongLength", "content", r"copy has 100.* bytes, but "),
         ("AnyRun", "bulk-noise", "reported a fault|differ"),
         ("AnyStep", "bulk-noise", "reported a fault|differ"),
         ("WrongSlot", "slots", "copy: its slot of .* holds step"),

@@ -23,17 +23,17 @@ PATIENT = ("controller.step_timeout=30s", "controller.stop_timeout=30s")
 
 # Mistake → what the kit says of it, by the first of its checks.
 SAID = {
-    "AnyWelcome": "it got ready a Welcome of protocol 3|did not end within .* of a Welcome",
+    "AnyWelcome": "it became ready after a Welcome of protocol 3|did not end within .* of a Welcome",
     "Clock": r"two runs with the same inputs differ: step \d+: command",
     "ExitsZeroWithoutTicket": "exited with code 0 without a ticket",
     "FixedOrder": r"with the joints of .* in reverse order, .*command.*is",
     "ForgivesDuplicates": "reported no fault of plant",
-    "HangsAtGarbage": "step 0 did not come within 2 s",
+    "HangsAtGarbage": "step 0 did not arrive within 2 s",
     "IgnoresDelay": "only with joint_state left out at first it reports a fault",
     "IgnoresTriggers": r"published step 12 before a Trigger with step_limit > 12",
     "OnlyFloats": "it reported a fault",
-    "StepsMissing": "step 5 did not come|step 6 was published where 5 is due",
-    "StopsAtOnce": r"the last step it published is 11, due is 12 \(P11.2\)",
+    "StepsMissing": "step 5 did not arrive|step 6 was published instead of 5",
+    "StopsAtOnce": r"the last step it published is 11, expected 12 \(P11.2\)",
     "StrangerOutputs": "has another token",
     "TwiceDifferent": "step 0 was published twice",
     "Unwatchful": "did not end within 2 s of the orchestrator's disappearance",
@@ -100,7 +100,7 @@ def test_what_only_one_of_two_codecs_reads_fails_with_a_sentence(hurried_inputs,
     results = outcomes(hurried_inputs, words, tmp_path, ["content", "codecs"])
     assert failed(results) == ["codecs"]
     assert re.match(
-        r"a message on log/controller: msgpack reads no MessagePack: 'utf-8' codec can't decode",
+        r"a message on log/controller: msgpack: not MessagePack: 'utf-8' codec can't decode",
         results["codecs"].observed,
     )
 
@@ -119,7 +119,7 @@ def test_a_program_that_joins_no_run_is_killed_in_time(two_link_recording, tmp_p
     quick = ("controller.spawn_timeout=300ms", "controller.join_timeout=300ms")
     inputs = material(two_link_recording, "controller", *quick)
     results = outcomes(inputs, ("/bin/sleep", "1000"), tmp_path, ["join"])
-    assert "a request to join did not come within 0.6 s" in results["join"].observed
+    assert "a request to join did not arrive within 0.6 s" in results["join"].observed
 
 
 def test_a_check_alone_fails_for_a_program_that_does_not_start(two_link_recording, tmp_path):

@@ -268,7 +268,7 @@ def test_an_environment_belongs_to_the_thread_that_made_it(make):
     env.reset()
     alone, _ = episode(make())
     with ThreadPoolExecutor(1) as pool:
-        with pytest.raises(WiringError, match="belongs to the thread that started it"):
+        with pytest.raises(WiringError, match="only in the thread that started it"):
             pool.submit(env.step, PUSH).result()
         rows = pool.submit(in_a_thread).result()
     assert np.array_equal(rows, alone)

@@ -18,20 +18,20 @@ def nothing(_moment):
         ({"participant": "controler"}, "no participant 'controler'; did you mean 'controller'?"),
         ({"participant": "plant"}, "plant publishes first"),
         ({"participant": "mission", "act": ["referense"]}, "no port 'referense' among its outputs"),
-        ({"participant": "mission"}, "nothing names its joints; give `joints`"),
+        ({"participant": "mission"}, "its joints have no known names; give `joints`"),
         (
             {"act": ["command.valeus"]},
-            "JointCommand/1 has no numbers 'valeus'; did you mean 'values'?",
+            "JointCommand/1 has no numeric field 'valeus'; did you mean 'values'?",
         ),
-        ({"observe": ["joint_state.colour"]}, "JointState/1 has no numbers 'colour'"),
+        ({"observe": ["joint_state.colour"]}, "JointState/1 has no numeric field 'colour'"),
         ({"joints": ["joint3"]}, "joint 'joint3' is unknown; did you mean 'joint2'?"),
         ({"mode": "force"}, "mode"),
         (
             {"act": ["command.velocity"], "set": {"plant.params.world": "nosuch.yaml"}},
             "nosuch.yaml",
         ),
-        ({"render_mode": "human"}, "there is only 'rgb_array'"),
-        ({"reward": 1.0}, "reward is no function, but float"),
+        ({"render_mode": "human"}, "only 'rgb_array' is supported"),
+        ({"reward": 1.0}, "reward is not a function, but float"),
         ({"set": {"controller.params.kp": [1]}, "faults": ["kill plant at 3"]}, "kill plant at 3"),
         ({"set": {"plant.nonsense": 1}}, "nonsense"),
         ({"duration": "5"}, "duration"),
@@ -61,7 +61,7 @@ def env():
         ([[1.0, 2.0]], r"shape \(1, 2\)"),
         ([1.0, np.nan], "step 0: entry 1 of the action is nan"),
         ([np.inf, 0.0], "entry 0 of the action is inf"),
-        (["a", "b"], "no vector of numbers"),
+        (["a", "b"], "not a vector of numbers"),
         (None, "the action"),
     ],
 )
@@ -75,7 +75,7 @@ def test_an_action_of_another_form_costs_no_step(env, action, sentence):
 @pytest.mark.parametrize(
     ("value", "sentence"),
     [
-        (None, "`reward` returned None, no finite number"),
+        (None, "`reward` returned None, not a finite number"),
         (float("nan"), "`reward` returned nan"),
         ("much", "`reward` returned 'much'"),
         (ValueError("no data"), "`reward` raised ValueError: no data"),

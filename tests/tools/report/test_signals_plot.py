@@ -49,9 +49,9 @@ def test_a_port_stands_for_all_of_its_numbers(recording):
     ("signal", "sentence"),
     [
         ("plant.joint_stat", "did you mean 'plant/joint_state'?"),
-        ("plant.joint_state.positio", "has no numbers 'positio' here; it has position, velocity,"),
-        ("plant.joint_state.position[7]", "there is no [7]; it has [joint1], [joint2]\n"),
-        ("plant", "is no signal; write e.g. plant.joint_state.position[0]"),
+        ("plant.joint_state.positio", "has no numeric field 'positio'; it has position, velocity,"),
+        ("plant.joint_state.position[7]", "no element [7]; it has [joint1], [joint2]\n"),
+        ("plant", "is not a signal; write e.g. plant.joint_state.position[0]"),
     ],
 )
 def test_what_cannot_be_plotted_is_one_sentence(signal, sentence, capsys):

@@ -57,7 +57,7 @@ def test_rows_are_read_while_another_thread_writes_some(tmp_path: Path) -> None:
 
 def test_a_damaged_line_is_named(tmp_path: Path) -> None:
     (tmp_path / "rows.jsonl").write_text("nonsense\n")
-    with pytest.raises(RecordingFailed, match="byte 0 begins no row"):
+    with pytest.raises(RecordingFailed, match="byte 0 is not the start of a row"):
         Journal(tmp_path)
 
 
@@ -90,7 +90,7 @@ def test_a_full_disk_costs_one_row(tmp_path: Path) -> None:
     words = [sys.executable, "-c", FULL_DISK, str(tmp_path)]  # the limit holds for all of it
     done = subprocess.run(words, capture_output=True, text=True, check=True)
     sentence, grown_by, rows = done.stdout.splitlines()
-    assert "all 1 rows before are there" in sentence
+    assert "all 1 earlier rows are kept" in sentence
     assert (grown_by, rows) == ("0", "[0, 1]")
 
 

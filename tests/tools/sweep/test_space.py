@@ -40,18 +40,18 @@ def test_values_vary_together() -> None:
     [
         ("a.b", "write PATH=VALUES"),
         ("a.b=", "write PATH=VALUES"),
-        ("a.b=1:2:0", "a range has 1 to 100000 values"),
-        ("a.b=-1:2:3:log", "lies above 0"),
-        ("a.b=2:1", "starts below its end"),
+        ("a.b=1:2:0", "a range must have 1 to 100000 values"),
+        ("a.b=-1:2:3:log", "must lie above 0"),
+        ("a.b=2:1", "the start of a range must be below its end"),
         ("a=1,2 & b=3", "need the same number; a has 2, b has 1"),
         ("a~normal(1, 0.1) & b=3", "vary together"),
-        ("a~normal(1, -0.1)", "no value can be drawn"),
+        ("a~normal(1, -0.1)", "does not accept these parameters"),
         ("a~normall(1, 0.1)", "did you mean 'normal'?"),
-        ("a~normal(x)", "no numbers or texts"),
+        ("a~normal(x)", "must be numbers or quoted strings"),
         ("a~normal(1, 2, 3, 4)", "a~normal(1, 2, 3, 4): "),
-        ("a~uniform(0, 0)", "no value can be drawn"),
+        ("a~uniform(0, 0)", "does not accept these parameters"),
         ("a~choice()", "choice needs its values"),
-        ("a=[1", "no list of YAML"),
+        ("a=[1", "not a YAML list"),
     ],
 )
 def test_what_is_no_axis_says_why(text: str, sentence: str) -> None:
@@ -98,10 +98,10 @@ def test_latin_and_sobol_samples_fill_the_space() -> None:
 @pytest.mark.parametrize(
     ("texts", "options", "sentence"),
     [
-        (["a=1", "a=2"], {}, "a: varies on two axes"),
+        (["a=1", "a=2"], {}, "a: on two axes"),
         (["a~normal(0, 1)"], {}, "`samples`"),
         (["a=1"], {"samples": 3}, "no axis has a distribution"),
-        (["seed=1,2"], {"repeats": 2}, "seed: either"),
+        (["seed=1,2"], {"repeats": 2}, "seed: use either"),
     ],
 )
 def test_axes_that_do_not_go_together(

@@ -39,7 +39,7 @@ def test_a_sweep_that_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path)
     before = {json.loads(line)["run"] for line in journal.read_bytes().splitlines(keepends=True)
               if line.endswith(b"\n")}  # fmt: skip
     done = sweep(tmp_path, *words)
-    assert f"{len(before)} were there before" in done.stdout
+    assert f"{len(before)}resumed" in done.stdout
     names = ("whole/sweep/results.parquet", "sweep/results.parquet")
     assert len({(tmp_path / name).read_bytes() for name in names}) == 1
     # What the killed one has left is gone, too.
@@ -59,7 +59,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=200)
     assert process.returncode == 130
-    assert "of 400 runs; the same command goes on from there" in errors
+    assert "of 400 runs; run the same command again to resume" in errors
     assert 3 <= len(rows(tmp_path)["run"]) < 400
 
 

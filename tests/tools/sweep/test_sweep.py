@@ -66,11 +66,11 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     before = (tmp_path / "sweep/results.parquet").read_bytes()
     more = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")
     assert "0 runs" in more.stdout
-    assert "12 were there before" in more.stdout
+    assert "12resumed" in more.stdout
     assert (tmp_path / "sweep/results.parquet").read_bytes() == before
     other = sweep(tmp_path, "two_link", *AXES, check=False)
     assert other.returncode == 2
-    assert "holds another sweep" in other.stderr
+    assert "contains another sweep" in other.stderr
 
 
 @pytest.mark.parametrize(
@@ -80,16 +80,16 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ["--vary", "controller.params.kpp=1,2", "--vary", "controller.params.kp=x"],
             ["did you mean 'kp'?", "must be a number, not 'x'"],
         ),
-        (["--vary", "plant.params.gravity~normal(1, -1)"], ["no value can be drawn"]),
-        (["--vary", "controler.params.kp=1,2"], ["no participant and no key 'controler'"]),
+        (["--vary", "plant.params.gravity~normal(1, -1)"], ["does not accept these parameters"]),
+        (["--vary", "controler.params.kp=1,2"], ["no participant or key 'controler'"]),
         (["--vary", "controller.params.kp=1:5"], ["a range needs a count"]),
         ([], ["needs at least one axis"]),
-        (["--vary", "seed=1,2", "--metric", "no.py:f"], ["there is no file no.py"]),
+        (["--vary", "seed=1,2", "--metric", "no.py:f"], ["no file no.py"]),
         (["--vary", "seed=1,2", "--metric", "no.py"], ["write FILE.py:FUNCTION"]),
         (["--vary", "seed=1,2", "--optimize", "rmse"], ["an optimizer needs a number of runs"]),
         (
             ["--vary", "controller.params.kp=1:5", "--optimize", "rmsee", "--trials", "4"],
-            ["there is no such metric; did you mean 'rmse'?", "your own with --metric"],
+            ["unknown metric; did you mean 'rmse'?", "your own with --metric"],
         ),
         (
             [
@@ -99,24 +99,32 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
             ],
             [
                 "vary[0]: controller.params.kp=1:5: a range needs a count",
-                "vary[1]: controler.params.kd=1,2: no participant and no key 'controler'; did you",
+                "vary[1]: controler.params.kd=1,2: no participant or key 'controler'; did you",
                 "SciPy has no distribution 'nrmal'; did you mean 'normal'?",
-                "--set durtion=1s: no participant and no key 'durtion'; did you mean 'duration'?",
-                "metrics[0]: no.py:f: there is no file no.py",
+                "--set durtion=1s: no participant or key 'durtion'; did you mean 'duration'?",
+                "metrics[0]: no.py:f: no file no.py",
                 "repeats: must be an integer, not 'many'",
                 "sampling: must be halton, latin, random or sobol, not 'latn'; did you mean",
             ],
         ),
         (
             ["--vary", "seed=1,2", "--batch", "3", "--sampling", "sobol", "--maximize"],
-            ["batch: belongs to an optimizer", "sampling: no axis has", "optimize: names the"],
+            [
+                "batch: is only for an optimizer",
+                "sampling: no axis has",
+                "optimize: needs the name",
+            ],
         ),
         (
             [
                 *("--vary", "controller.params.kp=1:5", "--optimize", "rmsee"),
                 *("--trials", "3", "--repeats", "2", "--samples", "5"),
             ],
-            ["optimize: rmsee: there is no", "repeats: an optimizer", "samples: an optimizer"],
+            [
+                "optimize: rmsee: unknown metric",
+                "repeats: the optimizer chooses",
+                "samples: the optimizer chooses",
+            ],
         ),
     ],
 )
@@ -147,7 +155,7 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
     assert main(["sweep", "sweep.yaml", "--trials", "3"]) == ExitCode.SCENARIO
     errors = capsys.readouterr().err
     for sentence in (
-        "optimize: names the metric that trials are for",
+        "optimize: needs the name of a metric, as trials are for an optimizer",
         "sweep.yaml:2: vary[0]: controller.params.kp=50:200: a range needs a count",
         "sweep.yaml:3: sampels: unknown key 'sampels'; did you mean 'samples'?",
         "sweep.yaml:4: repeats: must be an integer, not 'x'",
@@ -155,7 +163,7 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
             "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'; "
             "did you mean 'measure'?"
         ),
-        "two_lnk: no file, no folder and no built-in scenario of that name",
+        "two_lnk: no such file, folder or built-in scenario",
     ):
         assert sentence in errors
     assert "metrics[1]" not in errors
@@ -184,10 +192,10 @@ def measure(recording):
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("tip_eror", "it is no metric of these runs; did you mean 'tip_error'?"),
-        ("settling", "it is None in run 0, which is no number"),
-        ("verdict", "it is 'fine' in run 0, which is no number"),
-        ("rmse.joint3", "it is no metric of these runs"),
+        ("tip_eror", "it is not a metric of these runs; did you mean 'tip_error'?"),
+        ("settling", "it is None in run 0, which is not a number"),
+        ("verdict", "it is 'fine' in run 0, which is not a number"),
+        ("rmse.joint3", "it is not a metric of these runs"),
     ],
 )
 def test_an_optimizer_ends_where_there_is_nothing_to_optimise(
@@ -209,7 +217,7 @@ def test_a_run_that_takes_too_long_is_a_row(tmp_path: Path) -> None:
     sweep(tmp_path, *words)
     table = rows(tmp_path)
     assert table["outcome"] == ["finished", "timed out"]
-    assert table["reason"][1] == "it took longer than 20 s"
+    assert table["reason"][1] == "it exceeded the limit of 20 s"
 
 
 FLAKY = """

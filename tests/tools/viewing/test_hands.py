@@ -53,7 +53,7 @@ def looked_at(page, watched, point, away):
 
 def test_of_a_slider_that_is_dragged_the_newest_position_counts():
     moves = [("mission", "set_target", (joint, x)) for joint, x in (("a", 1), ("a", 2), ("b", 3))]
-    stop = ("plant", "emergency_stop", (True, "a person at the page"))
+    stop = ("plant", "emergency_stop", (True, "the user of the page"))
     assert newest([*moves, stop, *moves[:2]]) == [*moves[1:], stop, moves[1]]
 
 
@@ -67,7 +67,7 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         paused.pace.step(3)
         watched.wait(lambda: shown.get_by_text("step 3 of").count() > 0, "step 3")
         shown.get_by_role("tab", name="Steer").click()
-        watched.wait(lambda: shown.get_by_text("put it there").count() > 0, "what can be changed")
+        watched.wait(lambda: shown.get_by_text("place").count() > 0, "what can be changed")
         per_m = looked_at(page, watched, (0.0, 2.0, 0.0), (0.0, -2.0, 0.3))
 
         def is_taken():
@@ -80,7 +80,7 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
             mouse.down()
             mouse.move(550 + 0.5 * per_m, 300, steps=8)
             mouse.up()
-            shown.get_by_text("put it there").click()
+            shown.get_by_text("place").click()
             said = shown.get_by_text("plant move_body crate")
             watched.wait(lambda: said.count() > 0, "the move")
             return float(said.first.inner_text().split("move_body crate ")[1].split()[0]) > 0.1
@@ -92,7 +92,7 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
         paused.pace.step(2)
         banner = shown.locator(".stopped[role=alert]")
         watched.wait(lambda: banner.count() > 0, "the banner")
-        assert "by a person at the page, since t = 0.0" in banner.inner_text()
+        assert "by the user of the page, since t = 0.0" in banner.inner_text()
         assert shown.evaluate(FRAME) == "10px"
         assert shown.get_by_role("button", name="release").count() == 1
         assert shown.get_by_role("button", name="emergency stop").count() == 0
@@ -104,7 +104,7 @@ def test_a_body_is_dragged_and_a_robot_stopped_on_the_page(tmp_path, page):
     assert (move, name) == ("move_body", "crate")
     assert 0.1 < x < 0.5
     assert (y, z, yaw) == pytest.approx((2.0, 0.0, 0.0), abs=0.02)
-    assert stop == ("emergency_stop", True, "a person at the page")
+    assert stop == ("emergency_stop", True, "the user of the page")
     with Recording(paused.result.recording) as recording:
         poses = recording["plant.poses"]
         assert poses.position[-1, poses.names.index("crate")] == pytest.approx((x, y, z), abs=1e-4)

@@ -118,7 +118,7 @@ def test_no_recording_and_an_empty_one_give_a_sentence(recording, tmp_path, caps
     cut.write_bytes(recording.read_bytes()[:3000])
     assert main(["view", str(foreign), "--no-open"]) != 0
     assert "is not an MCAP recording" in capsys.readouterr().err
-    with pytest.raises(RecordingFailed, match="has no messages, so there is nothing to show"):
+    with pytest.raises(RecordingFailed, match="has no messages; nothing to show"):
         open_recording(cut)
 
 

@@ -74,8 +74,9 @@ class LoadedPolicy(PolicyParticipant):
         name = policy or self.params.policy
         if not name:
             raise WiringError(
-                "no policy is recorded; name it, e.g. stepbus replay run.mcap --participant "
-                f"{config.name} --exec python -m stepbus_gym.policy my_policy:act"
+                "the recording names no policy; give one, e.g. stepbus replay run.mcap "
+                f"--participant {config.name} --exec python -m stepbus_gym.policy "
+                "my_policy:act"
             )
         self._policy = load_policy(name, [config.folder, _HERE])
 
@@ -92,7 +93,7 @@ def load_policy(name: str, folders: Sequence[Path]) -> Callable[[Vector], Any]:
     """
     module_name, _, attribute = name.partition(":")
     if not module_name or not attribute.isidentifier():
-        raise WiringError(f"{name!r} names no policy; write module:function, e.g. my_policy:act")
+        raise WiringError(f"{name!r} is not a policy; write module:function, e.g. my_policy:act")
     path = list(sys.path)
     try:
         sys.path[:0] = map(str, folders)
@@ -119,7 +120,9 @@ def checked_action(action: Any, size: int, step: int) -> Vector:
     try:
         vector = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError) as exc:
-        raise RunError(f"step {step}: the action is no vector of numbers: {text_of(exc)}") from exc
+        raise RunError(
+            f"step {step}: the action is not a vector of numbers: {text_of(exc)}"
+        ) from exc
     if vector.shape != (size,):
         raise RunError(f"step {step}: the action has the shape {vector.shape}, not ({size},)")
     # Of a few numbers, this takes a tenth of what NumPy takes.

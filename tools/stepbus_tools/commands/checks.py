@@ -40,15 +40,15 @@ def conformance_command(
 ) -> Answer:
     """Check a program against the protocol.
 
-    Plays the orchestrator and all peers of one participant, over the real bus, and checks its
-    behaviour: 62 checks, each of one clause of docs/protocol.md. Starts the program again for each
-    check. Exit code 0: no check failed, 11: one did.
+    Simulates the orchestrator and all peers of one participant, on the real bus, and checks the
+    participant's behaviour: 62 checks, each of one clause of docs/protocol.md. Restarts the program
+    for each check. Exit code 0: no check failed, 11: at least one failed.
 
-    program: command line of the program, started in the current folder (default: that of the
-    scenario). bridge: start it through `stepbus bridge`. scenario: scenario whose ports are played.
-    participant: participant that the program plays. set: override one value of the scenario, e.g.
-    controller.step_timeout=10s. only: run this check; may be repeated. list: list the checks and
-    start nothing. logs: keep the program's logs. junit: write JUnit XML.
+    program: command line of the program, started in the current folder (default: the one in the
+    scenario). bridge: start it through `stepbus bridge`. scenario: scenario that defines the ports.
+    participant: participant that the program implements. set: override one value of the scenario,
+    e.g. controller.step_timeout=10s. only: run this check; may be repeated. list: list the checks
+    and start nothing. logs: keep the program's logs. junit: write JUnit XML.
 
     $ stepbus conformance -- ./my_controller
     $ stepbus conformance --bridge json -- node controller.mjs
@@ -131,13 +131,14 @@ def selftest_command(
 ) -> Answer:
     """Move every joint to a known angle and read it back.
 
-    Runs the plant of a scenario without its controller and mission, moves one joint after the other
-    to 90° and to -90°, or as far as its stops allow, and checks that this joint moves, in this
-    direction, by this much, within its limits, and that no other does. One side is enough: on the
-    other the robot may be in its own path. Joints of mode torque are pushed forward and back and
-    put at the angle. Exit code 0: every joint passes, 11: one fails; otherwise those of run.
+    Runs the plant of a scenario without its controller and mission. Moves one joint at a time to
+    90° and to -90°, or as far as its limits allow, and checks that this joint moves, in the
+    commanded direction, by the commanded angle, within its limits, and that no other joint moves. A
+    joint passes if it reaches one side: on the other side the robot may collide with itself. Joints
+    in torque mode are pushed forward and back, then set to the angle. Exit code 0: every joint
+    passes, 11: at least one fails; otherwise those of `stepbus run`.
 
-    angle: target angle, as far as the stops of a joint allow.
+    angle: target angle, limited by the range of each joint.
 
     $ stepbus selftest two_link
     $ stepbus selftest baxter --angle 30

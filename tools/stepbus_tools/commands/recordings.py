@@ -50,11 +50,11 @@ Targets: Any = make_dataclass(
 
 @command(group="look")
 def export_command(recording: RecordingPath, *, targets: Targets) -> int:
-    """Write a recording for other programs.
+    """Export a recording to other formats.
 
-    Writes a recording as tables for pandas, polars and DuckDB, or its scene as one HTML file. A
-    damaged recording is exported up to its damage. Exit code 8: a port could not be exported to its
-    end.
+    Writes a recording as tables (CSV, Parquet), a video, a 3D scene in one HTML file, or a file for
+    ROS 2, Foxglove or Rerun. A damaged recording is exported up to the damage. Exit code 8: a port
+    could not be exported completely.
 
     $ stepbus export run.mcap --parquet tables
     $ stepbus export runs/arm --csv all.csv
@@ -67,7 +67,7 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
     paths = {form: given[form] for form in _EXPORTERS if given[form] is not None}
     options = {name: given[name] for name in _OPTIONS}
     if not paths:
-        raise WiringError("nothing to export; name a target, e.g. --parquet tables")
+        raise WiringError("nothing to export; give a target, e.g. --parquet tables")
     for name, value in options.items():
         users = [form for form, one in _EXPORTERS.items() if name in one.options]
         if value and not paths.keys() & set(users):
@@ -77,7 +77,7 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
         for form, path in paths.items():
             tell_size = _EXPORTERS[form].size
             if tell_size is not None and (size := tell_size(opened, path) / 1e6) >= _LARGE_MB:
-                print_error(f"{path} will have about {size:.0f} MB; --parquet needs a tenth of it")
+                print_error(f"{path} will take about {size:.0f} MB; --parquet needs a tenth of it")
         for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)
@@ -97,13 +97,13 @@ def plot_command(
     *,
     out: File = None,
 ) -> int:
-    """Plot any signals of a recording.
+    """Plot signals of a recording.
 
-    Draws signals of a recording over simulation time, one panel each, in one picture. A port stands
-    for all of its numbers. Without a signal, it lists those that the recording has.
+    Draws signals of a recording over simulation time, one panel each, in one picture. A port alone
+    selects all its numbers. Without a signal, lists all signals of the recording.
 
     signals: PARTICIPANT.PORT, with .FIELD, with [INDEX] or [JOINT] (none: list all signals). out:
-    the picture: .png, .svg or .pdf (default: beside the recording).
+    the picture: .png, .svg or .pdf (default: plot.png next to the recording).
 
     $ stepbus plot run.mcap controller.command plant.joint_state.position[0]
     $ stepbus plot runs/arm plant.joint_state.velocity[joint2] --out velocity.svg
@@ -127,16 +127,16 @@ def report_command(
     out: File = None,
     no_replay: bool = False,
 ) -> int:
-    """Write report.html of a run, or compare several.
+    """Write report.html for a run, or compare several runs.
 
-    Writes one HTML file that opens without a network: outcome and reason, curves of joints and of
-    every other port with numbers, the scene in motion, events and faults, step times, camera
-    stills. Several recordings share their charts. `stepbus run` writes that of each run by itself,
-    without the scene in motion.
+    Writes one self-contained HTML file: outcome and reason, curves of the joints and of every other
+    numeric port, the animated 3D scene, events and faults, step times, camera stills. Several
+    recordings share their charts. `stepbus run` writes this report for each run, without the
+    animated scene.
 
-    recordings: the run.mcap of a run, or its folder; several are compared. out: the page (default:
-    report.html beside the first recording). no_replay: without the scene in motion, which takes
-    some seconds.
+    recordings: a run.mcap, or the folder of its run; several are compared. out: the page (default:
+    report.html next to the first recording). no_replay: omit the animated scene, which takes some
+    seconds to write.
 
     $ stepbus report runs/arm
     $ stepbus report runs/pd runs/pid --out comparison.html

@@ -42,21 +42,21 @@ _WHOLE = {"type": _value}
     optimize={"metavar": "METRIC"},
     trials=_WHOLE,
     batch=_WHOLE,
-    jobs={"type": number("not a number of processes", 1)},
+    jobs={"type": number("not a number of processes (1 or more)", 1)},
     timeout_s={
         "flag": "--timeout",
-        "help": "limit of a run, e.g. 90s (default: none)",
+        "help": "time limit of a run, e.g. 90s (default: none)",
         **DURATION,
     },
-    retry={"type": number("not a number of times", 0), "metavar": "N"},
+    retry={"type": number("not a number of retries (0 or more)", 0), "metavar": "N"},
 )
 def sweep_command(*, json: Json = False, **given: Any) -> Answer:
-    """Run a scenario many times with other values, and make one table.
+    """Run a scenario many times with different values, and collect one table.
 
     Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
-    cluster, and writes one row a run to results.parquet: the values, how the run ended, metrics,
-    and the SHA-256 of its recording. The same command goes on with a sweep that was cut off. A run
-    that fails is a row; the exit code is 0 once every run has its row.
+    cluster, and writes one row per run to results.parquet: the values, the outcome, metrics, and
+    the SHA-256 of the recording. Run the same command again to resume an interrupted sweep. A
+    failed run is a row too; the exit code is 0 once every run has its row.
 
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
     $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'
@@ -101,10 +101,10 @@ def _rate(rate: float) -> str:
 
 def _summary(result: SweepResult) -> Iterator[str]:
     made = result.done - result.resumed
-    before = f", {result.resumed} were there before" if result.resumed else ""
+    before = f", {result.resumed} resumed" if result.resumed else ""
     yield f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed"
     yield from (f"  {count} {cause}" for cause, count in result.causes.items())
     if result.metric_errors:
-        yield f"{result.metric_errors} runs without your metrics: see the column metric_error"
+        yield f"{result.metric_errors} runs without your metrics; see the column metric_error"
     yield f"table  {result.folder / TABLE_FILE}"
     yield f"page   {result.page}"

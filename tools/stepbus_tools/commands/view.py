@@ -30,9 +30,9 @@ IsOver = Callable[[], bool]
 class Place:
     """Where a recording is shown.
 
-    port: where to listen (default: any free). host: address to listen on (default: this machine
-    only). no_open: start no browser. foxglove: instead of the page: send it to Foxglove and
-    Lichtblick, over a WebSocket (default: any free port).
+    port: port to listen on (default: any free port). host: address to listen on (default: this
+    machine only). no_open: do not open a browser. foxglove: serve Foxglove and Lichtblick over a
+    WebSocket instead of the page (default: any free port).
     """
 
     port: PortNumber = None
@@ -50,22 +50,23 @@ def view_command(
     until_end: bool = False,
     place: Place,
 ) -> int:
-    """Show a recording in 3D, in the browser.
+    """Show a recording or a live run in 3D, in the browser.
 
-    Shows robot and world of a recording on a page of this machine: targets as ghosts, contacts,
-    planned paths, detections, camera images, curves and events, with a time slider. It reads what
-    is looked at, so a long recording opens at once. Its address opens it once, in one browser.
+    Serves a local page with the robot and world of a recording: targets as ghosts, contacts,
+    planned paths, detections, camera images, curves and events, with a time slider. It reads only
+    what you look at, so a long recording opens immediately. The URL contains a token and works
+    once, in one browser.
 
-    recording: the run.mcap of a run, or its folder; also of a live run. ghost: a second
-    recording, drawn as a ghost beside it. follow: wait for a run to start in this folder.
-    until_end: end with the run, instead of showing its recording.
+    recording: a run.mcap, or the folder of its run, which may be live. ghost: a second recording,
+    drawn as a ghost. follow: wait for a run to start in this folder. until_end: exit when the run
+    ends, instead of showing its recording.
 
     $ stepbus view runs/arm
     $ stepbus view runs/arm/run.mcap runs/other/run.mcap --no-open
     $ stepbus view runs/arm --foxglove 8765
     """
     if place.foxglove is not None and ghost is not None:
-        raise WiringError("--foxglove shows one recording; without it, the second one is a ghost")
+        raise WiringError("--foxglove shows a single recording; omit it to compare two recordings")
     is_live = ghost is None and (follow or (recording / LIVE_FILE).exists())
     if is_live:
         # A run comes first.
@@ -118,7 +119,10 @@ class _Page:
         open_in_browser(self._page.new_address())
 
     def _tell(self, address: str) -> None:
-        print_error(f"an address of the view was opened again. If it was you: {address}")
+        print_error(
+            "the URL of the view was opened a second time. To open it again yourself, use: "
+            f"{address}"
+        )
 
     def follow(self, folder: Path, is_over: IsOver) -> bool:
         """Show a live run; return whether it has ended."""

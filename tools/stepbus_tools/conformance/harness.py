@@ -44,7 +44,7 @@ class Harness(Session):
             put(data, **options)
         if self._watchdog.fired:
             limit_s = self.spec.deadlines.step_s
-            raise Failed(f"it read nothing for {limit_s:g} s, and messages to it piled up")
+            raise Failed(f"it read no messages for {limit_s:g} s while they queued up")
 
     def send_control(self, key: str, data: bytes) -> None:
         """Publish bytes on `start`, `trigger` or `stop`."""

@@ -177,7 +177,7 @@ class Kit:
             problem = str(exc)
         if problem:
             wrong = Skipped if self.is_plain_checked else Failed
-            raise wrong(f"needs a plain run, and `steps` fails: {problem}")
+            raise wrong(f"needs a plain run, but `steps` fails: {problem}")
         return transcript
 
     def same(self, given: Transcript, what: str, expected: Transcript | None = None) -> None:
@@ -203,4 +203,4 @@ class Kit:
         """Raise Skipped where two plain runs differ."""
         with contextlib.suppress(Failed):
             if self.plain().ports() != self.plain("second plain run").ports():
-                raise Skipped("its outputs differ from run to run anyway; see `determinism`")
+                raise Skipped("its outputs differ between runs; see `determinism`")

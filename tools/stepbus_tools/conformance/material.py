@@ -116,14 +116,16 @@ def record(scenario: Scenario, participant: str, folder: Path) -> Material:
     result = run(short, Options(out=folder))
     if result.exit_code:
         raise RunFailure(
-            f"no inputs for {participant}: the run of {scenario.file} that should record them "
-            f"failed: {result.reason}",
+            (
+                f"no inputs for {participant}: the run of {scenario.file} to record them "
+                f"failed: {result.reason}"
+            ),
             participant=result.participant,
             step=result.at_step,
             code=result.exit_code,
         )
     if not result.steps:
-        raise WiringError(f"{scenario.file} has no steps, so there is nothing to play")
+        raise WiringError(f"{scenario.file} has no steps to play")
     return read(dataclasses.replace(short, steps=result.steps), participant, result.recording)
 
 

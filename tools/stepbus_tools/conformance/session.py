@@ -227,14 +227,14 @@ class Session:
             how = f": it {self.how_it_ended()}{self.last_error()}"
         # What else is wrong may be the cause.
         problem = next((f"; {text} ({c})" for c, text in transcript.problems.items()), "")
-        raise Failed(f"{what} did not come{how}{problem}")
+        raise Failed(f"{what} did not arrive{how}{problem}")
 
     def _last_wait(self) -> str:
         waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None
         if waiting is None:
             return self.last_error()
         who = ", ".join(waiting.sources) or "the trigger"
-        return f"; it reports to wait for {who} at step {waiting.step}"
+        return f"; it reports that it is waiting for {who} at step {waiting.step}"
 
     # --- the program's end -------------------------------------------------------------------
 

@@ -58,7 +58,7 @@ class SharedSlots:
         """Return what the participant has written; raises SlotError."""
         name, length = file_name(self._name, port), outputs.bulk.get(port)
         if name not in self.agreed or length is None:
-            raise SlotError("it is in a slot, and no slots were agreed on")
+            raise SlotError("it is in a slot, but no slots were agreed on")
         return read_slot(self._files[name], outputs.slots[port], outputs.step, length)
 
     def close(self) -> None:

@@ -115,7 +115,7 @@ class Transcript:
         try:
             self.hello = _decode_hello(data)
         except MessageError as exc:
-            self._break("P4.2", f"its request to join is {exc}")
+            self._break("P4.2", f"its request to join: {exc}")
 
     def add(self, channel: str, data: bytes, encoding: str) -> None:
         """Record one message; channel: the first part of its key."""
@@ -125,7 +125,7 @@ class Transcript:
         try:
             message = _DECODERS[channel](data)
         except MessageError as exc:
-            self._break("P3.4", f"on {where} came {exc}")
+            self._break("P3.4", f"on {where} arrived {exc}")
             return
         name = getattr(message, "name", self._spec.name)
         if message.token != self._token:
@@ -141,7 +141,7 @@ class Transcript:
                 self.handshakes += 1
                 if message.t_ns or message.ports or message.bulk:
                     self._break(
-                        "P4.6", f"its handshake is not empty, or has t_ns {message.t_ns}, not 0"
+                        "P4.6", f"its handshake is not empty or has t_ns {message.t_ns}, not 0"
                     )
             case Outputs():
                 self._read_slots(message)
@@ -202,7 +202,7 @@ class Transcript:
         if step in self.outputs:
             self._break("P7.1", f"step {step} was published twice")
         elif step != wanted:
-            self._break("P7.1", f"step {step} was published where {wanted} is due")
+            self._break("P7.1", f"step {step} was published instead of {wanted}")
         if outputs.t_ns != right_ns:
             self._break("P7.1", f"t_ns of step {step} is {outputs.t_ns}, not {right_ns}")
 
@@ -210,7 +210,7 @@ class Transcript:
         where = f"step {outputs.step}"
         for port, raw in outputs.ports.items():
             if port not in self._decoders:
-                self._break("P7.2", f"{where} has {port!r}, which is no port of the scenario")
+                self._break("P7.2", f"{where} has {port!r}, which is not a port of the scenario")
             elif port in self._bulk:
                 self._break("P7.3", f"{where} has the bulk port {port!r} in `ports`")
             else:
@@ -218,7 +218,8 @@ class Transcript:
         for port in outputs.bulk:
             if port not in self._bulk:
                 self._break(
-                    "P7.3", f"{where} announces bulk content on {port!r}, which is no bulk port"
+                    "P7.3",
+                    (f"{where} announces bulk content on {port!r}, which is not a bulk port"),
                 )
             elif (outputs.step, port) in self.content:
                 self._check_content(outputs, port)
@@ -226,7 +227,7 @@ class Transcript:
     def _check_content(self, outputs: Outputs, port: str) -> None:
         content, size = self.content[outputs.step, port], outputs.bulk[port]
         if len(content) != size:
-            text = f"{port} has {len(content)} bytes, announced were {size}"
+            text = f"{port} has {len(content)} bytes, but {size} were announced"
             self._break("P7.3", f"step {outputs.step}: {text}")
         self._check_type(outputs.step, port, content)
 
@@ -238,12 +239,13 @@ class Transcript:
         strange = set(log.waiting.sources) - known if log.waiting else set()
         if strange:
             self._break(
-                "P9.3", f"it reports to wait for {sorted(strange)}, which are no sources of it"
+                "P9.3",
+                (f"it reports that it is waiting for {sorted(strange)}, which are not its sources"),
             )
 
 
 def _no_slots(_port: str, _outputs: Outputs) -> bytes:
-    raise SlotError("it is in a slot, and no slots were agreed on")
+    raise SlotError("it is in a slot, but no slots were agreed on")
 
 
 def disagreement(data: bytes) -> str:
@@ -251,11 +253,11 @@ def disagreement(data: bytes) -> str:
     try:
         theirs = raw_map(data)
     except MessageError as exc:
-        return f"msgpack reads {exc}"
+        return f"msgpack: {exc}"
     try:
         ours = _decode(data)
     except UNDECODABLE as exc:
-        return f"msgspec reads no MessagePack: {exc}"
+        return f"msgspec cannot decode it: {exc}"
     # As text: NaN equals NaN there, 1 is not 1.0, and the order of the fields counts.
     different = [name for name in theirs if repr(theirs[name]) != repr(ours.get(name))]
-    return f"msgpack and msgspec read {different[0]!r} differently" if different else ""
+    return f"msgpack and msgspec decode {different[0]!r} differently" if different else ""

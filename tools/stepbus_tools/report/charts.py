@@ -247,7 +247,7 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
     """
     form = _SIGNAL.fullmatch(text)
     if form is None:
-        raise WiringError(f"{text!r} is no signal; write e.g. plant.joint_state.position[0]")
+        raise WiringError(f"{text!r} is not a signal; write e.g. plant.joint_state.position[0]")
     participant, name, field, index = form.groups()
     port = recording[f"{participant}/{name}"]
     curves = PortCurves(Table(port), sys.maxsize, points=sys.maxsize)
@@ -255,9 +255,9 @@ def find_signals(recording: Recording, text: str) -> list[Chart]:
         curves.take(piece[port.topic])
     if field is not None and field not in curves.fields:
         others = f"; it has {', '.join(curves.fields) or 'none'}"
-        raise WiringError(f"{text}: {port.type} has no numbers {field!r} here{others}")
+        raise WiringError(f"{text}: {port.type} has no numeric field {field!r}{others}")
     if not curves.fields:
-        raise WiringError(f"{text}: {port.type} carries no numbers to plot")
+        raise WiringError(f"{text}: {port.type} has no numeric fields to plot")
     chosen = [curves.fields[field]] if field else curves.fields.values()
     return [_signal(curves.name, one, index, text) for one in chosen]
 
@@ -270,7 +270,7 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
         at = int(index) if index.isdecimal() else labels.index(index) if index in labels else -1
         if is_single or not 0 <= at < len(labels):
             names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
-            raise WiringError(f"{text}: there is no [{index}]; it has {names or 'a single number'}")
+            raise WiringError(f"{text}: no element [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)
     lines = [
         ChartLine(title if is_single else labels[i], field.curve.line(i), number=i) for i in numbers

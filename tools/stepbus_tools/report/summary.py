@@ -13,7 +13,7 @@ from stepbus_participant import open_regular
 from stepbus_tools.report.curves import JointCurves
 from stepbus_tools.report.units import engineering
 
-NO_DYNAMICS = "joints and base follow their commands at once"
+NO_DYNAMICS = "joints and base follow their commands instantly"
 _PARTS = ("compute", "transport", "record", "wait")
 _SETTLED_S = 2.0
 # More joints than that are named by the worst one only.
@@ -69,8 +69,8 @@ def _profile_lines(folder: Path) -> list[str]:
     for busy, name, means in rows[:1]:
         longest = max(_PARTS[:-1], key=lambda part: means[part])
         lines.append(
-            f"limit     {name} waits least: it is busy {100 * busy:.0f} % of the time, "
-            f"longest with: {longest}"
+            f"limit     {name} is the bottleneck: it is busy {100 * busy:.0f} % of the "
+            f"time, longest with: {longest}"
         )
     return lines
 

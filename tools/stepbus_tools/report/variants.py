@@ -48,8 +48,8 @@ def draw_variants(
                     lines.append(ChartLine(name, line.points, role, number))
     if not panels:
         raise WiringError(
-            f"{recording} has no joint to draw; choose signals with --plot, e.g. of "
-            f"`stepbus plot {recording}`"
+            f"{recording} has no joints to plot; choose signals with --plot; `stepbus "
+            f"plot {recording}` lists them"
         )
     charts = [Chart(*key, _around(mark_s, lines)) for key, lines in panels.items()]
     save(str(recording), charts, target, marks=[Mark(t=mark_s)])

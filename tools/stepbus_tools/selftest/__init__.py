@@ -103,7 +103,7 @@ def _described(
     participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
     description = next(output.description for output in participant.outputs if output.port == port)
     if not by_mode(read_joints(description)):
-        raise WiringError(f"{plant}.{port}: names no joint that has a motor; nothing to test")
+        raise WiringError(f"{plant}.{port}: has no joint with a motor; nothing to test")
     return description
 
 
@@ -152,7 +152,7 @@ def _judged(
     topic: Port = recording[f"{plant.name}.{port}"]
     state = read_signal(topic, topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
-        raise WiringError(f"{plant.name}.{port} carries no positions; nothing to test")
+        raise WiringError(f"{plant.name}.{port} has no positions; nothing to test")
     joints = read_joints(topic.description, state.fields["position"][0].tolist())
     plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle, only)
     verdicts = judge(joints, plan, state)

@@ -140,27 +140,27 @@ def _arrived(trial: Trial, joints: Sequence[TestedJoint], evidence: _Evidence) -
     mine = float(moved[joint.index])
     wanted = trial.goal - float(evidence.before[joint.index])
     measured = float(evidence.after[joint.index])
-    weak = f"; its motor was at its limit of {_effort(joint)}: too weak, or"
+    weak = f"; its motor was at its limit of {_effort(joint)}: is it too weak, or"
     why = f"{weak if _is_at_limit(joint, evidence) else ';'} is something in its way?"
     if abs(measured - trial.goal) <= _margin(joint):
         return
     if joint.is_rotary and math.isclose(measured, math.degrees(trial.goal), rel_tol=0.02):
         yield f"reads {measured:.1f} for {trial.goal:.4f} rad; does it measure in degrees?"
     elif joint.is_rotary and math.isclose(mine, math.radians(wanted), rel_tol=0.1):
-        yield "moves 1/57 of the way; does it take radians for degrees?"
+        yield "moves 1/57 of the way; does it interpret radians as degrees?"
     elif abs(mine) < 0.1 * abs(wanted):
         instead = [
             j.name
             for j in joints
             if j is not joint and math.isclose(float(moved[j.index]), wanted, rel_tol=0.2)
         ]
-        swapped = f"; {', '.join(instead)} moves in its place: are they swapped?"
+        swapped = f"; {', '.join(instead)} moves instead: are they swapped?"
         yield f"does not move{swapped if instead else why}"
     elif mine * wanted < 0:
         yield f"moves in the other direction, by {shown(mine, is_rotary=joint.is_rotary)}"
     else:
         short = shown(abs(measured - trial.goal), is_rotary=joint.is_rotary)
-        yield f"ends {short} from where it was sent{why}"
+        yield f"stops {short} from its target{why}"
 
 
 def _is_at_limit(joint: TestedJoint, evidence: _Evidence) -> bool:
@@ -180,12 +180,12 @@ def _pushed(trial: Trial, state: Signal) -> Iterator[str]:
     joint, (forward, back) = trial.joint, trial.pushes
     position = state.fields["position"][:, joint.index]
     if not position[forward] > position[back]:
-        yield "a positive torque does not move it forward"
+        yield "a positive torque does not move it in the positive direction"
     effort = state.of("effort", joint.name)
     for place, torque in ((forward, joint.push), (back, -joint.push)):
         if effort is not None and not math.isclose(effort[place], torque, rel_tol=1e-3):
             unit = _unit(joint, "N·m", "N")
-            yield f"applies {effort[place]:.3g} {unit} where {torque:.3g} are commanded"
+            yield f"applies {effort[place]:.3g} {unit} instead of the commanded {torque:.3g}"
 
 
 def _moved_most(
@@ -213,7 +213,7 @@ def _beyond(joint: TestedJoint, evidence: _Evidence) -> Iterator[str]:
     """Say which of its limits a joint has passed."""
     end = float(evidence.after[joint.index])
     if not joint.lower - _margin(joint) <= end <= joint.upper + _margin(joint):
-        yield f"is at {end:.4f}, beyond its stops [{joint.lower:g}, {joint.upper:g}]"
+        yield f"is at {end:.4f}, beyond its limits [{joint.lower:g}, {joint.upper:g}]"
     speed, effort = evidence.speed[joint.index], evidence.effort[joint.index]
     if joint.mode not in _FREE and speed > 1.1 * joint.speed:
         unit = _unit(joint, "rad/s", "m/s")

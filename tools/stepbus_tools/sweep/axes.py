@@ -95,7 +95,7 @@ def parse_axis(text: str) -> Axis:
     if len(parts) == 1:
         return parts[0]
     if any(not part.values for part in parts):
-        raise WiringError(f"{text}: only lists and ranges with a count vary together")
+        raise WiringError(f"{text}: only lists and ranges with a count can vary together")
     lengths = {part.paths[0]: len(part.values) for part in parts}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{path} has {count}" for path, count in lengths.items())
@@ -122,7 +122,7 @@ def _parse_one(part: str, text: str) -> Axis:
     try:
         values = parse_yaml(text, f"[{rest}]")
     except SettingsError as exc:
-        raise WiringError(f"{text}: the values are no list of YAML: {exc}") from exc
+        raise WiringError(f"{text}: the values are not a YAML list: {exc}") from exc
     if not values:
         raise WiringError(f"{text}: give at least one value")
     return Axis(text=text, paths=(path,), values=tuple((value,) for value in values))
@@ -133,15 +133,15 @@ def _ranged(path: str, match: re.Match[str], text: str) -> Axis:
     is_whole = all(re.fullmatch(r"[-+]?\d+", match[n]) for n in (1, 2))
     is_log = match[4] == "log"
     if is_log and not (low > 0 and high > 0):
-        raise WiringError(f"{text}: a logarithmic range lies above 0")
+        raise WiringError(f"{text}: a logarithmic range must lie above 0")
     if match[3] is None:
         if not low < high:
-            raise WiringError(f"{text}: the range starts below its end")
+            raise WiringError(f"{text}: the start of a range must be below its end")
         span = Span(low=low, high=high, is_log=is_log, is_whole=is_whole)
         return Axis(text=text, paths=(path,), span=span, is_log=is_log)
     count = int(match[3])
     if not 0 < count <= _MOST_VALUES:
-        raise WiringError(f"{text}: a range has 1 to {_MOST_VALUES} values, not {count}")
+        raise WiringError(f"{text}: a range must have 1 to {_MOST_VALUES} values, not {count}")
     numbers: Sequence[float] = (
         np.geomspace(low, high, count) if is_log else np.linspace(low, high, count)
     ).tolist()
@@ -165,7 +165,7 @@ def parse_distribution(given: str, text: str) -> Distribution:
         arguments = [ast.literal_eval(value) for value in call.args]
         keywords = {str(item.arg): ast.literal_eval(item.value) for item in call.keywords}
     except (AttributeError, SyntaxError, ValueError) as exc:
-        raise WiringError(f"{text}: {written!r} are no numbers or texts in quotes") from exc
+        raise WiringError(f"{text}: {written!r} must be numbers or quoted strings") from exc
     if match[1] == _CHOICE:
         if not arguments or keywords:
             raise WiringError(f"{text}: choice needs its values, e.g. choice('a', 'b')")
@@ -185,5 +185,5 @@ def _of_scipy(name: str, arguments: list[Any], keywords: dict[str, Any], text: s
     except (TypeError, ValueError) as exc:
         raise WiringError(f"{text}: {exc}") from exc
     if not np.all(np.isfinite(probes)):
-        raise WiringError(f"{text}: {name} cannot have these parameters: no value can be drawn")
+        raise WiringError(f"{text}: {name} does not accept these parameters")
     return Distribution(frozen, is_discrete=isinstance(getattr(stats, name), stats.rv_discrete))

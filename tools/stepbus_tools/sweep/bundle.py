@@ -87,7 +87,7 @@ def metric_file(text: str) -> Path:
     if not colon or not function.isidentifier() or path.suffix != ".py":
         raise WiringError(f"{text}: write FILE.py:FUNCTION, e.g. my_metrics.py:tracking")
     if not path.is_file():
-        raise WiringError(f"{text}: there is no file {path}")
+        raise WiringError(f"{text}: no file {path}")
     try:
         tree = ast.parse(read_file(path))
     except (OSError, SyntaxError, ValueError) as exc:
@@ -112,8 +112,9 @@ def _modules_beside(path: Path) -> dict[str, bytes]:
     contents = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
     if sum(map(len, contents.values())) > _MOST_BYTES:
         raise WiringError(
-            f"{path}: over {_MOST_BYTES // 1_000_000} MB of Python lie beside it; a metric goes to "
-            "every machine with the modules beside it: put it into a folder of its own"
+            f"{path}: over {_MOST_BYTES // 1000000} MB of Python files in its folder; a "
+            "metric is copied to every machine with all modules in its folder: move it "
+            "to a separate folder"
         )
     return contents
 

@@ -89,13 +89,13 @@ def _check(axes: Sequence[Axis], samples: int, repeats: int) -> None:
     paths = [path for axis in axes for path in axis.paths]
     twice = sorted({path for path in paths if paths.count(path) > 1})
     if twice:
-        raise WiringError(f"{', '.join(twice)}: varies on two axes")
+        raise WiringError(f"{', '.join(twice)}: on two axes")
     if repeats > 1 and SEED in paths:
-        raise WiringError("seed: either an axis, or varied by repeats")
+        raise WiringError("seed: use either an axis or repeats, not both")
     is_drawn = any(axis.distribution is not None for axis in axes)
     if is_drawn and samples < 1:
         raise WiringError(
-            f"a distribution needs a number of draws in {argument('--samples')}, e.g. 100"
+            f"a distribution needs the number of samples, {argument('--samples')}, e.g. 100"
         )
     if samples and not is_drawn:
         raise WiringError(

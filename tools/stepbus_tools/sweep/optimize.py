@@ -55,14 +55,12 @@ class Optimizer:
         finished = [row for row in rows if row.exit_code == 0]
         if finished and all(self._value(row) is None for row in finished):
             measured = finished[0].metrics
-            why = f"is no metric of these runs{suggest(self._metric, measured)}; they have "
+            why = f"is not a metric of these runs{suggest(self._metric, measured)}; they have "
             why += ", ".join(measured)
             if self._metric in measured:
                 value = measured[self._metric]
-                why = f"is {value!r} in run {finished[0].run}, which is no number"
-            raise WiringError(
-                f"{argument('--optimize')} {self._metric}: it {why}: there is nothing to optimise"
-            )
+                why = f"is {value!r} in run {finished[0].run}, which is not a number"
+            raise WiringError(f"{argument('--optimize')} {self._metric}: it {why}: cannot optimize")
         for row in sorted(rows, key=lambda row: row.run):
             trial, value = self._asked.pop(row.run), self._value(row)
             if value is None:

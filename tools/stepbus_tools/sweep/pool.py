@@ -175,7 +175,7 @@ class Pool:
     def __enter__(self) -> Self:
         """Start Ray, or join the cluster."""
         if self._ray.is_initialized():
-            raise StartFailed("this process uses Ray already: call ray.shutdown() before the sweep")
+            raise StartFailed("this process already uses Ray: call ray.shutdown() before the sweep")
         self._sweep_up()
         address = self._options.address
         options: dict[str, Any] = {"address": address}
@@ -262,8 +262,8 @@ class Pool:
                 return
             if not self._workers_are_there(started):
                 raise StartFailed(
-                    f"no worker has started on Ray within {_START_S:.0f} s: has it a free core? "
-                    "`ray status` tells"
+                    f"no Ray worker has started within {_START_S:.0f} s: is a core free? "
+                    "See `ray status`"
                 )
             yield from self._finished()
 
@@ -349,7 +349,7 @@ class Pool:
             if task.deaths < _MOST_DEATHS:
                 self._again.append(task)
                 return None
-            reason = f"the process that ran it died {task.deaths} times"
+            reason = f"its worker process died {task.deaths} times"
             return task.counted(failed_row(task.point, "died", reason, ExitCode.DIED)), {}
         row, files = msgspec.json.decode(answer[0], type=ResultRow), answer[1]
         if row.exit_code in _RETRIED and task.attempts <= self._options.retries:
@@ -365,7 +365,7 @@ class Pool:
             if limit_s and task is not None and now - worker.since >= limit_s:
                 del self._pending[reference]
                 self._drop(worker)
-                reason = f"it took longer than {limit_s:g} s"
+                reason = f"it exceeded the limit of {limit_s:g} s"
                 row = failed_row(task.point, _TIMED_OUT, reason, ExitCode.STEP_TIMEOUT)
                 yield task.counted(row), {}
 

@@ -105,7 +105,8 @@ class Journal:
                     self._place(_decode(line).run, len(line))
                 except UNDECODABLE as exc:
                     raise RecordingFailed(
-                        f"{self._path}: byte {self._end} begins no row: it {explained(exc)}"
+                        f"{self._path}: byte {self._end} is not the start of a row: it "
+                        f"{explained(exc)}"
                     ) from exc
 
     def _place(self, number: int, length: int) -> None:
@@ -139,8 +140,8 @@ class Journal:
             with contextlib.suppress(OSError):
                 self._file.truncate(self._end)
             raise RecordingFailed(
-                f"{self._path} cannot be written: {exc.strerror}; all {len(self)} rows before are "
-                "there, and the same command goes on from them"
+                f"{self._path} cannot be written: {exc.strerror}; all {len(self)} "
+                "earlier rows are kept; run the same command again to resume"
             ) from exc
         self._place(row.run, len(line))
 

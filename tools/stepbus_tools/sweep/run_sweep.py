@@ -52,9 +52,9 @@ RUNNING = "runs"
 
 @dataclass(frozen=True, kw_only=True)
 class SweepProgress:
-    """How far a sweep is: rows of all, of which failed; rate of all workers [runs/s].
+    """Progress of a sweep: finished, total and failed runs; rate of all workers [runs/s].
 
-    rate: None until a worker has done its second run. phase: what happens now.
+    rate: None until a worker has finished its second run. phase: current activity.
     """
 
     done: int
@@ -65,13 +65,13 @@ class SweepProgress:
 
     @property
     def remaining_s(self) -> float | None:
-        """Return how long the rest takes [s]; None: not yet known."""
+        """Return the remaining time [s]; None if not yet known."""
         return None if self.rate is None else (self.total - self.done) / self.rate
 
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
-    """What became of a sweep. resumed: rows that were there before. causes: outcome → runs."""
+    """Result of a sweep. resumed: earlier runs. causes: cause → number of failed runs."""
 
     folder: Path
     total: int
@@ -123,7 +123,7 @@ def _claimed(home: Path) -> Iterator[None]:
         make_folder(home)
         lock = os.fdopen(append_to(home / _LOCK), "ab")
     except OSError as exc:
-        raise RecordingFailed(f"cannot make the folder {home}: {exc.strerror}") from exc
+        raise RecordingFailed(f"cannot create folder {home}: {exc.strerror}") from exc
     with lock:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -143,10 +143,10 @@ def _claim(plan: Plan, bundle: Bundle, home: Path) -> None:
     old, before = load_spec(home)
     changes = differences(old, plan.spec)
     if not changes and before != fingerprint:
-        changes = ["a file of the scenario, or a metric, has changed"]
+        changes = ["a file of the scenario or a metric has changed"]
     if changes:
         raise OutputExists(
-            f"{home} holds another sweep: {'; '.join(changes)}; give another {argument('--out')}"
+            f"{home} contains another sweep: {'; '.join(changes)}; give another {argument('--out')}"
         )
 
 
@@ -181,9 +181,9 @@ class _Sweep:
         for row in journal.rows():
             self._count(row)
         if resumed < self._total:
-            self._report("Ray starts, which takes some seconds, on a busy machine a minute")
+            self._report("starting Ray (some seconds; up to a minute on a busy machine)")
             with Pool(self._bundle, self._options) as self._pool:
-                self._report("the workers start")
+                self._report("starting workers")
                 self._run_missing(interrupt)
         write_table(journal, self._paths, self._home)
         extreme_rows = extremes(journal, self._plan.spec)
@@ -195,8 +195,8 @@ class _Sweep:
         write_page(journal, self._plan, self._paths, self._home, pictures)
         if interrupt.is_set():
             raise Interrupted(
-                f"interrupted after {len(journal)} of {self._total} runs; the same command "
-                "goes on from there"
+                f"interrupted after {len(journal)} of {self._total} runs; run the same "
+                "command again to resume"
             )
         return SweepResult(
             folder=self._home,
@@ -222,7 +222,7 @@ class _Sweep:
         # The best and the worst run are made again, since they may not have stayed.
         chosen = extremes(self._journal, self._plan.spec)
         if chosen:
-            self._report(f"the plots of the {' and the '.join(chosen)} run are made")
+            self._report(f"plotting the {' and the '.join(chosen)} run")
             points = [Point(row.run, row.values) for row in chosen.values()]
             for name, content in zip(chosen, self._pool.pictures(points), strict=True):
                 if content:
@@ -235,8 +235,8 @@ class _Sweep:
             if row.exit_code == ExitCode.RECORDING:
                 # The machine's fault, not the point's: a row of it would stay for good.
                 raise RecordingFailed(
-                    f"run {row.run}: {row.reason}; its row is left out, all {len(journal)} others "
-                    "are there, and the same command goes on from them"
+                    f"run {row.run}: {row.reason}; it has no row; the {len(journal)} "
+                    "others are kept; run the same command again to resume"
                 )
             if files:
                 write_run(files, self._home, row)
@@ -273,8 +273,8 @@ def _checked(row: ResultRow, point: Point) -> ResultRow:
     """
     if row.values != dict(point.values):
         raise WiringError(
-            f"run {row.run} was made with other values than the optimizer asks for now: resume "
-            "with the versions of Optuna and SciPy that began the sweep"
+            f"run {row.run} used other values than the optimizer proposes now: resume "
+            "with the versions of Optuna and SciPy that started the sweep"
         )
     return row
 
@@ -312,6 +312,6 @@ def rerun_row(
     source = folder / _SOURCE_FOLDER / "scenario"
     files = sorted(source.rglob(layout.SCENARIO_ATTACHMENT), key=lambda p: (-len(p.parts), p))
     if not files:
-        raise WiringError(f"{source}: the sweep's scenario is gone")
+        raise WiringError(f"{source}: the scenario of the sweep no longer exists")
     scenario = load(files[0], *overrides_of(Point(number, row.values)))
     return RowRerun(row=row, result=run(scenario, Options(out=out), observer, interrupt))

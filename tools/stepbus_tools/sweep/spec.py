@@ -31,7 +31,7 @@ from stepbus_tools.sweep.design import Design, Point
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
 
 SPEC_FILE = "sweep.json"
-_LIKE = "a sweep is a map with `scenario` and `vary`"
+_LIKE = "a sweep file must be a map with the keys `scenario` and `vary`"
 _NO_FAULT = "none"
 
 
@@ -159,17 +159,17 @@ def _contradictions(spec: Spec, axes: Sequence[Axis | None]) -> Iterator[tuple[K
         yield from _optimizer_problems(spec, spec.optimize, usual)
     else:
         if spec.trials or spec.maximize:
-            yield ("optimize",), "names the metric that trials are for"
+            yield ("optimize",), "needs the name of a metric, as trials are for an optimizer"
         if spec.batch != usual.batch:
-            yield ("batch",), "belongs to an optimizer; without one, all runs are asked for at once"
+            yield ("batch",), "is only for an optimizer"
         if spec.sampling != usual.sampling and not is_drawn:
-            yield ("sampling",), "no axis has a distribution to draw from"
+            yield ("sampling",), "no axis has a distribution to sample"
     for number, axis in enumerate(axes):
         if axis is None:
             continue
         if spec.optimize is None and axis.span is not None:
             text = f"{axis.text}: a range needs a count, e.g. {axis.text}:7; only an optimizer"
-            yield ("vary", number), f"{text} takes all of it"
+            yield ("vary", number), f"{text} takes a range without a count"
         if spec.optimize is not None and (axis.distribution or len(axis.paths) > 1):
             text = "an optimizer takes ranges and lists, such as PATH=50:200"
             yield ("vary", number), f"{axis.text}: {text}"
@@ -182,13 +182,13 @@ def _optimizer_problems(spec: Spec, name: str, usual: Spec) -> Iterator[tuple[Ke
         yield ("trials",), text
     for key in ("samples", "repeats", "sampling"):
         if getattr(spec, key) != getattr(usual, key):
-            yield (key,), "an optimizer chooses each run by itself; leave it out"
+            yield (key,), "the optimizer chooses the runs; remove it"
     # Metrics of the user's own are known later.
     if not (spec.metrics or name in BUILTIN or name.startswith("rmse.")):
         known = ", ".join([*BUILTIN, "rmse.JOINT"])
-        text = f"{name}: there is no such metric{suggest(name, BUILTIN)}; there are {known}, "
         more = argument("--metric", "metrics", "FILE:FUNCTION")
-        yield ("optimize",), f"{text}and your own with {more}"
+        text = f"{name}: unknown metric (built-in: {known}; your own: {more})"
+        yield ("optimize",), f"{text}{suggest(name, BUILTIN)}"
 
 
 def _loads(scenario: str) -> bool:
@@ -268,9 +268,9 @@ def load_spec(folder: Path) -> tuple[Spec, str]:
         content = json.loads(read_text(path))
         return Spec.of(content["sweep"]), str(content["fingerprint"])
     except FileNotFoundError as exc:
-        raise WiringError(f"{folder} holds no sweep: there is no {SPEC_FILE} in it") from exc
+        raise WiringError(f"{folder} is not a sweep: it has no {SPEC_FILE}") from exc
     except (OSError, ValueError, KeyError, TypeError) as exc:
-        raise WiringError(f"{path} is not the one that a sweep wrote: {exc}") from exc
+        raise WiringError(f"{path} is not a sweep file written by stepbus: {exc}") from exc
 
 
 def default_name(spec: Spec) -> str:

@@ -154,7 +154,7 @@ def _measured(text: str, function: Metric, recording: Recording) -> dict[str, Va
     for name, value in named.items():
         plain = value.item() if hasattr(value, "item") and not getattr(value, "ndim", 0) else value
         if not (plain is None or isinstance(plain, bool | int | float | str)):
-            what = f"{name} is {type(plain).__name__}, no number, text or truth value"
+            what = f"{name} is {type(plain).__name__}, not a number, string or boolean"
             raise MetricFailed(f"{text}: {what}")
         values[str(name)] = plain
     return values

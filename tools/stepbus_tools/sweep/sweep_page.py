@@ -39,7 +39,7 @@ def write_page(
 
     Raises RecordingFailed when it cannot be written.
     """
-    (offline,) = need("the page of a sweep", "plotly.offline")
+    (offline,) = need("the report of a sweep", "plotly.offline")
     every = math.ceil(len(journal) / _MOST_ROWS) or 1
     rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
     failed = sum(row.exit_code != 0 for row in journal.rows())
@@ -56,8 +56,10 @@ def write_page(
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
         pictures="".join(_picture(title, path) for title, path in pictures.items()),
         failures=_failures(journal),
-        again=f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>does run {number} "
-        "again in separate processes, and compares the SHA-256 of its recording.</p>",
+        again=(
+            f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>repeats run {number} "
+            "in separate processes and compares the SHA-256 of its recording.</p>"
+        ),
         library=offline.get_plotlyjs(),
         # JSON that ends no script.
         data=json.dumps(_data(journal, plan, paths, rows)).replace("</", "<\\/"),

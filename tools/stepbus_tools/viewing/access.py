@@ -36,8 +36,8 @@ _HEADERS = {
     "Referrer-Policy": "no-referrer",
     "X-Content-Type-Options": "nosniff",
 }
-_USED = "This address has been used. `stepbus view` has printed one that has not.\n"
-_UNKNOWN = "This browser has not been let in. Open the address that `stepbus view` prints.\n"
+_USED = "This URL has already been used once. Open the new one that `stepbus view` printed.\n"
+_UNKNOWN = "This browser has no access. Open the URL that `stepbus view` prints.\n"
 _ALL = ("0.0.0.0", "::")  # noqa: S104  (compared with, not bound)
 
 Process = Callable[[Any, Any], Any]
@@ -59,7 +59,7 @@ def listening(host: str, port: int) -> socket.socket:
         return socket.create_server((host, port), family=family)
     except OSError as exc:
         if exc.errno == errno.EADDRINUSE:
-            why = f"port {port} of {host} is taken; choose another, or none"
+            why = f"port {port} of {host} is in use; choose another, or omit it for a free one"
             raise WiringError(why) from exc
         why = exc.strerror or str(exc)
         raise WiringError(f"cannot listen on {host}, port {port}: {why}") from exc
@@ -120,7 +120,7 @@ class Door:
     def _answer(self, connection: Any, headers: Any, name: str) -> Any:
         """Return the answer to a request; None: it comes from a browser that was let in."""
         if not self._is_addressed_here(headers):
-            return connection.respond(HTTPStatus.FORBIDDEN, "This page has another address.\n")
+            return connection.respond(HTTPStatus.FORBIDDEN, "This page has another URL.\n")
         if _is_one_of(name, [self._room]) and self._has_cookie(headers):
             return None
         if _is_one_of(name, self._fresh):
@@ -176,7 +176,7 @@ def only_with(token: str, process: Process) -> Process:
     def answer(connection: Any, _headers: Any, name: str) -> Any:
         if _is_one_of(name, [token]):
             return None
-        return connection.respond(HTTPStatus.FORBIDDEN, "Open the address with its token.\n")
+        return connection.respond(HTTPStatus.FORBIDDEN, "Open the URL with its token.\n")
 
     return _guarded(process, answer)
 

@@ -16,8 +16,8 @@ _SPEEDS: Mapping[str, float | None] = {
     "a tenth": 0.1,
 }
 _PLAY, _PAUSE = "player-play-filled", "player-pause-filled"
-_HINT = "The run has not begun, or it runs in one process: it cannot be changed from here."
-_REDONE = "Each change is recorded as a call with its step; `stepbus rerun` does it again."
+_HINT = "The run has not started, or it runs in one process: you cannot change it here."
+_REDONE = "Each change is recorded as a call with its step; `stepbus rerun` repeats it."
 _HEAD = "| participant | state | computes [µs] | waits [µs] | dropped |\n|---|---|---|---|---|"
 
 
@@ -51,7 +51,7 @@ class Controls:
         with self._steer:
             self._hint = gui.add_markdown(_HINT)
         with tabs.add_tab("Timing"):
-            self._table = gui.add_markdown("nothing is known of the participants")
+            self._table = gui.add_markdown("no data from the participants yet")
             self._end = gui.add_button("end the run", color="dark", icon="x", visible=False)
             self._end.on_click(lambda _: self._client.ask("", "stop"))
 

@@ -107,7 +107,7 @@ class LivePage:
         words = headline(self._client.status, self._tail.last_step, self._rate())
         idle_s = now - self._grown_at
         if idle_s > IDLE_S and self._client.status.get("phase") != "paused":
-            words += f"  \n**nothing new for {idle_s:.0f} s**"
+            words += f"  \n**no new data for {idle_s:.0f} s**"
         return words
 
     def _rate(self) -> float:

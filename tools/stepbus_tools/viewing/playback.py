@@ -58,7 +58,7 @@ def open_recording(path: Path) -> Recording:
         recording = stack.enter_context(Recording(path))
         if recording.last_step < 0:
             why = f": it {recording.cut_short}" if recording.cut_short else ""
-            text = f"{recording.path} has no messages, so there is nothing to show{why}"
+            text = f"{recording.path} has no messages; nothing to show{why}"
             raise RecordingFailed(text)
         check_readable(recording)
         stack.pop_all()
@@ -318,7 +318,7 @@ class Player:
             self._stop.content = banner
         step = round(t_ns / history.step_ns)
         why = history.recording.cut_short
-        note = f"  \nthe recording **{why}**; what precedes that is shown" if why else ""
+        note = f"  \nthe recording **{why}**; showing everything before that" if why else ""
         for run, (other, _) in zip(self._runs[1:], self._others, strict=True):
             if t_ns > other.end_ns:
                 note += f"  \n{run} has ended at {other.end_ns * 1e-9:.3f} s"

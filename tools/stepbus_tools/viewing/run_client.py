@@ -169,7 +169,7 @@ def _wait_for(
         if tail is not None and tail.poll() and tail.last_step >= 0:
             return tail
         if tail is not None and tail.is_complete:
-            raise RecordingFailed(f"{path} has no messages, so there is nothing to show")
+            raise RecordingFailed(f"{path} has no messages; nothing to show")
         if time.monotonic() > deadline:
             raise RecordingFailed(f"{folder}: no run has started there for {_START_S:.0f} s")
         time.sleep(FRAME_S)

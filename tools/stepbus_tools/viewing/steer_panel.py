@@ -16,7 +16,7 @@ _TELEPORT = "set_joint_position"
 _MOVE = "move_body"
 _STOP = "emergency_stop"
 _ORDER = "order"
-_PERSON = "a person at the page"
+_PERSON = "the user of the page"
 _MOVE_S = 0.5
 """How long a joint takes to a new target [s]."""
 _NO_BODY = "(none)"
@@ -131,7 +131,7 @@ class SteerPanel:
         kinds = {kind for port in poses for kind in port.description.details.get("type", ())}
         if types := sorted(kinds - {""}):
             choice = self._gui.add_dropdown("order", tuple(types), initial_value=types[0])
-            button = self._gui.add_button("order it", icon="shopping-cart")
+            button = self._gui.add_button("place order", icon="shopping-cart")
             button.on_click(lambda _: self._client.ask(who, _ORDER, choice.value))
 
     # --- bodies ---------------------------------------------------------------------------
@@ -141,7 +141,7 @@ class SteerPanel:
             return
         names = (_NO_BODY, *sorted(self._bodies))
         choice = self._gui.add_dropdown("move", names, initial_value=_NO_BODY)
-        button = self._gui.add_button("put it there", icon="map-pin", disabled=True)
+        button = self._gui.add_button("place", icon="map-pin", disabled=True)
 
         def hold() -> None:
             self._hold(choice.value)

@@ -131,8 +131,9 @@ def parse_viewpoint(
     seen_from = _point(eye)
     if seen_from is None or looked_at is None or np.allclose(seen_from, looked_at):
         raise WiringError(
-            f"{text!r} is no viewpoint; write one of {', '.join(_SIDES)}, or metres such as "
-            "2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the eye, and what it looks at)"
+            f"{text!r} is not a viewpoint; write one of {', '.join(_SIDES)}, or metres "
+            "such as 2,-2,1.5 or 2,-2,1.5:0,0,0.5 (the camera position, and the point it "
+            "looks at)"
         )
     return Viewpoint(eye=seen_from, target=looked_at)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 
 from stepbus_orchestrator.run.extensions.pace import Pace
 
-HELP = "p or space: pause and continue · s or Enter: one step · q: stop"
+HELP = "p or space: pause and resume · s or Enter: one step · q: stop"
 _POLL_S = 0.2
 _JOIN_S = 1.0
 

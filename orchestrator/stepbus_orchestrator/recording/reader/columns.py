@@ -69,9 +69,9 @@ def raw_map(data: bytes) -> dict[str, Any]:
     try:
         fields = msgpack.unpackb(data, strict_map_key=False, timestamp=_UTC)
     except (ValueError, TypeError, OverflowError, RecursionError, msgpack.UnpackException) as exc:
-        raise MessageError(f"no MessagePack: {str(exc) or type(exc).__name__}") from exc
+        raise MessageError(f"not MessagePack: {str(exc) or type(exc).__name__}") from exc
     if not isinstance(fields, dict):
-        raise MessageError(f"no MessagePack map: {type(fields).__name__}")
+        raise MessageError(f"not a MessagePack map: {type(fields).__name__}")
     return fields
 
 

@@ -32,13 +32,13 @@ class Recording:
     """A recording: `recording["plant.joint_state"].position` is an array of shape (T, n).
 
     ports: by topic such as `plant/joint_state`, in recorded order. attachments: the scenario and
-    its files, by name. scenario: what the scenario says; empty where it cannot be read. metadata:
-    what the run ran on, by name. types: message types, with those of its own that its schemas say.
+    its files, by name. scenario: content of the scenario file; empty if it cannot be read.
+    metadata: versions, machine and settings of the run, by name. types: message types, including
+    custom types from its schemas.
 
-    path: of a recording, or the folder of its run. Only the index is read at once; messages are
-    read when they are asked for. Of a file that is cut off or corrupt, all before the damage is
-    there. Raises RecordingFailed when the file cannot be read, is no MCAP file, or describes its
-    channels wrongly.
+    path: a recording, or the folder of its run. Opening reads only the index; messages are read on
+    demand. A truncated or corrupt file gives everything before the damage. Raises RecordingFailed
+    when the file cannot be read, is not an MCAP file, or has invalid channel descriptions.
     """
 
     def __init__(self, path: str | PathLike[str]) -> None:
@@ -54,15 +54,15 @@ class Recording:
 
     @property
     def damage(self) -> str:
-        """Return what is wrong with the file, as far as it was read; empty when nothing is.
+        """Return the damage found so far in the file; empty if none.
 
-        Nothing is wrong with one that is being written.
+        A file that is still being written counts as undamaged.
         """
         return "" if self._source.is_live else self._source.damage
 
     @property
     def cut_short(self) -> str:
-        """Return why it ends where it does, such as `is damaged: …`; empty when it is complete."""
+        """Return why the recording ends early, such as `is damaged: …`; empty if it is complete."""
         if self._source.is_live:
             return "is still being written"
         return f"is damaged: {self.damage}" if self.damage else ""
@@ -74,19 +74,19 @@ class Recording:
 
     @property
     def incomplete(self) -> Mapping[str, int]:
-        """Return participant → first step whose outputs are missing; of a failed run."""
+        """Return participant → first step without its outputs, for a failed run."""
         rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
         known = ((name, step) for name, step in rows.items() if _STEP.fullmatch(step))
         return {name: int(step) for name, step in known}
 
     @property
     def last_whole_step(self) -> int:
-        """Return the newest step that every participant has reached; others may be ahead of it."""
+        """Return the newest step that all participants have reached."""
         return min([self.last_step, *self.incomplete.values()])
 
     @property
     def messages_sha256(self) -> str:
-        """Return the SHA-256 of all messages (P13.3); empty where no chain closes the last step."""
+        """Return the SHA-256 of all messages (P13.3); empty if no chain covers the last step."""
         chain = self.ports.get(layout.CHAIN_TOPIC)
         last = None if chain is None else chain.last
         if last is None or last.step < self.last_step:
@@ -118,16 +118,16 @@ class Recording:
     def batches(
         self, ports: Iterable[Port], most_bytes: int = BATCH_BYTES
     ) -> Iterator[dict[str, Batch]]:
-        """Yield all messages of some ports in pieces: topic → its batch, of the same steps.
+        """Yield all messages of some ports in batches: topic → batch, each over the same steps.
 
-        It reads the recording once, and holds one piece of about `most_bytes` at a time.
+        Reads the recording once and holds one batch of about `most_bytes` in memory.
         """
         return batches(self._source, list(ports), most_bytes)
 
     def holes(self) -> Sequence[str]:
-        """Return what is missing in its midst, a sentence for each hole; it reads all messages.
+        """Return a text for each gap in the recording; reads all messages.
 
-        The hash chains prove that nothing else is, up to the last of them (P13.3).
+        The hash chains prove that nothing else is missing, up to the last chain (P13.3).
         """
         if self._holes is None:
             index = self._source.index
@@ -138,7 +138,7 @@ class Recording:
         return self._holes
 
     def flaws(self) -> list[str]:
-        """Return a sentence for all that is missing in it: its end, and holes."""
+        """Return a text for each missing part: a truncated end, and gaps."""
         holes = [f"has a hole: {hole}" for hole in self.holes()]
         return [*([self.cut_short] if self.cut_short else []), *holes]
 
@@ -147,10 +147,10 @@ class Recording:
         return f"<Recording {self.path}, up to step {self.last_step}>"
 
     def plot(self, *signals: str) -> Plot:
-        """Return a picture of signals, such as `plant.joint_state.position`; a notebook shows it.
+        """Plot signals, such as `plant.joint_state.position`, for a notebook.
 
-        signals: as of `stepbus plot`; none: the positions of all joints. Raises WiringError for one
-        that is not there, ExtraMissing without matplotlib.
+        signals: as in `stepbus plot`; none: the positions of all joints. Raises WiringError for an
+        unknown signal, ExtraMissing without matplotlib.
         """
         picture: Plot = view("plot")(self, signals)
         return picture
@@ -158,10 +158,10 @@ class Recording:
     def frame(self, *signals: str) -> Any:
         """Return signals, such as `plant.joint_state.position`, as a pandas DataFrame.
 
-        signals: of a port, a field or one value of it; none: all. Its index is the simulation time
-        `t` [s], a column is called `plant.joint_state.position.joint1`; what a port has no message
-        for is NaN. `frame.attrs["units"]` has the units. Raises UnknownPort or WiringError for a
-        signal that is not there, ExtraMissing without pandas.
+        signals: ports, fields or single values; none: all. The index is the simulation time `t`
+        [s]; columns have names such as `plant.joint_state.position.joint1`; times without a message
+        are NaN. `frame.attrs["units"]` has the units. Raises UnknownPort or WiringError for an
+        unknown signal, ExtraMissing without pandas.
         """
         return view("frame")(self, signals)
 
@@ -170,7 +170,7 @@ class Recording:
         return str(view("recording_html")(self))
 
     def close(self) -> None:
-        """Close the file; what was read stays."""
+        """Close the file; data that was read stays valid."""
         self._source.close()
 
     def __enter__(self) -> Self:

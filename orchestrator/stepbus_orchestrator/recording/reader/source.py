@@ -169,7 +169,7 @@ class Source:
         opcode, content = self._file.record(block.offset)
         if len(content) != block.length - HEAD.size:
             raise DamagedRecord(
-                f"the record at byte {block.offset} has another length than indexed"
+                f"the record at byte {block.offset} does not have the length given in the index"
             )
         if opcode == Opcode.CHUNK:
             return chunk_content(content, checked=self.index.is_ours)

@@ -60,9 +60,9 @@ def load_extension(name: str) -> RunExtension:
         folder, module = path.parent, path.stem
     extension = load_class(f"{module}:{class_name}", folder.resolve())
     if not issubclass(extension, RunExtension):
-        raise WiringError(f"{name}: {class_name} is no stepbus.RunExtension")
+        raise WiringError(f"{name}: {class_name} is not a stepbus.RunExtension")
     try:
         made: RunExtension = extension()
     except Exception as exc:
-        raise WiringError(f"{name} cannot be made: {error_text(exc)}") from exc
+        raise WiringError(f"{name} cannot be created: {error_text(exc)}") from exc
     return made

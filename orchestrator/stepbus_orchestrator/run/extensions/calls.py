@@ -194,7 +194,7 @@ class Calls(RunExtension):
         methods = _methods(participant)
         if method not in methods:
             if not methods:
-                return f"{name} offers no calls"
+                return f"{name} does not accept calls"
             return f"{name} has no call {method!r}{suggest(method, methods)}"
         return None
 

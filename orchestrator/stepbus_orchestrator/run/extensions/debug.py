@@ -31,8 +31,8 @@ class Debug(RunExtension):
         for name in self._names:
             if scenario.participant(name).is_external:
                 raise WiringError(
-                    f"{name}: --debug gives a terminal to a participant that is started here; "
-                    f"start this one in a debugger yourself, and give it --no-deadline {name}"
+                    f"{name}: --debug is only for participants that stepbus starts; "
+                    f"start this one in a debugger yourself, with --no-deadline {name}"
                 )
         return without
 

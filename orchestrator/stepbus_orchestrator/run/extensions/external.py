@@ -53,8 +53,8 @@ class External(RunExtension):
         ]
         if faults:
             raise WiringError(
-                f"{', '.join(faults)}: stepbus sends no signal to a process that it has not "
-                "started; faults on messages work for an external participant too"
+                f"{', '.join(faults)}: stepbus cannot signal a process that it did not "
+                "start; message faults work for external participants too"
             )
         return scenario
 
@@ -82,8 +82,10 @@ class External(RunExtension):
         own = shlex.join(participant.spec.program)
         self._tell(
             participant,
-            f"start it elsewhere with `{shlex.join(['stepbus', *arguments])}`, which runs "
-            f"`{own}`, or another program with `-- PROGRAM` behind it; also {script}",
+            (
+                f"start it with `{shlex.join(['stepbus', *arguments])}` or {script}, which "
+                f"run `{own}`; append `-- PROGRAM` to run another program"
+            ),
         )
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
@@ -101,7 +103,7 @@ class External(RunExtension):
                 left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
                 path = participant.external.ticket.path
-                self._tell(participant, f"is not there yet ({wait}): stepbus join {path}")
+                self._tell(participant, f"has not joined yet ({wait}): stepbus join {path}")
 
     def close(self) -> None:
         """Remove the scripts."""

@@ -56,10 +56,12 @@ class Faults(RunExtension):
             language = participants[fault.participant].language
             if language != "python":
                 raise StartFailed(
-                    f"before the first step: the fault '{format_fault(fault)}' needs a participant "
-                    f"that uses the Python library; {fault.participant} is written in "
-                    f"{language or 'an unnamed language'}; "
-                    f"{', '.join(PROCESS_FAULTS)} work for any",
+                    (
+                        f"before the first step: the fault '{format_fault(fault)}' needs a "
+                        f"participant that uses the Python library; {fault.participant} is "
+                        f"written in {language or 'an unknown language'}; "
+                        f"{', '.join(PROCESS_FAULTS)} work for any language"
+                    ),
                     participant=fault.participant,
                 )
 

@@ -9,8 +9,8 @@ from stepbus_orchestrator.run.kernel.barrier import FAR
 class Pace(RunExtension):
     """Pauses a run between two steps and resumes it, from any thread.
 
-    It only chooses when a trigger is sent: inputs are fixed by their step numbers, so a pause
-    changes no result. at: the step to pause before; default: the run continues until `pause`.
+    A pause only delays triggers, so it does not change the result. at: step to pause before;
+    default: run until `pause` is called.
     """
 
     def __init__(self, at: int | None = None) -> None:
@@ -21,7 +21,7 @@ class Pace(RunExtension):
 
     @property
     def paused(self) -> bool:
-        """Return whether the run is paused, or will be at a step."""
+        """Return whether the run is paused, or will pause at a step."""
         return self._pausing or self._at is not None
 
     def is_holding(self) -> bool:
@@ -29,7 +29,7 @@ class Pace(RunExtension):
         return self.paused
 
     def pause(self) -> None:
-        """Pause as soon as all released steps are complete."""
+        """Pause when all released steps are complete."""
         with self._lock:
             self._pausing, self._at = True, None
 
@@ -39,7 +39,7 @@ class Pace(RunExtension):
             self._pausing, self._at, self._more = False, None, 0
 
     def step(self, count: int = 1) -> None:
-        """Continue the run for a number of steps, then pause it."""
+        """Run a number of steps, then pause."""
         with self._lock:
             self._pausing = True
             self._more += count

@@ -85,7 +85,7 @@ class Steering(RunExtension):
     def _step(self, args: Sequence[Any]) -> None:
         count = args[0] if args else 1
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= _MOST_STEPS:
-            raise WiringError(f"step [COUNT]: {count!r} is no number of steps")
+            raise WiringError(f"step [COUNT]: {count!r} is not a number of steps")
         self._pace.step(count)
 
     def _set_speed(self, args: Sequence[Any]) -> None:
@@ -101,5 +101,5 @@ class Steering(RunExtension):
 def _number(value: object, limits: tuple[float, float], what: str) -> float:
     low, high = limits
     if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
-        raise WiringError(f"{what}: {value!r} is no number from {low:g} to {high:g}")
+        raise WiringError(f"{what}: {value!r} is not a number from {low:g} to {high:g}")
     return float(value)

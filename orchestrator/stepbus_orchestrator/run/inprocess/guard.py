@@ -75,8 +75,8 @@ def _on_fork(guarded: Guarded) -> None:
     if makes_copy():
         return
     raise RuntimeError(
-        f"{guarded.name} forks the process that it shares with the orchestrator and all other "
-        "participants; leave out --in-process, or use `subprocess`, or "
+        f"{guarded.name} forks the process that it shares with the orchestrator and all "
+        "other participants; omit --in-process, or use `subprocess` or "
         "multiprocessing.get_context('spawn')"
     )
 
@@ -95,8 +95,8 @@ def _end(guarded: Guarded, number: int) -> None:
     """End the participant alone by a signal that it sends to its process."""
     if number in _STOPS:
         raise RuntimeError(
-            f"{guarded.name} stops the process that it shares with the orchestrator and all other "
-            "participants; leave out --in-process"
+            f"{guarded.name} stops the process that it shares with the orchestrator and "
+            "all other participants; omit --in-process"
         )
     if number == signal.SIGINT:
         raise KeyboardInterrupt

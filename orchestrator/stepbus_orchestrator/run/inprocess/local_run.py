@@ -54,20 +54,21 @@ def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
 
     otherwise: the end of each sentence; default: to leave out the option.
     """
-    leave_out = otherwise or f"leave out {argument('--in-process')}"
+    leave_out = otherwise or f"omit {argument('--in-process')}"
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
-            f"{', '.join(external)}: a participant that the user starts has a process of its "
-            f"own; {leave_out}"
+            f"{', '.join(external)}: an external participant needs its own process; {leave_out}"
         )
     faults = faults_of(scenario.faults, PROCESS_FAULTS)
     if faults:
         texts = ", ".join(f"'{format_fault(fault)}'" for fault in faults)
-        raise WiringError(f"{texts}: a fault of a process needs one; {leave_out}")
+        raise WiringError(f"{texts}: a process fault needs a separate process; {leave_out}")
     problems = [
-        f"participants.{spec.name}: `{' '.join(spec.exec)}` is a program of its own; "
-        f"{_remedy(spec)}{leave_out}"
+        (
+            f"participants.{spec.name}: `{' '.join(spec.exec)}` is a separate program; "
+            f"{_remedy(spec)}{leave_out}"
+        )
         for spec in scenario.participants
         if not spec.participant and spec.bridge is None and spec.exec[:2] != _BRIDGE
     ]
@@ -145,8 +146,9 @@ class LocalRun(Strategy):
                 )
             except OSError as exc:
                 raise StartFailed(
-                    f"before the first step: {exc.filename}: {exc.strerror}; a run in one process "
-                    "works in the scenario's folder, and logs to the run's"
+                    f"before the first step: {exc.filename}: {exc.strerror}; a run in "
+                    "one process works in the scenario's folder and logs to the run's "
+                    "folder"
                 ) from exc
             logs = [BoundedLog(native_log)]
             watch = Watch(self._current, self._opening.interrupt.is_set, logs)

@@ -123,8 +123,8 @@ class _End:
         who = f"{self.name or 'a participant'} (pid {self.pid})"
         if self.is_over:
             return (
-                f"after the last step: a thread or an exit function of {who} kept the process"
-                f"{self._where()}, which was killed; the recording is complete"
+                f"after the last step: a thread or an exit function of {who} kept the "
+                f"process alive{self._where()}; it was killed; the recording is complete"
             )
         when = at(self.step, step_ns)
         if self.held_s is None:
@@ -140,9 +140,7 @@ class _End:
 
     def _kept(self, held_s: float) -> str:
         if not self.number or self.number != self.turns.words[TURN]:
-            return (
-                f"has a thread that kept Python's lock for {held_s:.1f} s: the process was killed"
-            )
+            return f"has a thread that held the GIL for {held_s:.1f} s: the process was killed"
         limit_s = self.will["limits"][self.number - 1][self.phase]
         return (
             f"has been computing for {held_s:.1f} s{self._where()}, and could not be "

@@ -111,14 +111,16 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     """Return the answer to a `Hello`."""
     welcome = welcomes.get(hello.name)
     if hello.token != token:
-        return Refusal(reason="this is another run: the token of the ticket is not of this one")
+        return Refusal(reason="the ticket is for another run: its token does not match")
     if welcome is None:
         known = ", ".join(welcomes)
         return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")
     if hello.protocol != PROTOCOL_VERSION:
         return Refusal(
-            reason=f"{hello.name} speaks protocol {hello.protocol}, and protocol "
-            f"{PROTOCOL_VERSION} is spoken here; docs/protocol.md has the changes between them"
+            reason=(
+                f"{hello.name} speaks protocol {hello.protocol}, but this run speaks "
+                f"protocol {PROTOCOL_VERSION}; docs/protocol.md lists the changes"
+            )
         )
     inputs = {port: item.type for port, item in welcome.inputs.items()}
     outputs = {port: item.type for port, item in welcome.outputs.items()}

@@ -58,8 +58,10 @@ def check_descriptions(
         problems = list(_problems(participant, inputs[participant.name]))
         if problems:
             raise StartFailed(
-                f"before the first step: {participant.who()} describes its outputs wrongly: "
-                f"{'; '.join(problems)}",
+                (
+                    f"before the first step: {participant.who()} describes its outputs "
+                    f"incorrectly: {'; '.join(problems)}"
+                ),
                 participant=participant.name,
             )
 
@@ -68,9 +70,11 @@ def _problems(participant: ParticipantState, inputs: Mapping[str, Description]) 
     outputs = {} if participant.ready is None else participant.ready.outputs
     for port, output in outputs.items():
         if port not in participant.spec.outputs:
-            yield f"{port!r} is no output of it; {_known(participant.spec.outputs)}"
+            yield f"{port!r} is not one of its outputs; {_known(participant.spec.outputs)}"
         elif output.like is not None and output.like not in inputs:
-            yield f"{port} is like {output.like!r}, which is no input of it; {_known(inputs)}"
+            yield (
+                f"{port} is like {output.like!r}, which is not one of its inputs; {_known(inputs)}"
+            )
         else:
             names = output.names if output.like is None else inputs[output.like].names
             yield from (f"{port}: {what}" for what in _inconsistencies(output, names))

@@ -34,20 +34,20 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
     waiting = participant.waiting
     if participant.phase == Phase.READY:
         reached("a participant that is ready does not answer its peers")
-        return "is ready, and does not answer those that connect to it", "does it hang?"
+        return "is ready, but does not answer its peers", "is it stuck?"
     if phase == "spawn" and participant.external is not None:
         ticket = participant.external.ticket.path
-        return "is not there", f"did you start it with `stepbus join {ticket}`?"
+        return "has not joined", f"did you start it with `stepbus join {ticket}`?"
     if phase == "spawn":
         reached("a program has not reached the bus")
         return "has not reached the bus", "does its program take part with stepbus?"
     if phase == "join":
         reached("a participant has not asked to join")
-        return "has reached the bus and not asked to join", "does it hang?"
+        return "has reached the bus, but has not asked to join", "is it stuck?"
     if waiting is not None:
         reached("a participant is not connected to a source")
         sources = ", ".join(waiting.sources)
-        return f"is not connected to {sources}, which is up", "can the two reach each other?"
+        return f"is not connected to {sources}, which is running", "can the two reach each other?"
     reached("a participant is not ready")
     loading = "is its model still loading?"
     if participant.spec.bridge is not None:
@@ -100,18 +100,18 @@ def _holds(state: RunState, participant: ParticipantState) -> str:
     if waiting is not None and participant.missed_trigger:
         reached("a participant misses a trigger")
         return (
-            f"has held the step for {held}: it reports that it waits for the trigger of step "
-            f"{waiting.step}, which was sent, and {_drops(participant)}; does it read `step_limit` "
-            "(docs/protocol.md, P5.1)?"
+            f"has held the step for {held}: it reports that it is waiting for the "
+            f"trigger of step {waiting.step}, which was sent, and {_drops(participant)}; "
+            "does it read `step_limit` (docs/protocol.md, P5.1)?"
         )
     if participant.spec.bridge is not None:
         return (
-            f"has been waiting for {_worker(participant)}for {held}; inputs arrived; does it "
-            "answer every message, and flush the answer?"
+            f"has been waiting for {_worker(participant)}for {held}; all inputs have arrived; "
+            "does it answer every message, and flush the answer?"
         )
     reached("a participant computes too long")
     drops = f"; it reports {_drops(participant)}" if participant.drops else ""
-    return f"has been computing for {held}; inputs arrived{drops};"
+    return f"has been computing for {held}; all inputs have arrived{drops};"
 
 
 def _drops(participant: ParticipantState) -> str:
@@ -128,8 +128,10 @@ def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
         StepTimeout,
         participant,
         state.owed_step(participant),
-        f"has read nothing for {participant.limit_s('step'):g} s, and messages to it piled up; "
-        f"deadline {participant.limit('step')}",
+        (
+            f"has read no messages for {participant.limit_s('step'):g} s while they queued "
+            f"up; deadline {participant.limit('step')}"
+        ),
     )
 
 

@@ -199,7 +199,7 @@ class MessageHandler:
         if waiting is not None:
             sources = [item.source for item in participant.spec.inputs.values()]
             if any(name not in sources for name in waiting.sources):
-                what = "reports that it waits for a participant that is no source of it"
+                what = "reports that it is waiting for a participant that is not one of its sources"
                 raise self._broken(participant, what)
         participant.waiting = waiting
         participant.drops = log.drops

@@ -92,7 +92,7 @@ class ParticipantState:
         """Return where its output is, as error messages give it."""
         if self.external is None:
             return f"its log: {self.process.log}"
-        return "its output is where it was started"
+        return "its output is in the terminal where it was started"
 
     def local(self) -> tuple[str, str]:
         """Return what of `who` and of `where_it_prints` only this machine knows."""

@@ -186,8 +186,9 @@ class RunState:
         limit = max_message_bytes(self.scenario)
         if len(data) > limit:
             raise StartFailed(
-                f"before the first step: {what} take {len(data)} bytes, over the {limit} that the "
-                "low-latency transport carries; set bus.low_latency: false"
+                f"before the first step: {what} take {len(data)} bytes, more than the "
+                f"{limit} that the low-latency transport can carry; set bus.low_latency: "
+                "false"
             )
 
     def check_bulk(self, slots: Collection[str]) -> None:

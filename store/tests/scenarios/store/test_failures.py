@@ -136,7 +136,7 @@ def test_without_a_mission_base_and_arm_are_brought_to_rest(seconds, tmp_path):
     result = store(tmp_path, f"faults=[kill mission at {at(seconds)}]")
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "mission")
     assert "its commands were held from step" in result.reason
-    assert result.reason.endswith("and brought to rest")
+    assert result.reason.endswith("and the robot came to rest")
     assert_at_rest(Recording(result.recording))
 
 

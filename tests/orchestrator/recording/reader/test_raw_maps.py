@@ -36,7 +36,7 @@ def test_what_is_no_port_message_has_maps_too(tmp_path):
 
 @pytest.mark.parametrize("data", [b"", b"\xc1", b"\x93\x01", b"\x80\x80", b"\x81\xa1a", b"\x07", b"\x81\x90\x01"])  # fmt: skip
 def test_bytes_that_are_no_map_are_refused_in_a_sentence(data):
-    with pytest.raises(MessageError, match="no MessagePack"):
+    with pytest.raises(MessageError, match="not MessagePack"):
         raw_map(data)
 
 
@@ -52,7 +52,7 @@ def test_both_codecs_read_any_message_the_same(message):
 @pytest.mark.parametrize(
     ("data", "sentence"),
     [
-        (b"\x81\xa1a\xa1\xff", "msgpack reads no MessagePack: 'utf-8' codec"),
+        (b"\x81\xa1a\xa1\xff", "msgpack: not MessagePack: 'utf-8' codec"),
         (b"\x81\xa1a\xd4\x05\x00", ""),
         (b"\x81\xa1a\xcb\x7f\xf8\0\0\0\0\0\0", ""),
         (msgspec.msgpack.encode({"a": {1: 2}}), ""),

@@ -35,7 +35,7 @@ def test_a_branch_with_the_same_messages_exits_with_0_and_says_what_else_differs
     other = rewrite(recorded, tmp_path / "other.mcap", 4096, attached=["notes.txt"])
     assert run_command(other, tmp_path, "--at", "20", "--trust") == 0
     printed = capsys.readouterr().out
-    assert "\nevery message is as recorded, though the files differ\n" in printed
+    assert "\nall messages equal the recording; the files differ\n" in printed
     assert "\nnote: attachment notes.txt is only in the first\n" in printed
 
 
@@ -46,7 +46,7 @@ def test_a_branch_of_a_recording_that_is_cut_off_is_as_recorded_up_to_its_end(
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(whole[: sum(chunks(whole)[0])])
     assert run_command(cut, tmp_path, "--at", "20", "--trust") == 0
-    assert "every message is as recorded" in capsys.readouterr().out
+    assert "all messages equal the recording" in capsys.readouterr().out
 
 
 def test_a_branch_of_a_run_without_a_step_compares_nothing(tmp_path, capsys):
@@ -59,7 +59,7 @@ def test_a_branch_of_a_run_without_a_step_compares_nothing(tmp_path, capsys):
 def test_a_change_shows_where_it_leaves_the_recording(recorded, tmp_path, capsys):
     assert run_command(recorded, tmp_path, "--at", "20", "--call", "plant put 0 1.5") == 0
     printed = capsys.readouterr().out
-    assert "leaves the recording at step 20: plant/joint_state: position[0]" in printed
+    assert "diverges from the recording at step 20: plant/joint_state: position[0]" in printed
 
 
 def test_json_has_the_result_and_nothing_else(recorded, tmp_path, capsys):

@@ -90,7 +90,7 @@ def test_a_run_with_calls_is_run_again_and_replayed(tmp_path):
 SENTENCES = [
     (["plnt", "position", 0], "no participant 'plnt'; did you mean 'plant'?"),
     (["plant", "positon", 0], "plant has no call 'positon'; did you mean 'position'?"),
-    (["controller", "position", 0], "controller offers no calls"),
+    (["controller", "position", 0], "controller does not accept calls"),
     (["plant", "position"], "position: missing a required argument: 'joint'"),
     (["plant", "position", 7], "position: list index out of range"),
     (["plant", "put", 0, 9.5], "put: 9.5 is beyond the stop"),
@@ -108,7 +108,7 @@ def test_a_call_that_cannot_be_answered_says_why_and_the_run_goes_on(tmp_path):
 def test_a_call_that_the_transport_would_lose_is_refused_before_it_is_sent(tmp_path):
     result, answers = asked(tmp_path, ["plant", "put", 0, "x" * 70_000], ["plant", "position", 0])
     assert (result.exit_code, answers[1].step) == (0, 20)
-    assert "over the 60000 that the run's low-latency transport carries" in answers[0]
+    assert "more than the 60000 that the run's low-latency transport can carry" in answers[0]
 
 
 def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_path):
@@ -202,4 +202,4 @@ def test_to_list_the_calls_of_nobody_is_a_mistake(monkeypatch, capsys):
     offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
     monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some", "plnt"]) != 0
-    assert "'plnt' answers no calls; did you mean 'plant'?" in capsys.readouterr().err
+    assert "'plnt' does not accept calls; did you mean 'plant'?" in capsys.readouterr().err

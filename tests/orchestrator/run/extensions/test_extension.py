@@ -123,8 +123,8 @@ def test_the_page_names_methods_that_there_are():
 @pytest.mark.parametrize(
     ("name", "sentence"),
     [
-        ("{}:No", "No is no stepbus.RunExtension"),
-        ("{}:Asks", "cannot be made: TypeError"),
+        ("{}:No", "No is not a stepbus.RunExtension"),
+        ("{}:Asks", "cannot be created: TypeError"),
         ("{}:Nobody", "has no class 'Nobody'"),
         ("missing.py:Limit", "no file 'missing.py'"),
         ("{}", "is not of the form"),

@@ -135,7 +135,10 @@ def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):
         text=True,
         check=False,
     )
-    assert (done.returncode, "--pause-at needs a terminal" in done.stderr) == (2, True)
+    assert (
+        done.returncode,
+        "--pause-at needs --view or an interactive terminal" in done.stderr,
+    ) == (2, True)
 
 
 def read_until(terminal, text, seconds=30.0):

@@ -152,7 +152,7 @@ def test_a_run_that_does_not_keep_real_time_is_told_with_who_held_it(tmp_path, c
     said = capsys.readouterr().out
     assert "\nattention real time was not kept: " in said
     assert "instead of 1000; the last step was " in said
-    assert "held past their time: " in said
+    assert "late steps: " in said
 
 
 @pytest.mark.parametrize(("late_ms", "text"), [(5, ""), (500, "0.50 instead of 1; the last")])

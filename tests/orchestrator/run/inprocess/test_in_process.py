@@ -160,13 +160,13 @@ def test_what_needs_a_process_is_refused_with_every_reason(tmp_path):
         run(load(path, programs), Options(out=tmp_path / "out", host=InProcess()))
     instead = (
         "write `participant: joints.py:CLASS` instead of `exec`, with the name of its class, or "
-        "leave out `in_process`"
+        "omit `in_process`"
     )
     assert str(caught.value).splitlines() == [
-        "participants.controller: `sleep 1` is a program of its own; leave out `in_process`",
-        f"participants.mission: `python joints.py mission` is a program of its own; {instead}",
+        "participants.controller: `sleep 1` is a separate program; omit `in_process`",
+        f"participants.mission: `python joints.py mission` is a separate program; {instead}",
     ]
-    with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a fault of a process needs"):
+    with pytest.raises(stepbus.WiringError, match="'kill plant at 3': a process fault needs"):
         run(load(path, (), ["kill plant at 3"]), Options(out=tmp_path / "out", host=InProcess()))
     assert not (tmp_path / "out").exists()
 

@@ -61,7 +61,7 @@ def test_one_that_a_stopped_reader_blocks_is_not_to_blame_for_the_start():
     participants["controller"].phase = Phase.JOINED
     participants["controller"].waiting = Waiting(step=-1, sources=["mission"])
     participants["plant"].process.stopped = True
-    with pytest.raises(StartFailed, match="is ready, and does not answer") as failed:
+    with pytest.raises(StartFailed, match="is ready, but does not answer") as failed:
         check_start(state, 31.0)
     assert failed.value.participant == "plant"
 
@@ -71,7 +71,7 @@ def test_a_participant_that_is_up_and_not_connected_is_late():
     participants = state.participants
     participants["controller"].phase = Phase.JOINED
     participants["controller"].waiting = Waiting(step=-1, sources=["plant"])
-    with pytest.raises(StartFailed, match="is not connected to plant, which is up"):
+    with pytest.raises(StartFailed, match="is not connected to plant, which is running"):
         check_start(state, 31.0)
 
 

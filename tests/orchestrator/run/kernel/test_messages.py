@@ -90,7 +90,9 @@ def test_outputs_before_the_start_are_a_fault(run):
 
 def test_whoever_waits_for_somebody_who_is_no_source_is_at_fault(run):
     waiting = Waiting(step=0, sources=["mission"])
-    with pytest.raises(ParticipantFault, match="waits for a participant that is no source of it"):
+    with pytest.raises(
+        ParticipantFault, match="is waiting for a participant that is not one of its sources"
+    ):
         run.handler.take_log("plant", log("plant", waiting=waiting))
 
 
@@ -122,7 +124,7 @@ def hello(name, **fields):
 @pytest.mark.parametrize(
     ("message", "reason"),
     [
-        (hello("plant", token="0"), "this is another run"),
+        (hello("plant", token="0"), "the ticket is for another run"),
         (hello("plnt"), "no participant 'plnt' in this run; it has plant"),
     ],
 )
@@ -137,7 +139,7 @@ def test_an_unauthenticated_hello_is_refused_and_counted(message, reason):
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"protocol": 1}, "plant speaks protocol 1, and protocol 2 is spoken here; docs/protocol.md"),
+        ({"protocol": 1}, "plant speaks protocol 1, but this run speaks protocol 2; docs/protocol.md"),
         ({"outputs": {"state": "JointState/9"}}, "output plant.state: the program has JointState/9"),
     ],
 )  # fmt: skip

@@ -26,7 +26,7 @@ def at_end(velocity, vx=0.0):
 @pytest.mark.parametrize(
     ("velocity", "vx", "text"),
     [
-        ([0.0, 0.01], 0.001, "and brought to rest"),
+        ([0.0, 0.01], 0.001, "and the robot came to rest"),
         ([0.1, -0.5], 0.0, "but lift still moves at -0.500 rad/s or m/s"),
         ([0.0, 0.0], 0.5, "but the base (base) still moves at 0.500 m/s and 0.000 rad/s"),
     ],
@@ -36,4 +36,4 @@ def test_what_still_moves_is_named_with_its_speed(velocity, vx, text):
 
 
 def test_without_a_measured_velocity_rest_is_not_claimed():
-    assert motion_at_end(scenario(PLANT, MISSION), {}, {}) == "and told to stop"
+    assert motion_at_end(scenario(PLANT, MISSION), {}, {}) == "and were commanded to stop"

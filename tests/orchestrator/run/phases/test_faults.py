@@ -29,7 +29,7 @@ def recorded_steps(result):
         ("surrogate", ExitCode.FAULT, r"step 7 .*: controller \(pid \d+\): ValueError: the knee \\ud800"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; inputs arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 1 s \(participants\.controller\.step_timeout\)"),
         ("stop", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been stopped by a signal"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
     ],
@@ -138,15 +138,18 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
     [
         pytest.param(
             "[python, -c, 'STOPS']",
-            r"has not reached the bus; it has been stopped by a signal",
+            r"has not reached the bus; a signal or a debugger has stopped it",
             marks=pytest.mark.slow,
         ),
         pytest.param(
             "[sh, -c, 'kill -STOP $$']",
-            r"been stopped by a signal or a debugger; `kill -CONT -\d+`",
+            r"a signal or a debugger has stopped it; `kill -CONT -\d+`",
             marks=pytest.mark.slow,
         ),
-        ("[sh, -c, 'python3 -c \"STOPS\"; true']", r"not reached the bus; it has been stopped"),
+        (
+            "[sh, -c, 'python3 -c \"STOPS\"; true']",
+            r"not reached the bus; a signal or a debugger has stopped it",
+        ),
         pytest.param(
             "[python, -c, 'while True: pass']",
             r"bus; it has computed for \d+\.\d s; what does it",

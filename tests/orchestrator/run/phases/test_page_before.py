@@ -24,8 +24,8 @@ def test_a_participant_of_protocol_1_is_refused_with_both_numbers_and_the_page(t
     result = run_page_before(tmp_path, 1)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
     sentence = (
-        r"controller \(pid \d+\) was refused: controller speaks protocol 1, and protocol 2 is "
-        r"spoken here; docs/protocol\.md has the changes between them"
+        r"controller \(pid \d+\) was refused: controller speaks protocol 1, but this run "
+        r"speaks protocol 2; docs/protocol\.md lists the changes"
     )
     assert re.search(sentence, result.reason)
 

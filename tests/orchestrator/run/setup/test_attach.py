@@ -65,11 +65,11 @@ def test_a_participant_that_comes_later_gives_the_bytes_of_a_child(
 ):
     monkeypatch.setattr(external, "_REMIND_S", 0.2)
     result, told = run_with_external(
-        tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), words="is not there yet"
+        tmp_path, invited=lambda: elsewhere.join(tmp_path / TICKET), words="has not joined yet"
     )
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
     assert f"stepbus join {tmp_path / TICKET}" in told[0]
-    assert "is not there yet" in told[1]
+    assert "has not joined yet" in told[1]
 
 
 @pytest.mark.slow
@@ -107,7 +107,7 @@ def test_in_real_time_it_gives_the_same_bytes_and_a_branch_starts_it_itself(
 def test_who_never_comes_is_named(tmp_path, elsewhere):
     result, _ = run_with_external(tmp_path, "controller.spawn_timeout=500ms")
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
-    assert "controller (external) is not there" in result.reason
+    assert "controller (external) has not joined" in result.reason
     assert f"stepbus join {tmp_path / TICKET}" in result.reason
 
 
@@ -120,7 +120,7 @@ def test_who_is_killed_is_named(tmp_path, elsewhere):
     )
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
     assert f"controller (external, pid {processes[0].pid}) has left the bus" in result.reason
-    assert "its output is where it was started" in result.reason
+    assert "its output is in the terminal where it was started" in result.reason
     assert result.at_step == 30
 
 
@@ -364,9 +364,9 @@ def test_what_else_runs_a_scenario_starts_everybody_itself(tmp_path):
 @pytest.mark.parametrize(
     ("options", "overrides", "sentence"),
     [
-        ({"host": InProcess()}, [], "leave out `in_process`"),
+        ({"host": InProcess()}, [], "omit `in_process`"),
         ({"extensions": [External(), Debug(["controller"])]}, [], "--no-deadline controller"),
-        ({}, ["faults=['freeze controller at 7']"], "sends no signal to a process"),
+        ({}, ["faults=['freeze controller at 7']"], "cannot signal a process"),
         ({"extensions": [External({"controler": Path("x")})]}, [], "did you mean 'controller'"),
         (
             {"extensions": [External(), Debug(no_deadline=["controler"])]},
@@ -387,7 +387,7 @@ def test_a_ticket_replaces_nothing_else(tmp_path):
     kept.write_text("print('mine')")
     result, _ = run_with_external(tmp_path, tickets={"controller": kept})
     assert result.exit_code == ExitCode.START
-    assert "which is no ticket" in result.reason
+    assert "exists and is not a ticket" in result.reason
     assert kept.read_text() == "print('mine')"
 
 
@@ -402,4 +402,4 @@ def test_two_runs_do_not_share_a_ticket(tmp_path):
         tmp_path / "a", "controller.spawn_timeout=500ms", tickets={"controller": ticket},
         invited=invited,
     )  # fmt: skip
-    assert "is the ticket of another run, which still lasts" in second[0].reason
+    assert "is the ticket of another live run" in second[0].reason

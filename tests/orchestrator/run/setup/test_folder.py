@@ -19,7 +19,7 @@ def test_every_default_folder_is_a_new_one(tmp_path):
 
 def test_a_default_folder_that_cannot_be_made_is_reported(tmp_path):
     (tmp_path / "runs").write_text("a file")
-    with pytest.raises(RecordingFailed, match="cannot make a folder in"):
+    with pytest.raises(RecordingFailed, match="cannot create a folder in"):
         default_folder(load("two_link"), tmp_path / "runs")
 
 

@@ -115,7 +115,7 @@ def test_an_absolute_path_out_of_the_folder_is_to_be_written_relative(tmp_path):
     problem = problem_of(tmp_path / "inner", with_params(f"path: {path}"))
     assert problem.startswith(
         f"scenario.yaml:14: participants.controller.params.path: write '{path}' as "
-        "'../outside.csv': a recording is run again from a copy of these files"
+        "'../outside.csv': a rerun uses a copy of these files"
     )
 
 

@@ -55,7 +55,7 @@ def test_a_problem_names_the_file_it_stands_in(base):
 def test_a_circle_is_refused(tmp_path):
     write(tmp_path, "extends: scenario.yaml\n", "b.yaml")
     assert problem_of(tmp_path, "extends: b.yaml\n") == (
-        "b.yaml:1: extends: a circle: scenario.yaml → b.yaml → scenario.yaml"
+        "b.yaml:1: extends: in a cycle: scenario.yaml → b.yaml → scenario.yaml"
     )
 
 

@@ -62,7 +62,7 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
         ("seed", "write KEY=VALUE, e.g. controller.params.kp=80"),
         (
             "controler.params.kp=1",
-            "no participant and no key 'controler'; did you mean 'controller'?",
+            "no participant or key 'controler'; did you mean 'controller'?",
         ),
         (
             "participants.controler.every=1",
@@ -76,7 +76,10 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
             "controller.params.kp.x=1",
             "participants.controller.params.kp is 100 and has no keys; set it as a whole",
         ),
-        ("plant.exec.7=x", "participants.plant.exec is a list of 3; '7' is none of its indices"),
+        (
+            "plant.exec.7=x",
+            "participants.plant.exec is a list of 3 values; '7' is not one of its indices",
+        ),
         ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
         ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
         ("plant.every=0", "participants.plant.every: must be at least 1, not 0"),

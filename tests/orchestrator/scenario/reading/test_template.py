@@ -56,7 +56,10 @@ def test_a_scenario_on_top_changes_a_parameter(tmp_path):
         ("{template: amr}", "controller.template: no template 'amr'; did you mean 'arm'?"),
         ("{with: {a: 1}}", "controller.with: needs a 'template'"),
         ("{template: [arm]}", "controller.template: must name a template, not a list"),
-        ("{template: arm, with: {side: a}}", "controller.with: gives template 'arm' no 'kp'"),
+        (
+            "{template: arm, with: {side: a}}",
+            "controller.with: lacks 'kp', a parameter of template 'arm'",
+        ),
         (
             "{template: arm, with: {side: a, kp: 1, kpp: 1}}",
             "controller.with.kpp: template 'arm' has no parameter 'kpp'; did you mean 'kp'?",

@@ -204,7 +204,7 @@ def is_kept(connection):
 def test_what_ros2_has_no_type_for_is_named(recording, tmp_path, capsys):
     assert main(["export", str(recording), "--ros2", str(tmp_path / "a.mcap")]) == 0
     error = capsys.readouterr().err
-    assert "ROS 2 has no type for plant/status (ControllerStatus/1): left out" in error
+    assert "ROS 2 has no type for plant/status (ControllerStatus/1): not exported" in error
 
 
 @pytest.fixture(scope="module")

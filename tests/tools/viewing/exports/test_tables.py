@@ -121,7 +121,7 @@ def test_the_size_of_a_csv_is_foretold(recording, tmp_path, target):
 def test_a_large_csv_is_announced(recording, tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(recordings, "_LARGE_MB", 0.01)
     export(recording, "--csv", tmp_path / "all.csv")
-    text = r"^stepbus: \S+all.csv will have about 0 MB; --parquet needs a tenth of it$"
+    text = r"^stepbus: \S+all.csv will take about 0 MB; --parquet needs a tenth of it$"
     assert re.search(text, capsys.readouterr().err, re.MULTILINE)
 
 

@@ -155,15 +155,15 @@ def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
     [
         (["--video", "a.mp4", "--size", "big"], "write width and height in pixels"),
         (["--video", "a.mp4", "--size", "8x8"], "16 to 4096"),
-        (["--video", "a.mp4", "--fps", "0"], "more than 0 and up to 120"),
-        (["--video", "a.mp4", "--fps", "many"], "write frames a second"),
+        (["--video", "a.mp4", "--fps", "0"], "more than 0 and at most 120"),
+        (["--video", "a.mp4", "--fps", "many"], "frames per second"),
         (["--video", "a.mp4", "--from", "9s"], "--from 9s is past the end of"),
         (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
         (["--video", "a.mp4", "--to", "5"], "is no duration"),
         (["--csv", "a.csv", "--fps", "10"], "--fps goes with --video"),
-        (["--video", "a.avi"], "is no film: write .mp4 or .gif"),
+        (["--video", "a.avi"], "is not a video file: write .mp4 or .gif"),
         (["--video", "a.mp4", "--camera", "plant.none"], "has no port 'plant.none'"),
-        (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is no viewpoint"),
+        (["--video", "a.mp4", "--viewpoint", "behind"], "'behind' is not a viewpoint"),
     ],
 )
 def test_what_cannot_be_filmed_is_one_sentence(
@@ -210,7 +210,7 @@ def test_the_whole_scene_is_seen():
     columns = np.flatnonzero((pixels[:, :, 0] - pixels[:, :, 1] > 60).any(axis=0))
     assert 0 < columns[0] < 45
     assert 75 < columns[-1] < 119
-    with pytest.raises(WiringError, match="no viewpoint"):
+    with pytest.raises(WiringError, match="not a viewpoint"):
         parse_viewpoint("1,2", box_of(scene))
 
 

@@ -259,7 +259,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     assert '<p class="where">controller failed at step 120, t = 1.200 s</p>' in head
     assert head.index("silent for 1 s &amp; more ") < head.index("exit code 4, FAULT")
     assert head.index("What to do next") < head.index('class="figures"')
-    assert "a fault was injected on purpose: <code>freeze controller at 110</code>" in head
+    assert "A fault was injected on purpose: <code>freeze controller at 110</code>" in head
     assert "--pause-at 119</code>" in head
     assert (
         "<p>The end of controller.log:</p><pre tabindex=0>File &quot;b/c.py&quot;, line 1\n&lt;a&gt; broke"

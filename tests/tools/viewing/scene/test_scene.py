@@ -61,7 +61,7 @@ def test_the_newest_message_of_a_time_is_found_without_reading_all(two_link):
 
 def test_without_its_scenario_a_recording_still_shows_what_its_messages_say(two_link):
     scene = build_scene(with_attachments(two_link, {}))
-    assert "holds no scenario" in scene.notes[0]
+    assert "contains no scenario" in scene.notes[0]
     assert any(frame.visuals for frame in scene.frames) or "nothing to draw" in scene.notes[-1]
 
 

@@ -18,7 +18,7 @@ from stepbus_tools.conformance.outcome import Failed, Skipped
 _LATE_S = 0.5
 
 
-@check("P1.1", "without a ticket it ends with a code other than 0")
+@check("P1.1", "without a ticket, it exits with a non-zero code")
 def _no_ticket(kit: Kit) -> str:
     environment = {k: v for k, v in os.environ.items() if k != TICKET_VARIABLE}
     logs = kit.log_folder() / "no_ticket.log"
@@ -34,8 +34,8 @@ def _no_ticket(kit: Kit) -> str:
 
 def _refused(code: int, when: str) -> str:
     if code == 0:
-        raise Failed(f"it exited with code 0 {when}, as if all were well")
-    return f"ended with code {code} {when}"
+        raise Failed(f"it exited with code 0 {when}, as if nothing had failed")
+    return f"exited with code {code} {when}"
 
 
 @check("P4.2", "it declares itself alive, then sends a valid `Hello`")
@@ -46,12 +46,12 @@ def _join(kit: Kit) -> str:
     if "P4.2" in transcript.problems or hello is None:
         raise Failed(transcript.problem("P4.2") or "no Hello")
     if not transcript.alive_before_hello:
-        raise Failed(f"it asked to join before its liveliness token alive/{name} was there")
+        raise Failed(f"it asked to join before it declared its liveliness token alive/{name}")
     if (hello.name, hello.token, hello.protocol) != (name, harness.token, PROTOCOL_VERSION):
         right = "right" if hello.token == harness.token else "wrong"
         raise Failed(
-            f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} token; due "
-            f"are {name!r}, {PROTOCOL_VERSION}, right"
+            f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} token; "
+            f"expected: {name!r}, {PROTOCOL_VERSION}, right"
         )
     return f"Hello from {hello.language or 'no language'}, protocol {PROTOCOL_VERSION}"
 
@@ -62,7 +62,7 @@ def _port_types(kit: Kit) -> str:
         hello = harness.transcript.hello
     welcome: Any = Setup().answer(kit.material.scenario, kit.spec, "")
     if hello is None or (hello.inputs is None and hello.outputs is None):
-        raise Skipped("its Hello names no ports, so that it takes those of the scenario")
+        raise Skipped("its Hello names no ports, so the scenario's ports apply")
     for direction in ("inputs", "outputs"):
         named = getattr(hello, direction)
         wanted = {port: item.type for port, item in getattr(welcome, direction).items()}
@@ -71,13 +71,13 @@ def _port_types(kit: Kit) -> str:
     try:
         misfits = Types(hello.types).misfits(Types(welcome.types), "the program", "the scenario")
     except WiringError as exc:
-        raise Failed(f"its Hello has types that are none: {exc}") from exc
+        raise Failed(f"its Hello has invalid types: {exc}") from exc
     if misfits:
         raise Failed(f"its Hello: {misfits[0]}")
     return "its Hello names the ports of the scenario"
 
 
-@check("P4.2", "it repeats its query until the orchestrator is there")
+@check("P4.2", "it repeats its query until the orchestrator answers")
 def _orchestrator_late(kit: Kit) -> str:
     with kit.harness() as harness:
         harness.start_program()
@@ -85,7 +85,7 @@ def _orchestrator_late(kit: Kit) -> str:
         harness.open_bus()
         harness.await_join()
         harness.await_ready()
-    return "joined and got ready"
+    return "joined and became ready"
 
 
 @check("P4.2", "it gives up after `join_timeout_s`")
@@ -105,7 +105,7 @@ def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:
         with kit.joined(setup) as harness:
             code = harness.await_end(when, kit.spec.deadlines.join_s, harness.send_handshake)
             if harness.transcript.readies:
-                raise Failed(f"it got ready {when}")
+                raise Failed(f"it became ready after {when}")
         return _refused(code, f"after {when}")
 
     return Check(name=name, clause="P4.3", summary=summary, run=run)
@@ -114,25 +114,25 @@ def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:
 _OTHER = PROTOCOL_VERSION + 1
 _REFUSED = _not_let_in(
     "refused",
-    "a `Refusal` (version, types, token) ends it, with a code other than 0",
+    "after a `Refusal` (version, types, token), it exits with a non-zero code",
     "a Refusal",
     Setup(refusal="the conformance kit refuses you"),
 )
 _WELCOME_PROTOCOL = _not_let_in(
     "welcome-protocol",
-    "so does a `Welcome` of another protocol version",
+    "after a `Welcome` of another protocol version, it exits with a non-zero code",
     f"a Welcome of protocol {_OTHER}",
     Setup(welcome={"protocol": _OTHER}),
 )
 _WELCOME_NAME = _not_let_in(
     "welcome-name",
-    "so does a `Welcome` for another name",
+    "after a `Welcome` for another name, it exits with a non-zero code",
     "a Welcome for another name",
     Setup(welcome={"name": "another"}),
 )
 _WELCOME_TOKEN = _not_let_in(
     "welcome-token",
-    "so does a `Welcome` with another token",
+    "after a `Welcome` with another token, it exits with a non-zero code",
     "a Welcome with another token",
     Setup(welcome={"token": "0000000000000000"}),
 )
@@ -161,9 +161,9 @@ def _handshake(kit: Kit) -> str:
     return "empty handshakes and Ready, each repeated"
 
 
-@check("P2.2", "peers that start first, on a link of their own, change nothing", inputs=True)
+@check("P2.2", "peers that start first, on a separate link, change nothing", inputs=True)
 def _peers_first(kit: Kit) -> str:
-    return kit.unchanged("with peers that were there first", setup=Setup(own_peers=True))
+    return kit.unchanged("with peers that start first", setup=Setup(own_peers=True))
 
 
 @check(
@@ -178,7 +178,7 @@ def _peers_last(kit: Kit) -> str:
             kit.spec.deadlines.ready_s,
         )
         if transcript.readies:
-            raise Failed(f"it got ready without a handshake of {sorted(sources)}")
+            raise Failed(f"it became ready without a handshake of {sorted(sources)}")
         harness.open_peers()
         harness.await_ready()
         harness.start()
@@ -204,11 +204,11 @@ def _descriptions(kit: Kit) -> str:
 
 def _problem(kit: Kit, port: str, item: Description) -> str | None:
     if port not in kit.spec.outputs:
-        return "is of no port of the scenario"
+        return "is not for a port of the scenario"
     if len(set(item.names)) != len(item.names):
-        return f"repeats a name: {item.names}"
+        return f"has a repeated name: {item.names}"
     if item.like is not None and item.like not in kit.spec.inputs:
-        return f"is like {item.like!r}, which is no input of it"
+        return f"is like {item.like!r}, which is not one of its inputs"
     # Where it is `like` an input, that one's names count.
     names = item.names if item.like is None else kit.material.descriptions[item.like].names
     rows: Mapping[str, list[Any]] = {**item.limits, **item.details}

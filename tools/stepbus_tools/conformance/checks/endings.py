@@ -145,23 +145,31 @@ def _publish_too_long(harness: Harness, source: str, step: int, ports: Ports) ->
 _CHANGED_DUPLICATE = _fatal(
     "changed-duplicate",
     "P8.1",
-    "a step repeated with other bytes is a fault that blames the source",
+    "it reports a fault of the source if a step is repeated with other bytes",
     _publish_twice,
 )
-_SKIPPED_STEP = _fatal("skipped-step", "P8.1", "so is a step that a source skips", _publish_nothing)
+_SKIPPED_STEP = _fatal(
+    "skipped-step",
+    "P8.1",
+    "it reports a fault of the source if a step is skipped",
+    _publish_nothing,
+)
 _MALFORMED_OUTPUTS = _fatal(
     "malformed-outputs",
     "P8.1",
-    "so is a malformed `Outputs` with the right token",
+    "it reports a fault of the source for a malformed `Outputs` with the right token",
     _publish_malformed,
 )
 _WRONG_MESSAGE = _fatal(
-    "wrong-message", "P8.2", "so is a due message that is not of its type", _publish_mistyped
+    "wrong-message",
+    "P8.2",
+    "it reports a fault of the source for a due message of the wrong type",
+    _publish_mistyped,
 )
 _BULK_LENGTH = _fatal(
     "bulk-length",
     "P8.3",
-    "bulk content of another length than announced is a fault that blames the source",
+    "it reports a fault of the source if bulk content does not have the announced length",
     _publish_too_long,
     bulk_inputs,
 )
@@ -229,7 +237,9 @@ def _ended_complete(kit: Kit, harness: Harness, end: int) -> str:
     last = end if closes else end - 1 - (end - 1) % kit.spec.every
     if transcript.newest != last:
         clause = "P11.3" if closes else "P11.2"
-        raise Failed(f"the last step it published is {transcript.newest}, due is {last} ({clause})")
+        raise Failed(
+            f"the last step it published is {transcript.newest}, expected {last} ({clause})"
+        )
     if transcript.logged != transcript.packed:
         raise Failed(
             f"{len(transcript.packed)} Outputs were published, {len(transcript.logged)} logged"
@@ -258,17 +268,17 @@ def _stop_overtakes(kit: Kit) -> str:
         return _ended_complete(kit, harness, last + 1)
 
 
-@check("P4.4", "it exits with a code other than 0 when the orchestrator is lost", plain=True)
+@check("P4.4", "it exits with a non-zero code when the orchestrator disappears", plain=True)
 def _orchestrator_gone(kit: Kit) -> str:
     with kit.running(kit.middle) as harness:
         harness.leave()
         code = harness.await_end("the orchestrator's disappearance", kit.spec.deadlines.stop_s)
         if code == 0:
-            raise Failed("it exited with code 0, as if the run had ended well")
+            raise Failed("it exited with code 0, as if the run had finished")
         return f"ended by itself with code {code}"
 
 
-@check("P11.4", "SIGTERM ends it within 1 s, with a code other than 0", plain=True)
+@check("P11.4", "SIGTERM ends it within 1 s, with a non-zero exit code", plain=True)
 def _sigterm(kit: Kit) -> str:
     with kit.running(kit.middle) as harness:
         harness.signal(signal.SIGTERM)

@@ -43,7 +43,7 @@ def _late_input(kit: Kit) -> str:
     return f"waited at step {held}, named its source, then the same outputs"
 
 
-@check("P6.2", "peers that are slow at times change nothing", inputs=True)
+@check("P6.2", "peers that are temporarily slow change nothing", inputs=True)
 def _slow_peer(kit: Kit) -> str:
     sources = list(kit.feed)
     slow = {step: sources[step % len(sources)] for step in (2, 3, kit.middle)}
@@ -61,7 +61,9 @@ def _slow_peer(kit: Kit) -> str:
 
 
 @check(
-    "P6.2", "peers far ahead change nothing: it uses the due message, not the newest", inputs=True
+    "P6.2",
+    "peers far ahead change nothing: it uses the message that is due, not the newest",
+    inputs=True,
 )
 def _inputs_ahead(kit: Kit) -> str:
     def play(harness: Harness) -> None:
@@ -77,12 +79,12 @@ def _inputs_ahead(kit: Kit) -> str:
 def _batches(kit: Kit) -> str:
     hello = kit.reference().hello
     if hello is None or not hello.batches:
-        raise Skipped("its Hello does not say `batches`; it gets each step by itself")
+        raise Skipped("its Hello does not set `batches`; it gets each step separately")
     specs = kit.material.scenario.participants
     bulk = {spec.name for spec in specs if any(o.bulk for o in spec.outputs.values())}
     alone = {name: rows for name, rows in kit.feed.items() if name in bulk}
     if len(alone) == len(kit.feed):
-        raise Skipped("all of its sources have bulk ports, and publish each step by itself")
+        raise Skipped("all of its sources have bulk ports and publish each step separately")
 
     def play(harness: Harness) -> None:
         for source in kit.feed.keys() - alone.keys():
@@ -126,7 +128,7 @@ def _or_fault(kit: Kit, feed: Feed, setup: Setup | None = None) -> Transcript | 
         return harness.transcript
 
 
-@check("P6.1", "an input with more `delay` gets the older message", inputs=True, plain=True)
+@check("P6.1", "an input with a larger `delay` gets the older message", inputs=True, plain=True)
 def _delayed(kit: Kit) -> str:
     """Delay one input after the other by a step: the same as its source a step later."""
     verdicts: dict[str, str] = {}
@@ -205,4 +207,4 @@ def _held(kit: Kit) -> str:
             f"its outputs of step {after} do not depend on the messages of step {at}, which hold "
             "there; and they differ from those with the messages repeated"
         )
-    return "holds; a held message is not the same to it as one that is repeated"
+    return "holds; it treats a held message differently from a repeated one"

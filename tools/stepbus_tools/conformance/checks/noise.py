@@ -46,7 +46,7 @@ def _undisturbed(kit: Kit, noise: Hook, what: str) -> str:
     kit.same(transcript, what)
     drops = transcript.logs[-1].drops if transcript.logs else {}
     counted = ", ".join(f"{cause} {count}" for cause, count in drops.items())
-    return f"the same outputs; it counts as dropped: {counted or 'nothing'}"
+    return f"the same outputs; it reports as dropped: {counted or 'nothing'}"
 
 
 def _from_all(make: Callable[[Harness, str, int], bytes | None]) -> Hook:

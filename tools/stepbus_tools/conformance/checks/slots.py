@@ -46,7 +46,7 @@ def _publish_another_step(harness: Harness, source: str, step: int, ports: Ports
 
 @check(
     "P17.4",
-    "a slot that holds another step than announced is a fault that blames the source",
+    "it reports a fault of the source if a slot does not hold the announced step",
     inputs=True,
     plain=True,
 )

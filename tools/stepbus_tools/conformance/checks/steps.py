@@ -23,14 +23,14 @@ def _steps(kit: Kit) -> str:
     return f"{len(transcript.outputs)} Outputs, one for each step it fires at"
 
 
-@check("P7.2", "its messages are on ports of the scenario and of their types")
+@check("P7.2", "its messages are on ports of the scenario and have the right types")
 def _content(kit: Kit) -> str:
     transcript = kit.reference()
     if problem := transcript.problem("P3.4", "P7.2", "P7.3", "P7.5"):
         raise Failed(problem)
     rows = transcript.ports().values()
     silent = [port for port in kit.spec.outputs if not any(port in row for row in rows)]
-    tail = f"; nothing on {', '.join(silent)}" if silent else ""
+    tail = f"; no messages on {', '.join(silent)}" if silent else ""
     return f"all messages are of their port's type{tail}"
 
 
@@ -45,11 +45,11 @@ def _encodings(kit: Kit) -> str:
     return "each names its type"
 
 
-@check("P3.3", "two independent codecs read the same in each of its messages")
+@check("P3.3", "two independent codecs decode each of its messages to the same content")
 def _codecs(kit: Kit) -> str:
     if problem := kit.reference().problem("P3.3"):
         raise Failed(problem)
-    return "msgpack and msgspec read the same"
+    return "msgpack and msgspec agree"
 
 
 @check("P9.1", "its log has each of its `Outputs` once, in order, byte for byte")
@@ -61,10 +61,10 @@ def _log(kit: Kit) -> str:
     if problem := transcript.problem("P9.3"):
         raise Failed(problem)
     if len(logged) > len(published):
-        raise Failed(f"{len(logged)} entries were logged of {len(published)} Outputs")
+        raise Failed(f"{len(logged)} of {len(published)} Outputs were logged")
     pairs = enumerate(zip(published, logged, strict=False))
     at = next((i for i, (one, other) in pairs if one != other), len(logged))
-    raise Failed(f"entry {at} of its log is not the Outputs number {at}, byte for byte")
+    raise Failed(f"entry {at} of its log differs from Outputs {at}")
 
 
 @check("P9.2", "no `Log` has more entries than `batch`, and none is withheld")
@@ -77,7 +77,7 @@ def _batch(kit: Kit) -> str:
     largest = max((len(item.outputs) for item in transcript.logs), default=0)
     if largest > _BATCH:
         raise Failed(f"a Log has {largest} entries, the Welcome allows {_BATCH} (batch)")
-    return f"at most {largest} entries in a Log, {_BATCH} allowed; none stayed behind"
+    return f"at most {largest} entries in a Log, {_BATCH} allowed; none missing"
 
 
 @check("P5.4", "the same inputs give the same bytes")
@@ -91,7 +91,7 @@ def _determinism(kit: Kit) -> str:
     return f"two runs over {kit.steps} steps: the same bytes"
 
 
-@check("P5.1", "it starts no step before its trigger, and reports that it waits")
+@check("P5.1", "it starts no step before its trigger, and reports that it is waiting")
 def _waits_for_trigger(kit: Kit) -> str:
     held = kit.middle
 
@@ -138,7 +138,7 @@ def _windows(kit: Kit) -> str:
     return f"{', '.join(map(str, _WINDOWS))}: the same outputs"
 
 
-@check("P13.1", "it runs under the real orchestrator, and equals its own recording")
+@check("P13.1", "it runs under the real orchestrator and reproduces its own recording")
 def _replayed_log(kit: Kit) -> str:
     new = kit.log_folder() / "new.mcap"
     try:
@@ -150,7 +150,7 @@ def _replayed_log(kit: Kit) -> str:
         new.unlink(missing_ok=True)
     if result.divergence is not None:
         kit.differ(result.divergence.text("recording", "replay"))
-    return f"equal to its own recording over {result.steps} steps"
+    return f"equal to its recording over {result.steps} steps"
 
 
 def _replay(kit: Kit, recording: Path, update: Path | None) -> ReplayResult:

@@ -30,7 +30,7 @@ class Caption:
 
     def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
         self._images, self._drawing, fonts = need(
-            "words on a film", "PIL.Image", "PIL.ImageDraw", "PIL.ImageFont"
+            "text in a video", "PIL.Image", "PIL.ImageDraw", "PIL.ImageFont"
         )
         width, height = size
         self._height = max(20, round(height / 16)) if width >= _SMALLEST[0] else 0

@@ -26,10 +26,10 @@ Progress = Callable[[str, int], AbstractContextManager[Reached]]
 
 @dataclass(frozen=True, kw_only=True)
 class Exported:
-    """What an export wrote.
+    """Result of an export.
 
-    problems: a sentence for all that it could not. lost: topics of ports that it lacks, or ends
-    before their last message, though the form could have had them.
+    problems: a text for each thing that could not be exported. lost: topics that the format
+    supports but that are missing or incomplete.
     """
 
     paths: Sequence[Path]
@@ -108,7 +108,9 @@ def nothing_to_export(recording: Recording, done: str = "exported") -> Recording
     unknown = [name for name in unknown if name not in ENVELOPE_TYPES]
     why = f": it {recording.cut_short}" if recording.cut_short else ""
     if unknown:
-        why = f": it is not of stepbus, or of a newer one: its types are {', '.join(unknown)}"
+        why = (
+            f": it is not from stepbus, or from a newer version: its types are {', '.join(unknown)}"
+        )
     return RecordingFailed(f"{recording.path} has no message that can be {done}{why}")
 
 

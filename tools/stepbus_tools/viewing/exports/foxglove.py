@@ -61,7 +61,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
 
 
 FOXGLOVE = Exporter(
-    write=_export, help="an .mcap for Foxglove and Lichtblick, at 30 Hz, and a layout beside it"
+    write=_export, help="an .mcap for Foxglove and Lichtblick, at 30 Hz, with a layout file"
 )
 
 

@@ -80,9 +80,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     return Exported(paths=[target], problems=[*scene.notes, *lost.values()], lost=list(lost))
 
 
-RERUN = Exporter(
-    write=_export, help="an .rrd for Rerun: the scene in motion, curves, events, images"
-)
+RERUN = Exporter(write=_export, help="an .rrd for Rerun: animated scene, curves, events, images")
 
 
 class _Moves:

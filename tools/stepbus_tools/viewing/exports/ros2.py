@@ -78,7 +78,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
         if about is not None:
             lines = indent(metadata, "  ")
             about.write_text(f"rosbag2_bagfile_information:\n{lines}", encoding="utf-8")
-    unknown = [f"ROS 2 has no type for {', '.join(left)}: left out"] if left else []
+    unknown = [f"ROS 2 has no type for {', '.join(left)}: not exported"] if left else []
     problems = [*scene.notes, *unknown, *lost.values()]
     paths = [target] if about is None else [target / _mcap_name(target), target / _ABOUT]
     return Exported(paths=paths, problems=problems, lost=list(lost))
@@ -86,7 +86,7 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
 
 ROS2 = Exporter(
     write=_export,
-    help="for ROS 2, all that it has types for: an .mcap, or a folder with its metadata.yaml",
+    help="a ROS 2 bag of all ports with a ROS 2 type: an .mcap, or a folder with metadata.yaml",
     metavar="PATH",
 )
 
@@ -106,7 +106,7 @@ def _files(target: Path) -> Iterator[tuple[Path, Path | None]]:
             yield path, None
         return
     if target.exists() and not target.is_dir():
-        raise RecordingFailed(f"{target} is no folder; write .mcap for a single file")
+        raise RecordingFailed(f"{target} is not a folder; write .mcap for a single file")
     with replaced(target / _mcap_name(target)) as path, replaced(target / _ABOUT) as about:
         yield path, about
 

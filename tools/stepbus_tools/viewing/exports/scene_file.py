@@ -98,5 +98,5 @@ def _words(point: Floats) -> str:
 
 SCENE = Exporter(
     write=_export,
-    help="robot and world in motion, with a time slider: one HTML file that opens offline",
+    help="animated robot and world with a time slider: one self-contained HTML file",
 )

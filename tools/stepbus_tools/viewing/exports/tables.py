@@ -270,7 +270,7 @@ class _Parquet:
 
 _Sink = _Csv | _Parquet
 
-_HELP = "tables: a folder gets a file for each port, a .{} file a row for each value"
+_HELP = "tables: a folder with one file per port, or a .{} file with one row per value"
 CSV = Exporter(
     write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH", size=_csv_size
 )

@@ -40,8 +40,8 @@ _RARE_NS = 1_000_000_000
 _TICK = Fraction(1, 90_000)
 """The unit of times in an MP4 [s]; whole ones between the frames at any usual rate."""
 _VIEWPOINT_HELP = (
-    "with --video: draw the scene from corner, front, left, right, above, or from "
-    "X,Y,Z[:X,Y,Z] [m]: the eye, and what it looks at"
+    "with --video: camera position for the scene: corner, front, left, right, above, or "
+    "X,Y,Z[:X,Y,Z] [m] (position, and the point it looks at)"
 )
 
 
@@ -96,7 +96,7 @@ def _export(
     does not fit.
     """
     if target.suffix not in _WRITERS:
-        raise WiringError(f"{target} is no film: write .mp4 or .gif")
+        raise WiringError(f"{target} is not a video file: write .mp4 or .gif")
     history, problems = History(recording), list[str]()
     plan = _plan(history, size, fps, from_, to)
     port = None if viewpoint else _camera(recording, camera)
@@ -119,14 +119,20 @@ def _export(
 
 VIDEO = Exporter(
     write=_export,
-    help=".mp4 or .gif of the recorded camera, or of the scene where there is none",
+    help=".mp4 or .gif of the recorded camera, or of the 3D scene if there is none",
     options={
-        "camera": ("PORT", "with --video: a port of images; default: the first with one a second"),
+        "camera": (
+            "PORT",
+            "with --video: image port; default: the first with at least one image per second",
+        ),
         "viewpoint": ("FROM", _VIEWPOINT_HELP),
-        "size": ("WxH", "with --video: pixels, default: 640x480, or as the camera has them"),
-        "fps": ("N", "with --video: frames a second, default: 25, or each image of the camera"),
-        "from_": ("T", "with --video: simulation time of its start, such as 2s"),
-        "to": ("T", "with --video: simulation time of its end"),
+        "size": (
+            "WxH",
+            "with --video: image size in pixels; default: 640x480, or that of the camera",
+        ),
+        "fps": ("N", "with --video: frames per second; default: 25, or every camera image"),
+        "from_": ("T", "with --video: simulation time of the first frame, e.g. 2s"),
+        "to": ("T", "with --video: simulation time of the last frame"),
     },
 )
 
@@ -145,7 +151,7 @@ def _plan(history: History, size: str, fps: str, start: str, end: str) -> _Plan:
         rate = math.nan
     if rate is not None and not 0 < rate <= _MOST_FRAMES_PER_S:
         most = f"{_MOST_FRAMES_PER_S:g}"
-        raise WiringError(f"--fps {fps}: write frames a second, more than 0 and up to {most}")
+        raise WiringError(f"--fps {fps}: must be more than 0 and at most {most} frames per second")
     return _Plan(size=_size(size), fps=rate, start_ns=start_ns, end_ns=end_ns)
 
 
@@ -178,7 +184,7 @@ def _camera(recording: Recording, name: str) -> Port | None:
         return next(filter(_films, recording.of_type("Image/1")), None)
     port = recording[name]
     if port.type != "Image/1":
-        raise WiringError(f"{name} is {port.type}, no camera")
+        raise WiringError(f"{name} is {port.type}, not a camera")
     if port.last_step < 0:
         raise RecordingFailed(f"{port.topic} of {recording.path} has no image")
     return port
@@ -261,7 +267,7 @@ def _write_mp4(path: Path, shots: Iterator[Shot], plan: _Plan) -> list[str]:
             frame.pts, frame.time_base, newest = tick, _TICK, tick
             container.mux(stream.encode(frame))
         if stream is None:
-            raise ValueError("there is no image in that time")
+            raise ValueError("no image in this time range")
         container.mux(stream.encode())
     return []
 
@@ -284,7 +290,7 @@ def _write_gif(path: Path, shots: Iterator[Shot], _plan: _Plan) -> list[str]:
             frames.append(pillow.fromarray(np.ascontiguousarray(pixels)).quantize(128))
             times.append(t_ns)
     if not frames:
-        raise ValueError("there is no image in that time")
+        raise ValueError("no image in this time range")
     lasts = [round((b - a) * 1e-6) for a, b in pairwise(times)] + [500]
     frames[0].save(
         path, "GIF", save_all=True, append_images=frames[1:], duration=lasts, loop=0, optimize=True

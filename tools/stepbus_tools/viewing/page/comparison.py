@@ -27,7 +27,7 @@ def comparison_html(runs: Sequence[RunPage]) -> str:
         f"<tr><th>{escape(name)}</th>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
         for name, cells in [*_outcomes(runs), *_errors(runs), *_figures(runs)]
     )
-    note = f"In brackets: compared with {runs[0].label}." if list(_errors(runs)) else ""
+    note = f"In parentheses: change from {runs[0].label}." if list(_errors(runs)) else ""
     return (
         f"<div class=scroll tabindex=0><table class=comparison><tr><td></td>{names}</tr>{rows}"
         f'</table></div><p class="note">{escape(note)}</p>'

@@ -24,16 +24,15 @@ _FULL = 4
 _PAST = 1.03
 """The time axis reaches so far beyond a mark at the end of a run."""
 _BAR = (
-    '<div id="bar" hidden role="group" aria-label="Curves">'
-    '<label>show <input id="filter" type="search" placeholder="joint, port or quantity"></label>'
-    '<label>from <input id="from" type="number" step="any"></label>'
-    '<label>to <input id="to" type="number" step="any"> s</label>'
-    '<button id="all" type="button">whole run</button>'
-    '<button id="unit" type="button">show degrees</button>'
-    '<button id="open" type="button">open all</button>'
-    '</div><p class="note"><span class="screen">A curve opens when you click it. </span>'
-    "Wide and light: what was commanded; "
-    "dotted: the target; dashed red: a limit.</p>"
+    '<div id="bar" hidden role="group" aria-label="Curves"><label>show <input '
+    'id="filter" type="search" placeholder="joint, port or '
+    'quantity"></label><label>from <input id="from" type="number" '
+    'step="any"></label><label>to <input id="to" type="number" step="any"> '
+    's</label><button id="all" type="button">whole run</button><button id="unit" '
+    'type="button">show degrees</button><button id="open" type="button">open '
+    'all</button></div><p class="note"><span class="screen">A curve opens when you '
+    "click it. </span>Wide, light lines: commands; dotted: targets; dashed red: "
+    "limits.</p>"
 )
 
 

@@ -22,11 +22,11 @@ _OF_A_PARTICIPANT = (ExitCode.FAULT, ExitCode.DIED)
 _ADVICE = {
     ExitCode.INTERNAL: "Report it if the defect is in stepbus.",
     ExitCode.START: "Raise its time-out in the scenario if it is only slow to start.",
-    ExitCode.STEP_TIMEOUT: "Find out what it computes, or raise its step_timeout.",
+    ExitCode.STEP_TIMEOUT: "Check what it computes, or raise its step_timeout.",
     ExitCode.BUS: "Choose another bus.port, or leave it out.",
     ExitCode.RECORDING: "Free disk space, or choose another --out.",
-    ExitCode.STOP_TIMEOUT: "Find out what its close waits for; the recording is complete.",
-    ExitCode.INTERRUPTED: "Nothing is broken: it was stopped, and is recorded up to there.",
+    ExitCode.STOP_TIMEOUT: "Check what its close waits for; the recording is complete.",
+    ExitCode.INTERRUPTED: "No failure: the user stopped the run; it is recorded up to that step.",
 }
 """As in docs/exit-codes.md."""
 
@@ -53,7 +53,7 @@ def _steps(run: RunPage, result: Result, code: ExitCode) -> Iterator[str]:
     """Yield what to do next, as HTML."""
     if result.faults:
         faults = "; ".join(result.faults)
-        yield f"Consider that a fault was injected on purpose: <code>{escape(faults)}</code>."
+        yield f"A fault was injected on purpose: <code>{escape(faults)}</code>."
     if result.participant and code != ExitCode.INTERRUPTED:
         log = f"logs/{result.participant}.log"
         yield f"Read its log, <code>{escape(log)}</code> in the folder of the run."
@@ -62,10 +62,10 @@ def _steps(run: RunPage, result: Result, code: ExitCode) -> Iterator[str]:
     command = run_again(run)
     if command and result.at_step > 0 and code != ExitCode.INTERRUPTED:
         text = f"{command} --pause-at {result.at_step - 1}"
-        yield f"Pause just before it, which happens again: <code>{escape(text)}</code>"
+        yield f"Reproduce it, and pause just before it: <code>{escape(text)}</code>"
     if command and result.participant and code in _OF_A_PARTICIPANT:
         text = f"{command} --debug {result.participant}"
-        yield f"Or give it a debugger: <code>{escape(text)}</code>"
+        yield f"Or run it in a debugger: <code>{escape(text)}</code>"
 
 
 def _log_html(run: RunPage, result: Result) -> str:

@@ -41,9 +41,9 @@ def _why(run: RunPage) -> str:
     result = run.result
     if result is not None and result.exit_code:
         return failure_html(run, result)
-    why = "There is no result.json beside the recording."
+    why = "There is no result.json next to the recording."
     if result is not None:
-        why = "It ran to its end." if result.reason == result.outcome else run.local(result.reason)
+        why = "It finished." if result.reason == result.outcome else run.local(result.reason)
     return f'<p class="reason">{escape(why)}</p>'
 
 

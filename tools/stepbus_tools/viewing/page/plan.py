@@ -160,10 +160,10 @@ def path_from_above(paths: Mapping[str, Array], things: Sequence[Array] = ()) ->
     width_m, height_m = (engineering(float(size), "m") for size in high - low)
     size = f"{_WIDTH:g} {height + _BELOW:.0f}"
     return (
-        f'<svg class="path" role="img" aria-label="path from above" '
-        f'viewBox="0 0 {size}">{"".join(parts)}</svg>{legend(list(paths))}'
-        f"<p>{escape(width_m)} × {escape(height_m)}; open circle: start, dot: end"
-        f"{'; grey: what stands in the world' if len(things) else ''}</p>"
+        '<svg class="path" role="img" aria-label="path from above" viewBox="0 0 '
+        f'{size}">{"".join(parts)}</svg>{legend(list(paths))}<p>{escape(width_m)} × '
+        f"{escape(height_m)}; open circle: start, dot: end"
+        f"{'; grey: obstacles' if len(things) else ''}</p>"
     )
 
 

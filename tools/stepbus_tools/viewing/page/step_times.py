@@ -129,7 +129,6 @@ def _histogram(rows: Mapping[str, Sequence[int]], labels: Sequence[str]) -> str:
         x = _WIDTH if anchor else x
         parts.append(f'<text x="{x:.1f}" y="{_HEIGHT + 18}"{anchor}>{escape(labels[index])}</text>')
     return (
-        f'<svg class="histogram" role="img" aria-label="how many steps took how long" '
-        f'viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>'
-        f"{legend(list(rows))}"
+        '<svg class="histogram" role="img" aria-label="histogram of compute times" '
+        f'viewBox="0 0 {_WIDTH:g} {_HEIGHT + 26:g}">{"".join(parts)}</svg>{legend(list(rows))}'
     )

@@ -42,7 +42,7 @@ def build_scene(source: Recording | Tail) -> Scene:
             except RecordingFailed as exc:
                 origin.notes.append(str(exc))
     else:
-        text = f"{source.path.name} holds no scenario: only what its messages say is shown"
+        text = f"{source.path.name} contains no scenario: showing only its messages"
         origin.notes.append(text)
     return _Builder(origin, source.ports).build()
 
@@ -78,7 +78,7 @@ class _Builder:
                 self._frames.append(Frame(name=name, visuals=look, body=link.body))
                 placed.append(name)
         if not any(frame.visuals for frame in self._frames):
-            self._notes.append("it has nothing to draw: no model and no shapes; curves are shown")
+            self._notes.append("it has no model and no shapes to draw; showing curves only")
         return Scene(
             frames=self._frames,
             motions=[self._link_motion(set(placed)), *self._motions],

@@ -66,7 +66,9 @@ def open_page(
     page = Page(server=server, door=door, address=door.new_address())
     if port and door.port != port:
         page.close()
-        raise WiringError(f"port {port} of {host} is taken; choose another --port, or none")
+        raise WiringError(
+            f"port {port} of {host} is in use; choose another --port, or omit it for a free one"
+        )
     server.gui.configure_theme(
         control_width="large",
         show_logo=False,

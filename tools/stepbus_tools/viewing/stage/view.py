@@ -137,12 +137,12 @@ def _who(stop: EmergencyStop) -> str:
 
 def _held(topic: str, message: object) -> str:
     if isinstance(message, GripperState):
-        held = f"holds something, {message.force:.1f} N" if message.holding else "holds nothing"
+        held = f"holding an object, {message.force:.1f} N" if message.holding else "empty"
         return f"**{topic}** {held}, {message.width * 1000:.0f} mm open"
     if isinstance(message, BaseState):
         return f"**{topic}** x {message.x:z.3f} m, y {message.y:z.3f} m, yaw {message.yaw:z.3f} rad"
     if isinstance(message, Detections):
         counts = Counter(message.types)
         seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
-        return f"**{topic}** {seen or 'nothing seen'}"
+        return f"**{topic}** {seen or 'nothing detected'}"
     return ""
