@@ -16,11 +16,11 @@ _INTRODUCTION = """\
 # Messages
 
 Every message is a MessagePack map with the fields below. Units are SI. A vector of shape (n,) has
-one entry per name of its port's description, in that order. Optional fields may be left out.
-Unknown fields are ignored; a missing or mistyped one is refused. Integers are MessagePack integers;
-a float may also come as a float32 or as an integer.
+one entry per name in its port's description, in that order. Optional fields may be omitted.
+Unknown fields are ignored; missing or mistyped fields are rejected. Integers are MessagePack
+integers; a float may also come as a float32 or as an integer.
 
-A scenario may bring [types of its own](../guide/writing/message_types.md).
+A scenario may define [its own types](../guide/writing/message_types.md).
 
 Machine-readable: JSON Schema in `schemas/json/`, byte vectors for your codec in
 `schemas/vectors.json` (its `notation` says how to read it).
@@ -59,7 +59,7 @@ def port_table(names: Iterable[str] = MESSAGE_TYPES, types: Types = SHIPPED) -> 
 def types_page(names: Sequence[str], types: Types) -> str:
     """Return the table of some types, and what they are in numbers, in format raw of the bridge."""
     numbers = [
-        [f"`{name}`", ", ".join(map(str, raw_fields(name, types))) or "no numbers alone"]
+        [f"`{name}`", ", ".join(map(str, raw_fields(name, types))) or "not only numbers"]
         for name in names
     ]
     raw = _table(["Type", "Numbers in format `raw`"], numbers)

@@ -208,14 +208,14 @@ def test_a_class_that_no_declaration_can_say_is_refused():
 
 
 PROBLEMS = [
-    ("thruster", {"a": "float"}, "'thruster' is no name of a type; write Name/major"),
+    ("thruster", {"a": "float"}, "'thruster' is not a type name; write Name/major"),
     ("Imu/1", {"a": "float"}, "Imu/1 ships with stepbus"),
     ("T/1", ["a"], "must be a map: field"),
     ("T/1", {}, "has 0 fields; it needs 1 to 15"),
     ("T/1", {f"f{n}": "float" for n in range(16)}, "has 16 fields"),
-    ("T/1", {"Big": "float"}, "'Big' is no name of a field"),
+    ("T/1", {"Big": "float"}, "'Big' is not a field name"),
     ("T/1", {"a": "flot"}, "must be float, int, bool"),
-    ("T/1", {"a": "float[0]"}, "'0' is no size"),
+    ("T/1", {"a": "float[0]"}, "'0' is not a size"),
     ("T/1", {"a": "float[65]"}, "an array of 65 is too long to be fixed"),
     ("T/1", {"a": "float[16,16]"}, "an array of 256 is too long to be fixed"),
     ("T/1", {"a": "float[k,2,n,2]"}, "has 4 sizes, at most 3"),
@@ -229,9 +229,9 @@ PROBLEMS = [
     ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not 3"),
     ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not 1"),
     ("T/1", {"a": {"type": "float", "min": 1}}, "for a field of type int"),
-    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into 64 bits, with a sign"),
-    ("Fault/1", {"a": "float"}, "Fault/1 is a message of the protocol; choose another name"),
-    ("Outputs/2", {"a": "float"}, "Outputs/2 is a message of the protocol; choose another name"),
+    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into a signed 64-bit integer"),
+    ("Fault/1", {"a": "float"}, "Fault/1 is a protocol message; choose another name"),
+    ("Outputs/2", {"a": "float"}, "Outputs/2 is a protocol message; choose another name"),
     (
         "T/1",
         {"a": {"type": ["off", "on"], "default": "of"}},

@@ -289,7 +289,7 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
         "params.shelves.a.fron: unknown key 'fron'; did you mean 'front'?",
         "params.shelves.a: the key 'front' is missing",
         "params.shelves.b: must be a map, not 3",
-        "params.outlet.position: must be a list of 3, not a list of 2",
+        "params.outlet.position: must be a list of 3 values, not a list of 2",
         "params.outlet.link: must not be empty",
         "params.tip: must be text, not 3",
         "params.base_frame: must be text, not a list",

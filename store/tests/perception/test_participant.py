@@ -297,11 +297,11 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
         ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
         ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
         ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "item type 'cola': shape 'cone' is not supported"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': shape 'box a 1 1' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': cannot parse shape 'box a 1 1'"),
         ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "color '1 0 nan' of 'cola' is not `red green blue`"),
         ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
         ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': shape 'cylinder 0 1' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': cannot parse shape 'cylinder 0 1'"),
         ({"type": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details type, color, shape are missing"),
     ],
 )  # fmt: skip

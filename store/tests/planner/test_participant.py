@@ -188,7 +188,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         Planner(config(tmp_path, latency="fast", margin=-1, max_check=5))
     text = str(caught.value)
     for part in (
-        "'fast' is no duration", "margin: must be at least 0, not -1",
+        "'fast' is not a duration", "margin: must be at least 0, not -1",
         "max_check: unknown key 'max_check'; did you mean 'max_checks'?",
     ):  # fmt: skip
         assert part in text
@@ -213,7 +213,7 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
         ({"posture": {"wheel_joint": 0.1}}, "has no position limits"),
         ({"posture": {"one": 0.1}}, "joint 'one' is in joints, too"),
         ({"posture": [1]}, "posture: must be a map, not a list"),
-        ({"srdf": "arm.srdf"}, "no file 'arm.srdf'"),
+        ({"srdf": "arm.srdf"}, "file 'arm.srdf' not found"),
     ],
 )
 def test_a_mistaken_parameter_is_named(tmp_path, params, text):

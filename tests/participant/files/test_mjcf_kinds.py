@@ -73,7 +73,7 @@ def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
         assert line.endswith(f"): not supported; {kind.instead}")
     else:
         (warning,) = urdf_warnings(converted(tmp_path, SAMPLES[start]))
-        lead = "its MJCF has what a URDF has not, which is left out: "
+        lead = "URDF cannot express some of this MJCF, which is ignored: "
         assert warning.startswith(f"{lead}{kind.what} (")
         assert ";" not in warning
 

@@ -10,7 +10,7 @@ from stepbus_schemas import WiringError
     "path", ["../stepbus_plant/__init__.py", "two_link/../../x", "/etc/passwd"]
 )
 def test_a_package_url_does_not_lead_out_of_its_package(tmp_path, path):
-    with pytest.raises(WiringError, match="leads out of its package"):
+    with pytest.raises(WiringError, match="points outside its package"):
         find_file(f"package://stepbus_scenarios/{path}", tmp_path)
 
 

@@ -169,7 +169,7 @@ def test_mistakes_beside_a_missing_model_are_listed_too() -> None:
         ),
         ({**PD, "model": None}, "model: is missing"),
         ({**PD, "model": None, "joints": JOINTS}, "effort_limit: is missing"),
-        ({**PD, "model": "world.yaml"}, "world.yaml:1: is no XML"),
+        ({**PD, "model": "world.yaml"}, "world.yaml:1: is not XML"),
         (
             {**PD, "joints": ["joint1", "joint3"]},
             "joint 'joint3' is not in two_link.urdf; did you mean 'joint2'",

@@ -73,7 +73,7 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
     assert [line.removeprefix(prefix) for line in str(caught.value).splitlines()] == [
         "[0]: the first waypoint has a 'time', no 'duration'",
         "[1]: needs either a 'time' or a 'duration'",
-        "[2].position: has 1 numbers, not 2 (a, b)",
+        "[2].position: has 1 numbers for 2 joints (a, b)",
         "[3].time: is 0 s, not after the one before (1 s)",
     ]
 
@@ -89,7 +89,7 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
         ({**SINE, "joints": []}, "joints: is empty"),
         ({**SINE, "end_when_done": True}, "end_when_done: is true, but this task never ends"),
         ({"task": "step", "joints": ["a"]}, "the key 'target' is missing"),
-        ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "no file 'none.csv'"),
+        ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "file 'none.csv' not found"),
         ({**MOVE, "waypoints": [{"position": 0}]}, "waypoints: has 1 waypoint, needs at least two"),
         ({**MOVE, "waypoints": [{"positon": 0}]}, r"\[0\]: the key 'position' is missing"),
         ({**MOVE, "waypoints": "all"}, "waypoints: must be a list, not 'all'"),

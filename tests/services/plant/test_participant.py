@@ -110,7 +110,7 @@ def test_wrong_ports_and_wrong_parameters_are_listed_together():
 
 def test_a_world_that_does_not_exist_is_refused():
     with pytest.raises(
-        WiringError, match=r"participants\.plant\.params\.world: no file 'moon\.yaml'"
+        WiringError, match=r"participants\.plant\.params\.world: file 'moon\.yaml' not found"
     ):
         Plant(config(world="moon.yaml"))
 
@@ -136,7 +136,7 @@ def test_poses_are_published_at_their_own_period():
             r"plant\.params\.poses_period: 7ms is not a multiple of the plant's step [(]5ms[)]",
         ),
         ("0s", r"plant\.params\.poses_period: '0s' must be longer than 0"),
-        ("often", r"plant\.params\.poses_period: 'often' is no duration"),
+        ("often", r"plant\.params\.poses_period: 'often' is not a duration"),
     ],
 )
 def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):

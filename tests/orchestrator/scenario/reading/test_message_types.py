@@ -120,7 +120,7 @@ def test_a_module_that_fails_is_a_mistake(tmp_path, monkeypatch, code, reason):
 @pytest.mark.parametrize(
     ("types", "sentence"),
     [
-        ("missing.yaml", "scenario.yaml:3: types: no file 'missing.yaml'"),
+        ("missing.yaml", "scenario.yaml:3: types: file 'missing.yaml' not found"),
         ("[types.yaml, no_module]", "types[1]: the module 'no_module' of message types cannot"),
         ("json", "scenario.yaml:3: types: the module 'json' has no message class"),
         ("[types.yaml, {Thruster/1: {a: int}}]", "types[1]: Thruster/1 is declared twice"),

@@ -74,14 +74,14 @@ def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
     (tmp_path / "broken.urdf").write_text("<robot>\n<link")
     (line,) = refusal(tmp_path, body("junk", "broken"))
     assert line.startswith("world.yaml:3: bodies.junk.urdf: ")
-    assert "broken.urdf:2: is no XML: unclosed token" in line
+    assert "broken.urdf:2: is not XML: unclosed token" in line
 
 
 @pytest.mark.parametrize(
     ("text", "mistake"),
     [
         ("", "world.yaml: is empty"),
-        ("[1, 2]", "world.yaml: is no map; a world has at least bodies"),
+        ("[1, 2]", "world.yaml: is not a map; a world has at least bodies"),
         ("bodies: {}", "world.yaml:1: bodies"),
         ("gravity: [0, 0, 0]", "world.yaml: the key 'bodies' is missing"),
         ("bodies: {a: {urdf: two_link.urdf}}\nbodies: 2", "world.yaml:2: bodies"),
