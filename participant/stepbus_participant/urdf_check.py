@@ -163,7 +163,9 @@ class _Robot:
             yield mimic.line, text + suggest(name, moving)
         elif (other := moving[name].find("mimic")) is not None:
             followed = other.get("joint")
-            text = f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
+            text = (
+                f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
+            )
             yield mimic.line, text
         for key in ("multiplier", "offset"):
             if mimic.get(key) is not None and _value(mimic, key) is None:
@@ -236,7 +238,10 @@ class _Robot:
         for link in self._links:
             inertials = link.findall("inertial")
             if len(inertials) > 1:
-                yield inertials[1].line, f"{_who(link)} has {len(inertials)} <inertial>; only one is allowed"
+                yield (
+                    inertials[1].line,
+                    f"{_who(link)} has {len(inertials)} <inertial>; only one is allowed",
+                )
             for inertial in inertials[:1]:
                 yield from _mass(inertial, _who(link))
                 yield from _inertia(inertial, _who(link))

@@ -9,14 +9,14 @@ class Params(Settings):
     """Parameters of `stepbus_controller.position`."""
 
     joints: Names
-    """Joints under control, in the order of the commands."""
+    """Controlled joints, in the order of the commands."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
-    one URDF share a world. All other parameters name joints without it."""
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
+    URDF share a world. All other parameters name joints without it."""
     feed_forward: bool = True
-    """Whether velocities are commanded; without them the joints lag behind."""
+    """Whether to command velocities too; without them, the joints lag behind."""
     effort_limit: NonNegativePerJoint | None = None
-    """Largest torques of the motors [N·m]. Default: the plant's."""
+    """Torque limits of the motors [N·m]. Default: the plant's."""
 
 
 if TYPE_CHECKING:

@@ -161,7 +161,7 @@ class Commander:
 
     def _check_extra(self, field: str, vector: Sequence[float], mode: JointMode) -> None:
         if field not in _EXTRAS[mode]:
-            self._reject(f"mode {mode} does not use {field}; leave it out")
+            self._reject(f"mode {mode} does not use {field}; remove it")
         self._check_vector(field, vector)
 
     def _check_vector(self, field: str, vector: Sequence[float]) -> None:

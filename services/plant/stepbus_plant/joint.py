@@ -100,7 +100,7 @@ class Joint:
     def problems(self) -> Iterator[str]:
         """Yield contradictions between the world file and the URDF."""
         if math.isfinite(self.lower) != math.isfinite(self.upper):
-            yield "has no limits in its URDF; give both 'lower' and 'upper' or neither"
+            yield "has no limits in its URDF; give both 'lower' and 'upper', or neither"
         elif self.lower > self.upper:
             yield f"lower {self.lower} is above upper {self.upper}"
         elif not self.lower <= self.start <= self.upper:

@@ -133,14 +133,17 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         load("two_lnk")
 
 
-DEEP = "is nested too deeply: over 100 maps and lists in each other"
+DEEP = "is nested too deeply: more than 100 levels of maps and lists"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
-        ("- a\n", "scenario.yaml: is not a map; a scenario has at least name, step and participants"),
+        (
+            "- a\n",
+            "scenario.yaml: is not a map; a scenario has at least name, step and participants",
+        ),
         (
             "a: 1\nb: [1\n",
             (

@@ -112,7 +112,9 @@ def test_there_is_room_for_all_slots_or_a_sentence_at_the_first(file):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
     try:
-        with pytest.raises(BusError, match=r"cannot reserve 20 slots of 0.1 MB in .*camera.image: "):
+        with pytest.raises(
+            BusError, match=r"cannot reserve 20 slots of 0.1 MB in .*camera.image: "
+        ):
             SlotWriter(fd, 20, path).write(0, [bytes(100_000)])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)

@@ -74,7 +74,11 @@ def test_plant_and_controller_read_the_same_dynamics(arm, tmp_path):
         ('version="1.7"', 'version=""', "1: its version is '', not a version such as 1.9"),
         ('version="1.7"', 'version="1.x"', "1: its version is '1.x', not a version such as 1.9"),
         ('name="tool"', 'name="upper"', "7: link 'upper' is defined twice, first in line 4"),
-        ('name="slide"', 'name="shoulder"', "11: joint 'shoulder' is defined twice, first in line 9"),
+        (
+            'name="slide"',
+            'name="shoulder"',
+            "11: joint 'shoulder' is defined twice, first in line 9",
+        ),
     ],
 )
 def test_a_mistake_is_refused_with_its_line(tmp_path, old, new, message):

@@ -174,5 +174,5 @@ def test_a_missing_mesh_is_found_before_anything_starts(tmp_path, capsys):
     mesh = '<visual><geometry><mesh filename="package://nowhere/arm.stl"/></geometry></visual>'
     scenario = copy_of_two_link(tmp_path, "</link>", f"{mesh}</link>")
     assert main(["validate", str(scenario)]) == 2
-    sentence = "no mesh 'package://nowhere/arm.stl', in its folder or a package"
+    sentence = "mesh 'package://nowhere/arm.stl' not found"
     assert re.search(rf"two_link\.urdf:\d+: link '\w+': {sentence}", capsys.readouterr().err)

@@ -74,8 +74,8 @@ def test_a_mistake_in_the_world_has_its_line(arm, change, sentence):
 
 
 IN_THE_SCENARIO = [
-    ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, the world has no 'wrenches'"),
-    ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, the world has no 'bases'"),
+    ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, but the world has no 'wrenches'"),
+    ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, but the world has no 'bases'"),
     ({STATE: f"{STATE}, color: Image/1"}, "outputs.color", "has type Image/1; name it one of rgb, eye_rgb, depth, eye_depth"),
     ({WORLD: f"{WORLD}, physics_step: 3ms"}, "params.physics_step", "3ms does not divide the plant's step of 5ms"),
     ({WORLD: f"{WORLD}, joints: [join1]"}, "params.joints", "'join1' is unknown; did you mean 'joint1'?"),

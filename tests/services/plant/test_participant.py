@@ -192,8 +192,8 @@ def test_no_checkpoint_of_pybullet_claims_to_know_a_body_that_was_moved():
     ("args", "text"),
     [
         (("arn", 0, 0, 0), "body 'arn' is unknown; did you mean 'arm'?"),
-        (("arm", 0, "x", 0), "body arm: 'x' is no number"),
-        (("arm", 0, 0, math.nan), "body arm: nan is no number"),
+        (("arm", 0, "x", 0), "body arm: 'x' is not a finite number"),
+        (("arm", 0, 0, math.nan), "body arm: nan is not a finite number"),
     ],
 )
 def test_a_body_that_cannot_be_moved_stays(args, text):

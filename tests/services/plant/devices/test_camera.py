@@ -171,7 +171,7 @@ def test_a_camera_without_a_period_takes_an_image_at_each_step(tmp_path):
 
 def test_requests_to_a_camera_that_the_world_lacks_are_refused(tmp_path):
     write_scene(tmp_path, WORLD[WORLD.index("bodies:") :])
-    with pytest.raises(WiringError, match="CameraTrigger/1, the world has no 'cameras'"):
+    with pytest.raises(WiringError, match="CameraTrigger/1, but the world has no 'cameras'"):
         make_plant(tmp_path, {}, TRIGGER)
 
 

@@ -166,7 +166,7 @@ def test_mistakes_of_a_stock_are_listed_with_their_lines(tmp_path):
 def test_an_item_that_is_called_like_another_body_is_refused(tmp_path):
     name = next(iter(load(tmp_path).items))
     told = refusal(tmp_path, text=STOCK.replace("  shelf:", f"  {name}:"))
-    assert f"world.yaml:5: stock: '{name}' is the name of two bodies" in told
+    assert f"world.yaml:5: stock: '{name}' names two bodies" in told
 
 
 def test_a_kind_or_a_row_is_needed(tmp_path):
@@ -179,7 +179,7 @@ def test_a_kind_or_a_row_is_needed(tmp_path):
 @pytest.mark.parametrize(
     ("mass", "sentence"),
     [
-        ("0", "value='0' of <mass> is not a number above 0"),
+        ("0", "value='0' of <mass> must be a number above 0"),
         ("-1", "mass -1 kg is negative"),
         ("nan", "mass 'nan' is not a finite number [kg]"),
         ("heavy", "mass 'heavy' is not a finite number [kg]"),

@@ -81,7 +81,7 @@ def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
     ("text", "mistake"),
     [
         ("", "world.yaml: is empty"),
-        ("[1, 2]", "world.yaml: is not a map; a world has at least bodies"),
+        ("[1, 2]", "world.yaml: is not a map; a world needs at least 'bodies'"),
         ("bodies: {}", "world.yaml:1: bodies"),
         ("gravity: [0, 0, 0]", "world.yaml: the key 'bodies' is missing"),
         ("bodies: {a: {urdf: two_link.urdf}}\nbodies: 2", "world.yaml:2: bodies"),
