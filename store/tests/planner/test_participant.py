@@ -211,7 +211,7 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
     [
         ({"tip": "hnad"}, "tip: link 'hnad' is not in arm.urdf"),
         ({"posture": {"wheel_joint": 0.1}}, "has no position limits"),
-        ({"posture": {"one": 0.1}}, "joint 'one' is in joints, too"),
+        ({"posture": {"one": 0.1}}, "joint 'one' is also in 'joints'"),
         ({"posture": [1]}, "posture: must be a map, not a list"),
         ({"srdf": "arm.srdf"}, "file 'arm.srdf' not found"),
     ],

@@ -50,12 +50,12 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ('<link name="${unknown}"/>', "xacro cannot expand it: .*unknown"),
+        ('<link name="${unknown}"/>', "cannot expand xacro: .*unknown"),
         ('<xacro:include filename="gone.xacro"/>', "gone.xacro: No such file"),
         ('<xacro:include filename="package://no-such/x"/>', "package 'no-such' is not installed"),
         ('<xacro:include filename="r.urdf.xacro"/>', "includes itself"),
         ("<link", "is not XML"),
-        ("<xacro:property/>", "xacro cannot expand it: .*missing attribute 'name'"),
+        ("<xacro:property/>", "cannot expand xacro: .*missing attribute 'name'"),
         ('<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>', "recursion"),
         ('<link name="${a b}"/>', "invalid syntax .* when evaluating expression 'a b'$"),
     ],

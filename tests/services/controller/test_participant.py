@@ -151,7 +151,7 @@ def test_every_gain_that_does_not_fit_the_joints_of_the_model_is_listed() -> Non
     assert [problem.removeprefix(prefix) for problem in problems] == [
         "kp: has 3 numbers for 2 joints (joint1, joint2)",
         "kd.jiont2: unknown joint 'jiont2'; did you mean 'joint2'?",
-        "kd: 'joint2' is missing",
+        "kd: joint 'joint2' is missing",
     ]
 
 
