@@ -285,7 +285,7 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
     for part in (
         "params.orders[1].typ: unknown key 'typ'; did you mean 'type'?",
         "params.orders[2]: must be text or a map, not 3",
-        "params.orders[3]: needs an item type, `type: cola`, or an item, `item: cola_a1_3`",
+        "params.orders[3]: needs either an item type, `type: cola`, or an item, `item: cola_a1_3`",
         "params.shelves.a.fron: unknown key 'fron'; did you mean 'front'?",
         "params.shelves.a: the key 'front' is missing",
         "params.shelves.b: must be a map, not 3",
