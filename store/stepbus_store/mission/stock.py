@@ -178,7 +178,7 @@ def measures(name: str, shapes: str) -> Measures:
     try:
         parts = [_part(shape) for shape in parse_shapes(shapes) if shape.type in _SIZES]
     except ValueError as exc:
-        raise WiringError(f"cannot use the shape {shapes!r} of item {name!r}: {exc}") from exc
+        raise WiringError(f"item {name!r}: {exc}") from exc
     if not parts:
         raise WiringError(
             f"item {name!r} has the shape {shapes!r}; a graspable item needs a box, a cylinder or "

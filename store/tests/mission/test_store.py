@@ -306,7 +306,7 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
 @pytest.mark.parametrize(
     ("params", "text"),
     [
-        ({"orders": [{"item": "x_a1_1"}] * 2}, "params.orders: item 'x_a1_1' is sold twice"),
+        ({"orders": [{"item": "x_a1_1"}] * 2}, "params.orders: item 'x_a1_1' is ordered twice"),
         (
             {"orders": ["cola"] * 5, "outlet": {"position": [1, 2, 3], "pitch": 0.2}},
             "params.outlet: 5 orders, 0.2 m apart, do not fit into 0.5 m",

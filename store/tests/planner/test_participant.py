@@ -75,7 +75,7 @@ def test_a_newer_request_cancels_the_one_before(planner):
 def test_poses_that_are_none_are_refused_in_one_sentence(planner):
     stand, poses = planner()
     rows = (
-        ({"position": []}, "2 poses expected, 0 positions and 2 orientations received"),
+        ({"position": []}, "expected 2 poses, received 0 positions and 2 orientations"),
         (
             {"position": [(0.0, 0.0, math.nan)] * 2},
             r"chassis has an invalid pose: position \(0.0, 0.0, nan\)",
