@@ -62,7 +62,7 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
         return [(("participant",), f"{name.rpartition(':')[0]} {text}")]
     except Exception as exc:  # noqa: BLE001  code of the user's
         source = name.rpartition(":")[0]
-        return [(("participant",), f"{source} cannot be imported: {error_text(exc)}")]
+        return [(("participant",), f"cannot import {source}: {error_text(exc)}")]
     problems = [] if declared is None else find_problems(declared, params, folder)
     return [(("params", *keys), message) for keys, message in problems]
 

@@ -227,7 +227,7 @@ class Physics:
     def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
         known = [joint.name for joint in joints]
         self.mistakes += [
-            (("bodies", name, "joints", given), f"unknown{suggest(given, known)}")
+            (("bodies", name, "joints", given), f"unknown joint {given!r}{suggest(given, known)}")
             for given in body.joints
             if given not in known
         ]

@@ -160,7 +160,7 @@ def params_problems(stock: StockSettings | None, params: StockParams) -> Iterato
     known = [*(item.name for item in items), *slots, *stock.rows, *stock.types]
     for name in params.types:
         if name not in stock.types:
-            yield ("types", name), f"unknown{suggest(name, stock.types)}"
+            yield ("types", name), f"unknown item type {name!r}{suggest(name, stock.types)}"
     for name in params.missing:
         if name not in known:
             yield ("missing",), f"{name!r} is unknown{suggest(name, known)}"

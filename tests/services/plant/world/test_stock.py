@@ -146,7 +146,7 @@ def _carton(folder, height, steps, **params):
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):
     given = Params.of({"world": "w", "stock": {"types": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
     assert refusal(tmp_path, given.stock).splitlines() == [
-        "params.stock.types.cann: unknown; did you mean 'can'?",
+        "params.stock.types.cann: unknown item type 'cann'; did you mean 'can'?",
         "params.stock.missing: 'a_7' is unknown; did you mean 'a_6'?",
     ]
 
