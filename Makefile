@@ -3,36 +3,36 @@
 PYTHON := .venv/bin/python
 
 help:
-	@echo "make setup      make .venv, with python3.11 or python3; PYTHON3=python3.13 chooses another"
+	@echo "make setup      create .venv with python3.11 or python3; PYTHON3=python3.13 selects another"
 	@echo "make demo       run the two-link arm for 10 s and plot it"
-	@echo "make test       run the tests that are quick"
-	@echo "make fresh      both in an empty clone, as on a machine with Python, make and git only"
-	@echo "make pythons    install stepbus for each Python from 3.12 on, and run the arm to its plot"
-	@echo "make test-rest  run those that fresh could not try: BUT=F, F from FRESH='--passed F'"
-	@echo "make test-engine run those of the plant in MuJoCo: ENGINE=mujoco"
-	@echo "make test-unit  run those of them that start no process, in under a minute"
-	@echo "make test-slow  run the others"
-	@echo "make coverage   run the quick tests and show which lines they execute"
-	@echo "make chaos      two hundred faults on purpose (part of test-slow)"
-	@echo "make check      formatting, lint, types, imports, generated files, changelog"
+	@echo "make test       run the fast tests"
+	@echo "make fresh      run both in an empty clone, with only Python, make and git on the PATH"
+	@echo "make pythons    for each Python from 3.12: install stepbus, run the arm and plot it"
+	@echo "make test-rest  run the fast tests that make fresh FRESH='--passed F' did not: BUT=F"
+	@echo "make test-engine run the tests of the plant with MuJoCo: ENGINE=mujoco"
+	@echo "make test-unit  run the tests that start no process, in under a minute"
+	@echo "make test-slow  run the slow tests"
+	@echo "make coverage   run the fast tests and show which lines they execute"
+	@echo "make chaos      inject two hundred faults (part of test-slow)"
+	@echo "make check      check formatting, lint, types, imports, generated files, changelog"
 	@echo "make docs       build the documentation site into build/docs"
-	@echo "make pictures   make every picture of the docs from real runs (Chromium; 4 min)"
+	@echo "make pictures   make every picture in the docs from real runs (Chromium; 4 min)"
 	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
-	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
-	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
-	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
-	@echo "make campaign   66 faults from outside, 2,000 damaged recordings, 64 sales, judged (1 h)"
-	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
-	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
-	@echo "make clean      remove .venv and caches; runs/ stays"
+	@echo "make examples   build the controllers in C and Rust (Rust: several minutes the first time)"
+	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
+	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
+	@echo "make campaign   judge real runs with 66 external faults, 2,000 damaged recordings, 64 sales (1 h)"
+	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
+	@echo "make soak       run a million steps: checks that memory stays constant and reports stay fast (5 min)"
+	@echo "make clean      remove .venv and caches; keep runs/"
 
 demo: setup
 	@$(PYTHON) -c "import sys; from importlib.util import find_spec; find_spec('pybullet') or print( \
 		'the physics engine is MuJoCo: PyBullet has no wheel for Python %d.%d' % sys.version_info[:2])"
 	@.venv/bin/stepbus run two_link
 
-# Of the tests, side by side: `make test WORKERS=8` on a bigger machine. Two cores are busy with
-# four of the quick ones: many wait for a deadline, or for a process to start.
+# Parallel tests: use `make test WORKERS=8` on a bigger machine. Four workers keep two cores busy,
+# since many fast tests wait for a deadline or for a process to start.
 WORKERS := 2
 
 test: WORKERS := 4
@@ -40,11 +40,11 @@ test-slow: WORKERS := 3
 test: setup
 	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal
 
-# What `make fresh` could not try: tests that need more than Python, make and git, and those of the store.
+# Tests that `make fresh` could not run: those that need more than Python, make and git, and those of the store.
 test-rest: setup
 	@$(PYTHON) -m pytest -n 3 --dist worksteal --but=$(BUT)
 
-# The commands above as a stranger runs them; `make fresh FRESH=--help` has the options.
+# The commands above as a new user runs them; `make fresh FRESH=--help` lists the options.
 fresh:
 	@python3 scripts/fresh.py $(FRESH)
 
@@ -53,18 +53,18 @@ ENGINE := mujoco
 test-engine: setup
 	@$(PYTHON) -m pytest -n 3 --dist worksteal --engine $(ENGINE) tests/services/plant tests/scenarios
 
-# On each Python of this machine; `make pythons PYTHONS=--help` has the options.
+# On each Python of this machine; `make pythons PYTHONS=--help` lists the options.
 pythons:
 	@python3 scripts/pythons.py $(PYTHONS)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit
 
-# Properties run on fresh examples too; `make test-slow FRESH_EXAMPLES=` leaves that out, for the same verdict
+# Property tests also run on fresh examples; `make test-slow FRESH_EXAMPLES=` skips that, for the same verdict
 # everywhere.
 FRESH_EXAMPLES := --fresh-examples
 
-# pytest exits with 5 where there are no such tests.
+# pytest exits with 5 if there are no such tests.
 test-slow: setup
 	@$(PYTHON) -m pytest -m slow -n $(WORKERS) --dist worksteal || [ $$? -eq 5 ]
 	@[ -z "$(FRESH_EXAMPLES)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH_EXAMPLES) --timeout 1200
@@ -113,12 +113,12 @@ soak: setup
 examples: examples-c examples-rust
 
 examples-c:
-	@command -v gcc >/dev/null || { echo "no gcc: examples/controllers/c is not built"; exit 0; }; \
+	@command -v gcc >/dev/null || { echo "skipped examples/controllers/c: gcc is not installed"; exit 0; }; \
 		$(MAKE) --no-print-directory -C examples/controllers/c && \
 		$(MAKE) --no-print-directory -C examples/thruster
 
 examples-rust:
-	@command -v cargo >/dev/null || { echo "no cargo: examples/controllers/rust is not built"; exit 0; }; \
+	@command -v cargo >/dev/null || { echo "skipped examples/controllers/rust: cargo is not installed"; exit 0; }; \
 		nice cargo build --release --quiet --manifest-path examples/controllers/rust/Cargo.toml
 
 robots: setup
@@ -128,8 +128,8 @@ clean:
 	rm -rf .venv .coverage* .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist
 	find . -name __pycache__ -type d -prune -exec rm -rf {} +
 
-# Each process of a run imports our code anew. With PYTHONDONTWRITEBYTECODE, as in many containers,
-# it would compile it each time too, which was a quarter of a start.
+# Each process of a run imports our code. With PYTHONDONTWRITEBYTECODE, as in many containers, it would
+# also compile it each time, which took a quarter of the start-up time.
 setup:
 	@scripts/setup_venv.sh
 	@$(PYTHON) -m compileall -q api orchestrator participant scenarios schemas services store tools

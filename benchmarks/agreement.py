@@ -307,7 +307,7 @@ def rows(folder: Path) -> Iterator[tuple[str, bool]]:
     """Yield a row of the table for each case, and whether its tolerance holds."""
     for number, case in enumerate(CASES):
         if case.needs and find_spec(case.needs) is None:
-            print(f"left out, {case.needs} is not installed: {case.name}", file=sys.stderr)
+            print(f"skipped {case.name}: {case.needs} is not installed", file=sys.stderr)
             continue
         values = []
         for engine in ENGINES:
@@ -330,7 +330,7 @@ def main() -> int:
     args = parser.parse_args()
     missing = [name for name in ENGINES if not is_here(name)]
     if missing:
-        raise SystemExit(f"{missing[0]} is not installed: there is nothing to compare")
+        raise SystemExit(f"{missing[0]} is not installed; this benchmark compares both engines")
     print(f"| Case | What | Tolerance | Closed form | {' | '.join(ENGINES)} | Difference | Holds |")
     print("|---|---|---|---|---|---|---|---|")
     all_hold = True

@@ -123,7 +123,7 @@ def _cases(only: str, folder: Path) -> Iterator[tuple[Case, Path]]:
         if only and case.name != only:
             continue
         if case.package and find_spec(case.package) is None:
-            print(f"{case.name}: left out, {case.package} is not installed", file=sys.stderr)
+            print(f"skipped {case.name}: {case.package} is not installed", file=sys.stderr)
             continue
         yield case, case.path(folder)
 
@@ -158,12 +158,14 @@ def main() -> None:
         return
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=5)
-    parser.add_argument("--share", type=float, default=1.0, help="of each round; less is quicker")
+    parser.add_argument(
+        "--share", type=float, default=1.0, help="fraction of each round to run; less is faster"
+    )
     parser.add_argument("--only", default="", choices=[case.name for case in CASES])
     args = parser.parse_args()
     missing = [name for name in ENGINES if not is_here(name)]
     if missing:
-        raise SystemExit(f"{missing[0]} is not installed: there is nothing to compare")
+        raise SystemExit(f"{missing[0]} is not installed; this benchmark compares both engines")
     with tempfile.TemporaryDirectory(prefix="engines-") as folder:
         for case, world in _cases(args.only, Path(folder)):
             compare(case, world, args.rounds, args.share)

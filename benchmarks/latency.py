@@ -39,7 +39,9 @@ def _replace(path: Path, texts: dict[str, str]) -> None:
     text = path.read_text()
     for old, new in texts.items():
         if text.count(old) != 1:
-            sys.exit(f"{path} has no single {old!r}: the store has changed, so must this script")
+            sys.exit(
+                f"{path} must contain {old!r} exactly once; update this script to the changed store"
+            )
         text = text.replace(old, new)
     path.write_text(text)
 

@@ -180,7 +180,7 @@ def soak(steps: int, folder: Path) -> int:
     scenario = load("two_link", [f"duration={steps * STEP_MS}ms"])
     result = run(scenario, Options(out=folder), sampler)
     if result.exit_code or not sampler.settled or not sampler.end:
-        print(result.reason if result.exit_code else "the run was too short to be sampled")
+        print(result.reason if result.exit_code else "the run was too short to sample")
         return 1
     is_flat = show(sampler, result)
     megabytes = result.recording.stat().st_size / 1e6

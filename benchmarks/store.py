@@ -144,8 +144,8 @@ def main() -> int:
     """Print the table; exit with 1 where fewer than 95 % were sold."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scenario", default="store", help="or store/truth")
-    parser.add_argument("--seeds", type=int, default=20, help="how many stocks (default: 20)")
-    parser.add_argument("--first", type=int, default=0, help="seed of the first one")
+    parser.add_argument("--seeds", type=int, default=20, help="number of stocks (default: 20)")
+    parser.add_argument("--first", type=int, default=0, help="seed of the first stock")
     parser.add_argument("--set", action="append", default=[], dest="settings", metavar="KEY=VALUE")
     args = parser.parse_args()
     sales: list[Sale] = []

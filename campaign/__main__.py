@@ -19,28 +19,28 @@ def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m campaign", description=__doc__)
     parser.add_argument("--part", choices=["all", *_PARTS], default="all")
     parser.add_argument(
-        "--count", type=int, default=runs.WHOLE, help=f"how many runs (default: {runs.WHOLE})"
+        "--count", type=int, default=runs.WHOLE, help=f"number of runs (default: {runs.WHOLE})"
     )
-    parser.add_argument("--first", type=int, default=0, help="the first of them (default: 0)")
+    parser.add_argument("--first", type=int, default=0, help="number of the first run (default: 0)")
     parser.add_argument(
-        "--mutations", type=int, default=2000, help="how many mutated recordings (default: 2000)"
+        "--mutations", type=int, default=2000, help="number of mutated recordings (default: 2000)"
     )
-    parser.add_argument("--sales", type=int, default=64, help="how many sales (default: 64)")
-    parser.add_argument("--keep", type=Path, help="folder for the sales that broke a promise")
+    parser.add_argument("--sales", type=int, default=64, help="number of sales (default: 64)")
+    parser.add_argument("--keep", type=Path, help="folder for the sales that broke a guarantee")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--only", default="", help="only faults whose name has this in it")
-    parser.add_argument("--on", default="", help="only scenarios whose name has this in it")
+    parser.add_argument("--only", default="", help="only faults whose name contains this")
+    parser.add_argument("--on", default="", help="only scenarios whose name contains this")
     parser.add_argument(
         "--patience",
         type=float,
         default=1.0,
-        help="factor of all deadlines of the runs; above 1, how fast the machine is decides "
-        "nothing: only what hangs for two minutes is late (default: 1)",
+        help="factor for all deadlines of the runs; above 1, only a run that hangs for two "
+        "minutes is late, so that a slow machine does not matter (default: 1)",
     )
     parser.add_argument(
-        "--minutes", type=float, default=1e9, help="begin nothing more of a part after so long"
+        "--minutes", type=float, default=1e9, help="start no further case of a part after this time"
     )
-    parser.add_argument("--table", type=Path, help="write the tables as Markdown to this file")
+    parser.add_argument("--table", type=Path, help="write the tables to this file, in Markdown")
     return parser.parse_args()
 
 
@@ -100,7 +100,7 @@ def _sell(options: argparse.Namespace, give_up: float) -> SaleTable:
         _say(f"{number}/{len(rows)} {state} {case}: {outcome.code} after {outcome.seconds:.0f} s")
         _say(f"      {outcome.force:.1f} N; {outcome.reason}")
         for line in outcome.excused:
-            _say(f"      could not be avoided: {line}")
+            _say(f"      unavoidable: {line}")
         for line in outcome.broken:
             _say(f"      broken: {line}")
         if time.monotonic() > give_up:
@@ -126,7 +126,7 @@ def main() -> int:
                 tables.append(part(options, time.monotonic() + 60 * options.minutes))
         except Exception:  # noqa: BLE001  (the other parts are judged, and the tables printed)
             is_whole = False
-            _say(f"BROKEN: the part {name} could not go on: {traceback.format_exc()}")
+            _say(f"BROKEN: part {name} failed: {traceback.format_exc()}")
     versions = {name: version(name) for name in ("stepbus", "eclipse-zenoh")}
     parts = [heading(sys.argv[1:], time.monotonic() - began, versions)]
     parts += ["\n".join(table.lines()) for table in tables if table.lines()]

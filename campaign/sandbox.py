@@ -55,7 +55,7 @@ class Sandbox:
     def orchestrator(self) -> subprocess.Popen[bytes]:
         """Return the process of the orchestrator."""
         if self.process is None:
-            raise RuntimeError("nothing was started")
+            raise RuntimeError("no process was started")
         return self.process
 
     def start(

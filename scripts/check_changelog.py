@@ -60,8 +60,8 @@ def missing_entry() -> str | None:
     if unreleased(Path(CHANGELOG).read_text(encoding="utf-8")) != before:
         return None
     return (
-        f"{CHANGELOG}: `## Unreleased` is as it was at {base[:10]}, but {len(changed)} code files "
-        f"changed ({changed[0]} …); add a line that says what changed for users"
+        f"{CHANGELOG}: `## Unreleased` is unchanged since {base[:10]}, but {len(changed)} code "
+        f"files changed ({changed[0]} …); add a line on what changed for users"
     )
 
 

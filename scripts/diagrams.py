@@ -43,7 +43,7 @@ def draw(text: str, library: Path) -> str:
         done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=120)
     match = re.search(r"<svg.*</svg>", done.stdout, re.DOTALL)
     if match is None:
-        raise ValueError(f"no diagram came out of:\n{text}")
+        raise ValueError(f"cannot draw the diagram:\n{text}")
     drawing = match[0].replace('style="max-width', 'style="background: white; max-width', 1)
     return drawing.replace("<br>", "<br/>").replace("&nbsp;", " ")
 

@@ -4,7 +4,7 @@
     make fresh FRESH='--order 7'        with the tests in another order
     make fresh FRESH='--archive'        in what `git archive` makes: no .git
     make fresh FRESH='--user nobody'    as a user of your choice (root only)
-    make fresh FRESH='--passed FILE'    list the tests that passed, for make test-rest
+    make fresh FRESH='--passed FILE'    write the passed tests to this file, for make test-rest
 
 The machine that it makes up has Python, make, git, the coreutils, sh, grep, sed, awk and tar: no
 compiler, no Node, Java, Octave, Perl. The home is empty, the environment too, but for what pip
@@ -147,7 +147,7 @@ def whose(name: str | None) -> tuple[int, int]:
         try:
             entry = pwd.getpwuid(int(name)) if name.isdigit() else pwd.getpwnam(name)
         except KeyError as exc:
-            raise Unfit(f"there is no user {name}; `getent passwd` lists all") from exc
+            raise Unfit(f"unknown user {name}; `getent passwd` lists all users") from exc
         if entry.pw_uid != os.getuid() and os.getuid() != 0:
             raise Unfit(f"only root can run the commands as {name}")
         return entry.pw_uid, entry.pw_gid
@@ -216,7 +216,7 @@ def commands_of_the_readme() -> list[str]:
     match = re.search(
         r"^```\n(.*?)^```$", (ROOT / "README.md").read_text(), re.DOTALL | re.MULTILINE
     )
-    assert match is not None, "README.md begins with the commands"
+    assert match is not None, "README.md must begin with the commands"
     return match[1].splitlines()
 
 
@@ -320,7 +320,7 @@ def examine(
     head = newest_commit()
     order = int(head[:8], 16) if order is None else order
     if ctypes.CDLL(None).prctl(36, 1, 0, 0, 0):  # PR_SET_CHILD_SUBREAPER
-        raise Unfit("this kernel has no subreapers, so processes that are left cannot be seen")
+        raise Unfit("this kernel has no subreapers, so leftover processes cannot be found")
     folder = Path(tempfile.mkdtemp(prefix="sb-fresh-"))
     try:
         machine = Machine(folder, *whose(user))
@@ -354,11 +354,15 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--archive", action="store_true", help="as from `git archive`: no .git")
-    parser.add_argument("--order", type=int, metavar="N", help="the order of the tests")
-    parser.add_argument("--user", metavar="NAME", help="whom the commands run as (root only)")
-    parser.add_argument("--passed", type=Path, metavar="FILE", help="list the tests that passed")
-    parser.add_argument("--keep", action="store_true", help="keep the folder, to look around")
+    parser.add_argument(
+        "--archive", action="store_true", help="test a copy without .git, as from `git archive`"
+    )
+    parser.add_argument("--order", type=int, metavar="N", help="seed of the order of the tests")
+    parser.add_argument("--user", metavar="NAME", help="user that runs the commands (root only)")
+    parser.add_argument(
+        "--passed", type=Path, metavar="FILE", help="write the passed tests to this file"
+    )
+    parser.add_argument("--keep", action="store_true", help="keep the folder for inspection")
     args = parser.parse_args()
     try:
         kept = {"archive": args.archive, "keep": args.keep, "passed": args.passed}

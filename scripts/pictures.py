@@ -103,7 +103,7 @@ def address(words: Sequence[str]) -> Iterator[str]:
                 yield found[0]
                 break
         else:
-            raise SystemExit(f"{' '.join(words)} printed no address:\n{''.join(said)}")
+            raise SystemExit(f"{' '.join(words)} printed no URL:\n{''.join(said)}")
         process.terminate()
 
 
@@ -193,7 +193,7 @@ def make(names: Sequence[str], runs: Runs, scratch: Path) -> Iterator[tuple[str,
 
     chromium = shutil.which("chromium") or shutil.which("chromium-browser")
     if chromium is None:
-        raise SystemExit("there is no Chromium to draw pages with; install it")
+        raise SystemExit("Chromium is not installed; it renders the pages")
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium, args=FLAGS)
         for shot in SHOTS:
@@ -216,11 +216,11 @@ def say(path: Path) -> None:
 def check(runs: Runs, made_from: Mapping[str, Mapping[str, str]]) -> list[str]:
     """Return a sentence for each picture that is older than what it shows."""
     shown = {*(shot.name for shot in SHOTS), *(name.removesuffix(".gif") for name in STORE)}
-    problems = [f"{name} was made by hand, or never" for name in sorted(shown - made_from.keys())]
+    problems = [f"{name} was not made by this script" for name in sorted(shown - made_from.keys())]
     for name, row in made_from.items():
         runs.of(row["scenario"])
         if runs.hashes[row["scenario"]] != row["messages"]:
-            problems.append(f"{name} is older than what it shows: {row['scenario']} has changed")
+            problems.append(f"{name} is out of date: scenario {row['scenario']} has changed")
     return problems
 
 
@@ -229,9 +229,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("names", nargs="*", help="beginnings of the names to make; default: all")
+    parser.add_argument("names", nargs="*", help="prefixes of the pictures to make; default: all")
     parser.add_argument(
-        "--check", action="store_true", help="make nothing; exit code 1 for an old one"
+        "--check", action="store_true", help="make nothing; exit with 1 if a picture is out of date"
     )
     args = parser.parse_args()
     made_from = json.loads(MADE_FROM.read_text()) if MADE_FROM.exists() else {}

@@ -43,7 +43,7 @@ def main(words: Sequence[str]) -> int:
         if options.only is None or version == _version(options.only)
     }
     if not pythons:
-        sys.stdout.write("no such Python is here, neither of pyenv nor on PATH\n")
+        sys.stdout.write("no such Python found, neither in pyenv nor on PATH\n")
         return 1
     failures = 0
     for version, path in sorted(pythons.items()):
@@ -62,8 +62,8 @@ def _options(words: Sequence[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="make pythons", description=__doc__.splitlines()[0])
     default = ".".join(map(str, OLDEST))
     parser.add_argument("--from", dest="since", default=default, metavar="X.Y", help="the oldest")
-    parser.add_argument("--only", metavar="X.Y", help="the only one")
-    parser.add_argument("--tests", metavar="PATH", help="run these tests too, with `.[dev]`")
+    parser.add_argument("--only", metavar="X.Y", help="try only this version")
+    parser.add_argument("--tests", metavar="PATH", help="also run these tests, with `.[dev]`")
     return parser.parse_args(words)
 
 
@@ -71,7 +71,7 @@ def _version(text: str) -> Version:
     try:
         return tuple(map(int, text.split(".")))
     except ValueError:
-        sys.exit(f"make pythons: {text!r} is no version such as 3.13")
+        sys.exit(f"make pythons: {text!r} is not a version such as 3.13")
 
 
 def found(oldest: Version) -> dict[Version, str]:

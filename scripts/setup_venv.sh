@@ -1,7 +1,7 @@
 #!/bin/sh
-# Make .venv hold what pyproject.toml asks for, at the versions of constraints.txt.
-# Does nothing when it does already. POSIX sh: not every machine has bash.
-# PYTHON3: the Python to make it with; default: python3.11, or python3.
+# Install what pyproject.toml requires into .venv, at the versions of constraints.txt.
+# Does nothing if that is done already. POSIX sh: not every machine has bash.
+# PYTHON3: the Python to create it with; default: python3.11 or python3.
 set -eu
 cd "$(dirname "$0")/.."
 
@@ -17,7 +17,7 @@ is_new_enough() { "$1" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/
 
 if [ -n "$wanted" ]; then
     if ! is_new_enough "$wanted"; then
-        echo "PYTHON3=$wanted does not run, or is older than Python 3.11; it may be a path" >&2
+        echo "PYTHON3=$wanted does not run, or is older than Python 3.11; give its name or path" >&2
         exit 1
     fi
     if [ -e "$venv" ] && [ "$(version_of "$wanted")" != "$(version_of "$venv/bin/python")" ]; then
@@ -37,14 +37,14 @@ if ! is_new_enough "$venv/bin/python"; then
         if is_new_enough "$candidate"; then python=$candidate; break; fi
     done
     if [ -z "$python" ]; then
-        echo "stepbus needs Python 3.11 or newer, and neither python3.11 nor python3 is one:" \
+        echo "stepbus needs Python 3.11 or newer, but finds neither python3.11 nor a new enough python3:" \
             "install it (e.g. the packages python3.11 and python3.11-venv) and try again" >&2
         exit 1
     fi
-    echo "making $venv with $("$python" --version)"
+    echo "creating $venv with $("$python" --version)"
     if ! "$python" -m venv --clear "$venv"; then
         rm -rf "$venv"
-        echo "$python cannot make a virtual environment; on Debian and Ubuntu install" \
+        echo "$python cannot create a virtual environment; on Debian and Ubuntu install" \
             "the package python3.11-venv and try again" >&2
         exit 1
     fi
@@ -54,7 +54,7 @@ if ! "$venv/bin/python" -c 'import sys; sys.exit(sys.version_info >= (3, 12))'; 
     echo "note: PyBullet has no wheel for $("$venv/bin/python" --version); the plant uses MuJoCo"
 fi
 
-echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, once)"
+echo "installing the packages of constraints.txt into $venv (1 to 2 minutes, only once)"
 log=$venv/setup.log
 failed=$venv/setup.failed  # a pipe has the exit code of its last command only
 rm -f "$failed"
@@ -65,7 +65,7 @@ rm -f "$failed"
     sed -u -n -e 's/^Collecting \([^ <>=~!]*\).*/  found \1/p' -e 's/^Installing collected.*/  unpacking/p'
 if [ -e "$failed" ]; then
     tail -n 15 "$log" >&2
-    echo "installing failed; the whole output is in $log" >&2
+    echo "installation failed; the full output is in $log" >&2
     exit 1
 fi
 pwd >"$stamp"

@@ -202,7 +202,7 @@ class Trials:
                 check=False,
             )
         except subprocess.TimeoutExpired:
-            return "it goes on for ever"
+            return "it does not end"
         finally:
             file.write_bytes(before)
         text = done.stderr.decode(errors="replace").strip().splitlines()
@@ -220,15 +220,25 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawTextHelpFormatter
     )
-    parser.add_argument("mends", nargs="*", help="names of mends (all)")
-    parser.add_argument("--drawn", type=int, default=0, metavar="N", help="draw so many changes")
-    parser.add_argument("--runs", type=int, default=10_000, help="of each (10,000)")
-    parser.add_argument("--seed", type=int, default=1, help="of the changes and the runs (1)")
-    parser.add_argument("--jobs", type=int, default=2, help="beside each other (2)")
+    parser.add_argument("mends", nargs="*", help="names of the fixes to revert (default: all)")
     parser.add_argument(
-        "--again", type=Path, help="only those of such a file without a reason why not"
+        "--drawn", type=int, default=0, metavar="N", help="number of changes to draw"
     )
-    parser.add_argument("--out", type=Path, help="a file to add the outcomes to, a JSON a line")
+    parser.add_argument(
+        "--runs", type=int, default=10_000, help="runs per change (default: 10,000)"
+    )
+    parser.add_argument(
+        "--seed", type=int, default=1, help="seed of the changes and the runs (default: 1)"
+    )
+    parser.add_argument("--jobs", type=int, default=2, help="processes in parallel (default: 2)")
+    parser.add_argument(
+        "--again",
+        type=Path,
+        help="repeat only the changes in this output file that have no recorded reason",
+    )
+    parser.add_argument(
+        "--out", type=Path, help="file to append the outcomes to, one JSON object per line"
+    )
     options = parser.parse_args()
     mutants = drawn(options.drawn, options.seed) if options.drawn else list(mends(options.mends))
     reasons = json.loads(_REASONS.read_text(encoding="utf-8"))

@@ -58,11 +58,11 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
     except WiringError as exc:
         return [(("participant",), str(exc))]
     except SystemExit:
-        text = "ends while it is imported; put `raise SystemExit(…)` below `if __name__ == …`"
+        text = "exits on import; move `raise SystemExit(…)` below `if __name__ == …`"
         return [(("participant",), f"{name.rpartition(':')[0]} {text}")]
     except Exception as exc:  # noqa: BLE001  code of the user's
         source = name.rpartition(":")[0]
-        return [(("participant",), f"{source} cannot be imported: {error_text(exc)}")]
+        return [(("participant",), f"cannot import {source}: {error_text(exc)}")]
     problems = [] if declared is None else find_problems(declared, params, folder)
     return [(("params", *keys), message) for keys, message in problems]
 

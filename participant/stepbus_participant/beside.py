@@ -34,14 +34,14 @@ _LOOK_MS = 250
 _LOOKS = 8
 """A copy that has been seen so often in a row without having worked is given up: 2 s in all.
 
-Looks are counted, so that a machine that slept is nobody's fault (P12.1). The deadline of a step
-is 3 s: who waits too long for a copy says so himself.
+Counting looks, not time, tolerates a machine that slept (P12.1). The deadline of a step
+is 3 s, so a participant that waits too long for a copy reports that itself.
 """
 _TEXT = 1000
 _DONE, _FAILED = 1, 2
 
 _prctl: Any = getattr(ctypes.CDLL(None), "prctl", None)
-"""Of Linux; elsewhere nobody makes a copy."""
+"""Linux only: no other system makes copies."""
 _making: list[bool] = []
 
 
@@ -112,8 +112,8 @@ class Copy:
             before, seen = seen, _activity(self.pid)
             looks = 0 if seen[0] != before[0] or seen[1] in "RD" else looks + 1
             if looks == _LOOKS:
-                state = "has been stopped" if seen[1] == "T" else "does not go on"
-                raise RunError(f"{self._what}: process {self.pid}, which works on it, {state}")
+                state = "is stopped" if seen[1] == "T" else "makes no progress"
+                raise RunError(f"{self._what}: process {self.pid}, which computes it, {state}")
 
     def _take(self) -> bytes:
         if self._memory[0] == _DONE:
@@ -124,8 +124,8 @@ class Copy:
         code = 0
         with contextlib.suppress(ChildProcessError):
             code = os.waitstatus_to_exitcode(os.waitpid(self.pid, os.WNOHANG)[1])
-        how = f"was ended by {signal.Signals(-code).name}" if code < 0 else "has ended"
-        raise RunError(f"{self._what}: process {self.pid}, which worked on it, {how}")
+        how = f"was killed by {signal.Signals(-code).name}" if code < 0 else "has ended"
+        raise RunError(f"{self._what}: process {self.pid}, which computed it, {how}")
 
     def end(self) -> None:
         """Kill the copy, unless it has ended; harmless when repeated."""

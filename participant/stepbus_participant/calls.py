@@ -65,11 +65,13 @@ class Steering(Generic[_S]):
             return {}
         listed = ", ".join(f"{key} [{unit}]" if unit else key for key, unit in self._keys.items())
         return {
-            "get": Method(self.get, f"[KEY]: a parameter, or all that can be set: {listed}"),
+            "get": Method(
+                self.get, f"[KEY]: returns one parameter, or all that can be set: {listed}"
+            ),
             "set": Method(
                 self.set,
-                f"KEY VALUE: sets a parameter from this step on: {listed}; a number for all "
-                "joints, a list, or a map by joint; returns the value before",
+                f"KEY VALUE: sets a parameter from this step on, one of {listed}; takes a number "
+                "for all joints, a list, or a map by joint; returns the previous value",
                 changes=True,
             ),
         }

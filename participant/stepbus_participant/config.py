@@ -141,14 +141,14 @@ class Ports:
         """Refuse every output that is of none of these message types."""
         for name, type_name in self._outputs.items():
             if type_name not in types:
-                text = f"nothing of type {type_name} is published; known: {', '.join(types)}"
+                text = f"type {type_name} cannot be published here; use {', '.join(types)}"
                 self.problems.add(("outputs", name), text)
 
     def _only(self, side: str, ports: Mapping[str, str], wanted: str) -> str:
         names = _names(ports, wanted)
         if len(names) != 1:
-            several = f"{', '.join(names)} are all of type {wanted}; leave one of them"
-            none = f"none is of type {wanted}; add one"
+            several = f"{', '.join(names)} all have type {wanted}; keep only one"
+            none = f"no port has type {wanted}; add one"
             self.problems.add((side,), several if names else none)
         return names[0] if names else ""
 

@@ -57,7 +57,7 @@ def make_folder(path: Path) -> None:
         with contextlib.suppress(FileExistsError):
             folder.mkdir(_FOLDER_MODE)
     if not path.is_dir():
-        raise FileExistsError(errno.EEXIST, "there is something else of that name", str(path))
+        raise FileExistsError(errno.EEXIST, "exists and is not a folder", str(path))
 
 
 def make_new_folder(path: Path) -> None:

@@ -22,7 +22,7 @@ def find_file(name: str, folder: Path) -> Path:
     except OSError:
         exists = False
     if not exists:
-        raise WiringError(f"no file {name!r} ({path})")
+        raise WiringError(f"file {name!r} not found ({path})")
     return path
 
 
@@ -35,7 +35,7 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     """
     package, _, rest = url.removeprefix("package://").partition("/")
     if rest.startswith("/") or ".." in rest.split("/"):
-        raise WiringError(f"{url} leads out of its package; name a file in it, without `..`")
+        raise WiringError(f"{url} points outside its package; name a file inside it, without `..`")
     spec = importlib.util.find_spec(package) if package.isidentifier() else None
     if spec is not None and spec.submodule_search_locations:
         return Path(next(iter(spec.submodule_search_locations))) / rest
@@ -47,9 +47,10 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     local = None if folder is None else _local(package, rest, folder)
     if local is not None:
         return local
-    where = "" if folder is None else f", and no folder {package!r} in {folder} or above has it"
+    above = f", and no folder {package!r} in or above {folder} has the file"
+    where = "" if folder is None else above
     hint = extra_hint(package)
-    raise WiringError(f"{url}: package {package!r} is not installed here{hint or where}")
+    raise WiringError(f"{url}: package {package!r} is not installed{hint or where}")
 
 
 def _local(package: str, rest: str, folder: Path) -> Path | None:
@@ -90,7 +91,7 @@ def read_file(path: Path, most_bytes: int = _MOST_BYTES) -> bytes:
         size = os.fstat(file.fileno()).st_size
         content = file.read(most_bytes + 1) if size <= most_bytes else b""
     if max(size, len(content)) > most_bytes:
-        what = f"it has {size} bytes, more than the {most_bytes} that are read"
+        what = f"it has {size} bytes; the limit is {most_bytes}"
         raise OSError(errno.EFBIG, what, str(path))
     return content
 

@@ -66,8 +66,8 @@ class _Writer:
         if len(roots) != 1:
             names = "".join(f" {self._mjcf.bodies[body]!r}" for body in roots)
             count = f"{len(roots)} bodies{':' if roots else ''}{names}"
-            text = f"has {count} in its <worldbody>; give each body of the world a file of its own"
-            raise WiringError(f"{self._mjcf.path}: {text}, with one in it")
+            text = f"has {count} in its <worldbody>; give each body its own file"
+            raise WiringError(f"{self._mjcf.path}: {text}, with exactly one body")
         (top,) = roots
         if self._mjcf.joints_of(top):
             # What moves along or about an axis of the world needs it as its root.
@@ -268,7 +268,9 @@ def _resolved(mjcf: Mjcf, direct: Mapping[int, _Mimic], joint: int) -> _Mimic:
         above = direct[mimic.leader]
         offset = mimic.multiplier * above.offset + mimic.offset
         mimic = _Mimic(above.leader, mimic.multiplier * above.multiplier, offset)
-    raise WiringError(f"{mjcf.path}: joint {mjcf.joints[joint]!r} follows itself")
+    raise WiringError(
+        f"{mjcf.path}: joint {mjcf.joints[joint]!r} follows itself through its couplings"
+    )
 
 
 def _free(wanted: str, names: set[str]) -> str:

@@ -40,12 +40,16 @@ def take_stock(mjcf: Mjcf) -> str:
     if refused:
         raise WiringError("\n".join(refused))
     left = [f"{kind.what} ({_some(names)})" for kind, names in rows]
-    return f"its MJCF has what a URDF has not, which is left out: {'; '.join(left)}" if left else ""
+    return (
+        f"URDF cannot express some of this MJCF, which is ignored: {'; '.join(left)}"
+        if left
+        else ""
+    )
 
 
 def table() -> str:
     """Return the table as Markdown."""
-    rows = [("In MJCF", "What becomes of it", "Why, or what to use"), ("---", "---", "---")]
+    rows = [("In MJCF", "Result", "Reason or alternative"), ("---", "---", "---")]
     rows += [(kind.what, kind.fate, kind.instead) for kind in KINDS]
     return "".join(f"| {' | '.join(row)} |\n" for row in rows)
 
@@ -201,11 +205,11 @@ def _fluid(mjcf: Mjcf) -> Iterator[str]:
 
 KINDS = (
     Kind("ball joints", "refused", "use three hinges in one body", _ball_joints),
-    Kind("springs of joints (`stiffness`)", "refused", "take them out", _springs),
+    Kind("joint springs (`stiffness`)", "refused", "remove them", _springs),
     Kind(
         "tendons with a spring, damping, friction, armature or limits",
         "refused",
-        "take these out: only what a tendon measures or transmits is left out",
+        "remove these; tendons that only measure or transmit are left out",
         _tendons,
     ),
     Kind(
@@ -215,15 +219,15 @@ KINDS = (
         _loops,
     ),
     Kind(
-        "couplings of joints that are no straight line, or to no joint",
+        "joint couplings that are not linear, or without a second joint",
         "refused",
         "use `joint2` and a `polycoef` of two numbers",
         _curves,
     ),
     Kind("joints that follow two others", "refused", "keep one of the couplings", _twice_coupled),
     Kind("muscles", "refused", "use motors", _muscles),
-    Kind("flexes", "refused", "bodies are rigid here", _flexes),
-    Kind("plugins", "refused", "take them out", _plugins),
+    Kind("flexes", "refused", "only rigid bodies are supported", _flexes),
+    Kind("plugins", "refused", "remove them", _plugins),
     Kind(
         "collision geoms that are ellipsoids, planes, height fields or SDFs",
         "refused",
@@ -231,20 +235,20 @@ KINDS = (
         _solid_shapes,
     ),
     Kind(
-        "meshes that are not in an STL or OBJ, or have `refquat` and an uneven `scale`",
+        "meshes not in an STL or OBJ file, or with `refquat` and a non-uniform `scale`",
         "refused",
-        "write them as they are into an STL or OBJ",
+        "export them to STL or OBJ with the transform applied",
         _odd_meshes,
     ),
     Kind(
-        "geoms of these shapes that are only seen",
+        "visual-only geoms of these shapes",
         "warning",
-        "give them a shape that is taken",
+        "use a supported shape",
         _seen_shapes,
     ),
-    Kind("`armature` of joints", "warning", "URDF has no inertia of rotors", _armatures),
-    Kind("`gravcomp` of bodies", "warning", "a controller does this here", _weightless),
-    Kind("actuators of what is no joint", "warning", "commands go to joints", _far_actuators),
+    Kind("`armature` of joints", "warning", "URDF has no rotor inertia", _armatures),
+    Kind("`gravcomp` of bodies", "warning", "compensate gravity in the controller", _weightless),
+    Kind("actuators of anything but a joint", "warning", "commands go to joints", _far_actuators),
     Kind(
         "geoms of the `<worldbody>` itself, e.g. a floor",
         "warning",
@@ -252,34 +256,34 @@ KINDS = (
         _scenery,
     ),
     Kind(
-        "other friction of some geoms of a body",
+        "different friction of geoms of one body",
         "warning",
-        "the largest is that of the link",
+        "the link gets the largest",
         _frictions,
     ),
-    Kind("contact pairs (`<pair>`)", "warning", "links have friction, pairs do not", _pairs),
+    Kind("contact pairs (`<pair>`)", "warning", "friction belongs to links, not to pairs", _pairs),
     Kind(
         "adhesion and surface velocity of geoms",
         "warning",
-        "contacts have friction only",
+        "contacts only have friction",
         _surfaces,
     ),
-    Kind("density, viscosity and wind of `<option>`", "warning", "there is no air here", _fluid),
+    Kind("density, viscosity and wind of `<option>`", "warning", "there is no fluid", _fluid),
     Kind(
         "other options, keyframes, `<size>`, `<custom>`",
         "left out",
-        "the world file says how it is run",
+        "the world file sets these",
     ),
-    Kind("free joints, place of the root, `mocap`", "left out", "the world file has these"),
+    Kind("free joints, pose of the root, `mocap`", "left out", "the world file has these"),
     Kind("`<exclude>`", "left out", "links of a body collide only with an `srdf`"),
-    Kind("masks of contacts but 0", "left out", "a geom touches others or does not"),
-    Kind("`solref`, `solimp`, `margin`, …", "left out", "contacts and stops are hard here"),
-    Kind("gains of actuators", "left out", "the `mode` of a joint says how it is commanded"),
+    Kind("contact masks other than 0", "left out", "a geom collides with all others or with none"),
+    Kind("`solref`, `solimp`, `margin`, …", "left out", "contacts and joint stops are rigid"),
+    Kind("actuator gains", "left out", "the `mode` of a joint sets how it is commanded"),
     Kind("tendons that only measure or transmit", "left out", "commands go to joints"),
-    Kind("constraints that are not active", "left out", "nothing activates them"),
+    Kind("inactive constraints", "left out", "they cannot be activated"),
     Kind("sensors", "left out", "the world file has its own"),
-    Kind("sites, cameras, lights, textures, skins", "left out", "nothing moves by them"),
-    Kind("geoms of groups 3 to 5", "left out", "of what is seen; solid ones collide"),
+    Kind("sites, cameras, lights, textures, skins", "left out", "they do not affect the motion"),
+    Kind("geoms of groups 3 to 5", "left out", "visual geoms only; solid ones collide"),
 )
 
 

@@ -146,13 +146,13 @@ class Mjcf:
         """Return why a URDF cannot have a mesh as it is; empty: it can."""
         file = self.mesh_file(geom)
         if file is None or not file.is_file():
-            return "is in no file of its own"
+            return "has no file"
         if file.suffix.lower() not in {".stl", ".obj"}:
             return f"is in {file.name}"
         x, y, z = self.scale(geom)
         given = self._meshes[int(self.model.geom_dataid[geom])]
         is_turned = any(abs(value) > 1e-12 for value in list(given.refquat)[1:])
-        return "has a refquat and a scale for each axis" if is_turned and not x == y == z else ""
+        return "has a refquat and a non-uniform scale" if is_turned and not x == y == z else ""
 
 
 def _one_line(message: object) -> str:

@@ -40,7 +40,7 @@ _EXTRAS = {
 }
 """Extra of stepbus → modules and model packages that it installs.
 
-Those of the robots, with their scenarios, come with a package of its own.
+Robots and their scenarios are a separate package.
 """
 _MISSING = re.compile(r"No module named '([\w.]+)'")
 

@@ -49,7 +49,7 @@ class _Inputs(dict[str, "Input"]):
     """The inputs of a participant by name."""
 
     def __missing__(self, port: str) -> Input:
-        raise UnknownInput(f"no input {port!r}{suggest(port, self)}")
+        raise UnknownInput(f"unknown input {port!r}{suggest(port, self)}")
 
 
 class Step:
@@ -90,7 +90,8 @@ class Step:
             value = self.get(port, cls)
         if value is None:
             raise InputAbsent(
-                f"step {self.index}: input {port!r} is still absent; use step.get() where it may be"
+                f"step {self.index}: input {port!r} has no message yet; use step.get() if it may "
+                "be absent"
             )
         return value
 
@@ -188,7 +189,7 @@ class Participant:
 
         Raises RunError for one that does not fit.
         """
-        raise RunError(f"{self.config.name} saves no state, so it can restore none")
+        raise RunError(f"{self.config.name} does not save its state, so it cannot restore one")
 
     def versions(self) -> Mapping[str, str]:
         """Return library → version, of those that shape the result; the recording keeps them."""

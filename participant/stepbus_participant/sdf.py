@@ -36,17 +36,17 @@ class _Sdf:
     def __init__(self, root: Element, path: Path) -> None:
         self._path = path
         if root.tag != "sdf":
-            self._refuse(root, f"is no SDF: its root is <{root.tag}>, not <sdf>")
+            self._refuse(root, f"is not an SDF: its root is <{root.tag}>, not <sdf>")
         models: list[Any] = [*root.findall("model"), *root.findall("world/model")]
         if len(models) != 1:
-            self._refuse(root, f"has {len(models)} models; give a body a file with one")
+            self._refuse(root, f"has {len(models)} models; use a file with one model per body")
         self._model = models[0]
         for tag in _REFUSED:
             for element in self._model.findall(tag):
-                self._refuse(element, f"<{tag}> in a model is not supported; write it out")
+                self._refuse(element, f"<{tag}> in a model is not supported; write its content out")
         version = root.get("version", "1.7")
         if not _VERSION.fullmatch(version):
-            self._refuse(root, f"its version is {version!r}, not one such as 1.9")
+            self._refuse(root, f"its version is {version!r}, not a version such as 1.9")
         self._axis_in_model = [int(part) for part in version.split(".")[:2]] < [1, 5]
         for line, text in twins(self._model):
             raise WiringError(f"{path}:{line}: {text}")
@@ -73,7 +73,10 @@ class _Sdf:
             return own
         other = self._links.get(name, self._joints.get(name))
         if other is None or name in above:
-            self._refuse(element, f"its pose is relative to {name!r}, which is nowhere")
+            self._refuse(
+                element,
+                f"its pose is relative to {name!r}, which does not exist or refers back to it",
+            )
         base = "" if name in self._links else _word(other, "child")
         return self._pose(other, base, (*above, name)) @ own
 
@@ -131,7 +134,10 @@ class _Sdf:
         elif tag in {"box", "sphere", "cylinder", "capsule"}:
             ET.SubElement(geometry, tag, {part.tag: (part.text or "").strip() for part in given})
         else:
-            self._refuse(shape, f"geometry {tag!r} is not supported; use a box, a mesh, …")
+            self._refuse(
+                shape,
+                f"geometry {tag!r} is not supported; use a box, sphere, cylinder, capsule or mesh",
+            )
         return geometry
 
     def _joint(self, joint: Any) -> ET.Element:

@@ -48,9 +48,9 @@ def _text(path: Path) -> tuple[str, bool]:
     try:
         text = read_text(path)
     except OSError as exc:
-        raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+        raise WiringError(f"cannot read {path}: {exc.strerror}") from exc
     except UnicodeDecodeError as exc:
-        raise WiringError(f"{path}: is not UTF-8 text (byte {exc.start})") from exc
+        raise WiringError(f"{path} is not UTF-8 text (byte {exc.start})") from exc
     if path.suffix.lower() == ".sdf":
         return sdf_to_urdf(_parsed(path, text), path), True
     # A URDF, too, may have an element of that name.
@@ -63,7 +63,7 @@ def _parsed(path: Path, text: str) -> Element:
     try:
         return parse_urdf(text)
     except ExpatError as exc:
-        raise WiringError(f"{path}:{exc.lineno}: is no XML: {exc}") from exc
+        raise WiringError(f"{path}:{exc.lineno}: is not XML: {exc}") from exc
 
 
 def _expand(path: Path) -> str:
@@ -76,7 +76,7 @@ def _expand(path: Path) -> str:
     except (xacro.XacroException, ExpatError, OSError, RuntimeError) as exc:
         # A RuntimeError is a missing attribute, or (RecursionError) a macro that calls itself.
         reason = " ".join(str(exc).split())
-        raise WiringError(f"{path}: xacro cannot expand it: {reason}") from exc
+        raise WiringError(f"{path}: cannot expand xacro: {reason}") from exc
     # PyBullet cuts lines after 1023 characters.
     text: str = document.toprettyxml(indent="  ")
     return text
@@ -85,13 +85,13 @@ def _expand(path: Path) -> str:
 def _with_includes(path: Path, above: tuple[Path, ...]) -> minidom.Document:
     """Return a file with the content of the files it includes; above: those that include it."""
     if path in above:
-        raise WiringError(f"{path}: includes itself, by way of {above[-1]}")
+        raise WiringError(f"{path}: includes itself via {above[-1]}")
     try:
         document = minidom.parseString(read_file(path))  # noqa: S318
     except OSError as exc:
-        raise WiringError(f"{path}: cannot be read: {exc.strerror}") from exc
+        raise WiringError(f"cannot read {path}: {exc.strerror}") from exc
     except ExpatError as exc:
-        raise WiringError(f"{path}: is no XML: {exc}") from exc
+        raise WiringError(f"{path}: is not XML: {exc}") from exc
     for element in document.getElementsByTagName("xacro:include"):
         name = element.getAttribute("filename")
         # What xacro has to work out, it also has to find.

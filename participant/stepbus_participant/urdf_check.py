@@ -82,7 +82,7 @@ def mimics(root: Element) -> dict[str, Mimic]:
 def urdf_problems(root: Element) -> list[tuple[int, str]]:
     """Return what is wrong with a robot: line and a sentence that names the link or joint."""
     if root.tag != "robot":
-        return [(root.line, f"is no URDF: its root is <{root.tag}>, not <robot>")]
+        return [(root.line, f"is not a URDF: its root is <{root.tag}>, not <robot>")]
     robot = _Robot(root)
     shape = [*robot.names(), *robot.joints()]
     # Where links and joints are unclear, nothing is known about what moves.
@@ -110,7 +110,7 @@ def twins(root: ET.Element) -> _Problems:
         for element in elements:
             name = element.get("name")
             if name in lines:
-                text = f"{tag} {name!r} is there twice, first in line {lines[name]}"
+                text = f"{tag} {name!r} is defined twice, first in line {lines[name]}"
                 yield element.line, text
             elif name:
                 lines[name] = element.line
@@ -147,7 +147,7 @@ class _Robot:
                 if name is None:
                     yield joint.line, f'{who} has no <{end} link="…"/>'
                 elif name not in self._by_name:
-                    text = f"{who}: its {end} {name!r} is no link{suggest(name, self._by_name)}"
+                    text = f"{who}: unknown {end} link {name!r}{suggest(name, self._by_name)}"
                     yield joint.find(end).line, text
             yield from _limits(joint, who, kind)
 
@@ -159,15 +159,17 @@ class _Robot:
         moving = {other.get("name"): other for other in self._joints if _moves(other)}
         name = mimic.get("joint")
         if name not in moving:
-            text = f"{who} follows joint {name!r}, which is none that moves"
+            text = f"{who} follows joint {name!r}, which is not a movable joint"
             yield mimic.line, text + suggest(name, moving)
         elif (other := moving[name].find("mimic")) is not None:
             followed = other.get("joint")
-            text = f"{who} follows {name!r}, which follows {followed!r}; let both follow that"
+            text = (
+                f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
+            )
             yield mimic.line, text
         for key in ("multiplier", "offset"):
             if mimic.get(key) is not None and _value(mimic, key) is None:
-                text = f"{who}: {key}={mimic.get(key)!r} of <mimic> is no finite number"
+                text = f"{who}: {key}={mimic.get(key)!r} of <mimic> is not a finite number"
                 yield mimic.line, text
 
     def tree(self) -> _Problems:
@@ -179,16 +181,16 @@ class _Robot:
             if first is not joint:
                 names = f"{first.get('name')!r} and {joint.get('name')!r}"
                 text = f"link {child!r} is the child of joints {names}"
-                yield joint.line, f"{text}; a robot is a tree, closed chains are not supported"
+                yield joint.line, f"{text}; a robot must be a tree, closed chains are not supported"
         roots = [name for name in self._by_name if name not in parents]
         if len(roots) > 1:
-            text = f"has {len(roots)} roots: {_some(roots)}; connect them by joints"
+            text = f"has {len(roots)} roots: {_some(roots)}; connect them with joints"
             yield self._by_name[roots[1]].line, text
             return
         reached = {name for root in roots for name in self._carried(root)}
         circle = [name for name in self._by_name if name not in reached]
         if circle:
-            text = f"links {_some(circle)} are in a circle of joints; a robot is a tree"
+            text = f"links {_some(circle)} form a closed chain of joints; a robot must be a tree"
             yield parents[circle[0]].line, text
 
     def _carried(self, link: str) -> list[str]:
@@ -205,7 +207,7 @@ class _Robot:
         for joint, link, has_inertia in self._moved_without_mass():
             if has_inertia:
                 moved = f"is moved by joint {joint.get('name')!r}"
-                text = f"{_who(link)} has mass 0, and an inertia, and {moved}"
+                text = f"{_who(link)} has mass 0 but an inertia, and {moved}"
                 yield link.find("inertial/mass").line, text
 
     def frozen(self) -> Iterator[str]:
@@ -214,7 +216,7 @@ class _Robot:
             if not has_inertia:
                 yield (
                     f"{_who(joint)} moves {_who(link)}, whose mass and inertia are 0: PyBullet "
-                    "keeps it where it is; without <inertial> it weighs next to nothing, and moves"
+                    "does not move it; remove its <inertial> to give it a negligible mass"
                 )
 
     def _moved_without_mass(self) -> Iterator[tuple[Any, Any, bool]]:
@@ -236,7 +238,10 @@ class _Robot:
         for link in self._links:
             inertials = link.findall("inertial")
             if len(inertials) > 1:
-                yield inertials[1].line, f"{_who(link)} has {len(inertials)} <inertial>"
+                yield (
+                    inertials[1].line,
+                    f"{_who(link)} has {len(inertials)} <inertial>; only one is allowed",
+                )
             for inertial in inertials[:1]:
                 yield from _mass(inertial, _who(link))
                 yield from _inertia(inertial, _who(link))
@@ -247,9 +252,8 @@ class _Robot:
             moments = _moments(link)
             if moments is not None and _is_of_no_body(moments):
                 yield (
-                    f"{_who(link)}: its inertia is that of no body: a principal moment is "
-                    "negative, or exceeds the sum of the other two; PyBullet computes with an "
-                    "inertia of 0"
+                    f"{_who(link)}: no body can have its inertia: a principal moment is negative "
+                    "or exceeds the sum of the other two; PyBullet uses an inertia of 0"
                 )
 
     def poses(self) -> _Problems:
@@ -262,7 +266,7 @@ class _Robot:
                 continue
             elif text.split() and not _floats(text):
                 # PyBullet reads 0 for a word that is no number.
-                yield element.line, f"{_who(owner)}: its axis {text!r} is not three numbers"
+                yield element.line, f"{_who(owner)}: its axis {text!r} must be three numbers"
             elif _floats(text) == [0, 0, 0]:
                 yield element.line, f"{_who(owner)}: its axis is 0 0 0, which has no direction"
 
@@ -271,8 +275,8 @@ class _Robot:
         for owner, element, key, text in self._vectors():
             if len(_floats(text)) != 3:
                 yield (
-                    f"{_who(owner)}: {key}={text!r} of <{element.tag}> is not three numbers; "
-                    "PyBullet reads 0 where it finds none"
+                    f"{_who(owner)}: {key}={text!r} of <{element.tag}> must be three numbers; "
+                    "PyBullet reads a missing one as 0"
                 )
 
     def _vectors(self) -> Iterator[tuple[Any, Any, str, str]]:
@@ -313,7 +317,7 @@ def _limits(joint: Any, who: str, kind: str | None) -> _Problems:
     for key in ("lower", "upper", "effort", "velocity"):
         value = _value(limit, key)
         if limit.get(key) is not None and value is None:
-            yield limit.line, f"{who}: {key}={limit.get(key)!r} is no finite number"
+            yield limit.line, f"{who}: {key}={limit.get(key)!r} is not a finite number"
         elif value is not None and value < 0 and key in ("effort", "velocity"):
             yield limit.line, f"{who}: {key} {value:g} is negative"
     if not is_bounded:
@@ -321,7 +325,7 @@ def _limits(joint: Any, who: str, kind: str | None) -> _Problems:
     lower, upper = _value(limit, "lower"), _value(limit, "upper")
     given = [key for key in ("lower", "upper") if limit.get(key) is not None]
     if len(given) == 1:
-        yield limit.line, f"{who} has a limit {given[0]!r} only; give both lower and upper"
+        yield limit.line, f"{who} has one limit, {given[0]!r}; give both lower and upper"
     elif lower is not None and upper is not None and lower > upper:
         yield limit.line, f"{who}: lower {lower:g} is above upper {upper:g}"
 
@@ -329,11 +333,12 @@ def _limits(joint: Any, who: str, kind: str | None) -> _Problems:
 def _mass(inertial: Any, who: str) -> _Problems:
     mass = inertial.find("mass")
     if mass is None:
-        yield inertial.line, f"{who}: its <inertial> has no <mass>; a link without any needs none"
+        text = f"{who}: its <inertial> has no <mass>; a massless link needs no <inertial>"
+        yield inertial.line, text
         return
     value = _value(mass, "value")
     if value is None:
-        yield mass.line, f"{who}: mass {mass.get('value')!r} is no finite number [kg]"
+        yield mass.line, f"{who}: mass {mass.get('value')!r} is not a finite number [kg]"
     elif value < 0:
         yield mass.line, f"{who}: mass {value:g} kg is negative"
 
@@ -347,7 +352,7 @@ def _inertia(inertial: Any, who: str) -> _Problems:
         value, given = _value(inertia, key), inertia.get(key)
         text = ""
         if value is None:
-            text = "is missing" if given is None else f"{given!r} is no finite number [kg·m²]"
+            text = "is missing" if given is None else f"{given!r} is not a finite number [kg·m²]"
             yield inertia.line, f"{who}: {key} of its inertia {text}"
         elif key[1] == key[2] and value < -_NOISE:
             yield inertia.line, f"{who}: {key} {value:g} kg·m² of its inertia is negative"

@@ -58,7 +58,7 @@ def import_participant(name: str, folder: Path) -> type[Participant]:
     why = f"no class {attribute!r} in {source}"
     if cls is not None:
         why = (
-            f"{attribute!r} in {source} is no participant; write "
+            f"{attribute!r} in {source} is not a participant; write "
             f"`class {attribute}(stepbus.Participant)`"
         )
     raise WiringError(why + suggest(attribute, known))
@@ -106,7 +106,7 @@ def make_plugin(
     problems = config.problems().below(("params",))
     cls = problems.attempt((key,), lambda: load_class(name, config.folder))
     if cls is not None and not callable(getattr(cls, method, None)):
-        problems.add((key,), f"class {name} has no method {method!r}")
+        problems.add((key,), f"class {name} needs a method {method!r}")
     problems.refuse()
     declared = getattr(cls, "Params", None)
     params = own if declared is None else read(declared, own, problems, folder=config.folder)
@@ -122,7 +122,7 @@ def _make(wanted: Any, *args: Any) -> Any:
     except WiringError:
         raise
     except Exception as exc:
-        raise WiringError(f"{wanted.__name__} cannot be made: {error_text(exc)}") from exc
+        raise WiringError(f"cannot create {wanted.__name__}: {error_text(exc)}") from exc
 
 
 def load_class(name: str, folder: Path) -> type[Any]:
@@ -149,9 +149,9 @@ def _import(module_name: str, folder: Path) -> Any:
         forget_listings()
         return import_module(module_name)
     except ModuleNotFoundError as exc:
-        text = f"no module {exc.name!r} in {folder} or installed"
+        text = f"module {exc.name!r} is neither in {folder} nor installed"
         raise WiringError(text if exc.name == module_name else f"{module_name}: {text}") from exc
     except Exception as exc:
-        raise WiringError(f"module {module_name!r} cannot be imported: {error_text(exc)}") from exc
+        raise WiringError(f"cannot import module {module_name!r}: {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(folder))

@@ -63,7 +63,7 @@ def _raw_field(cls: type[Message], name: str, row: Row) -> RawField:
     scalar, given = parts_of(row["type"])
     sizes = [size if size.isdigit() or size == PER_NAME else ANY_LENGTH for size in given]
     if scalar in {"text", "bytes"} or not all(map(str.isdigit, sizes[1:])):
-        raise ValueError(f"{name} is more than numbers")
+        raise ValueError(f"{name} has fields that are not numbers")
     default = row.get("default")
     return RawField(
         name=name,
@@ -175,7 +175,7 @@ def _scalar(field: RawField, number: float) -> Any:
             return bool(number)
         case _:
             if not number.is_integer():
-                raise ValueError(f"{field.name} is {number:g}, no whole number")
+                raise ValueError(f"{field.name} is {number:g}, not a whole number")
             return int(number)
 
 
@@ -206,7 +206,7 @@ def raw_problem(
     inputs, outputs: port → message type. types: of the scenario.
     """
     if publishes == "first":
-        return "raw cannot publish first; use json or msgpack"
+        return "format raw cannot publish first; use json or msgpack"
     ports = [*inputs.items(), *outputs.items()]
     others = [
         f"{name} ({type_name})"
@@ -215,7 +215,7 @@ def raw_problem(
     ]
     if others:
         return (
-            f"raw carries types of numbers alone, not {', '.join(others)}; leave it out, or use "
-            "json or msgpack"
+            f"format raw carries only types made of numbers, not {', '.join(others)}; remove that "
+            "port, or use json or msgpack"
         )
-    return "" if outputs else "raw needs an output: it is the program's answer"
+    return "" if outputs else "format raw needs an output: the program's answer"

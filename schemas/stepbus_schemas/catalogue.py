@@ -86,7 +86,7 @@ class Types:
         """
         return [
             f"{name} differs: {field} is {one} in {mine}, {two} in {others}; use the same "
-            "declaration, or give the changed type a new version"
+            "declaration, or raise the version of the changed type"
             for name, row in self.declarations.items()
             if name in other.declarations
             for field, one, two in islice(differences(row, other.declarations[name]), 1)

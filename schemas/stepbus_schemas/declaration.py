@@ -42,7 +42,7 @@ _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,47}/[1-9][0-9]{0,4}")
 _FIELD = re.compile(r"[a-z][a-z0-9_]{0,30}")
 _FORM = re.compile(r"(\w+)(?:\[([^\[\]]*)\])?")
 _SIZE = re.compile(r"[1-9][0-9]*|[a-z][a-z0-9_]*")
-_FORMS = "float, int, bool, text, bytes, a list of words, or an array such as float[3] or float[n]"
+_FORMS = "float, int, bool, text, bytes, a list of words or an array such as float[3] or float[n]"
 _PROTOCOL = frozenset(name.partition("/")[0] for name in ENVELOPE_TYPES)
 
 
@@ -82,7 +82,7 @@ def parts_of(form: Any) -> tuple[str, list[str]]:
     if isinstance(form, list):
         good = all(isinstance(word, str) and word for word in form)
         if not form or not good or len(set(form)) < len(form):
-            raise ValueError("a list has the words that the field may hold: different texts")
+            raise ValueError("a list holds the allowed words: distinct strings")
         return "words", []
     match = _FORM.fullmatch(form) if isinstance(form, str) else None
     if match is None or match[1] not in _SCALARS:
@@ -91,14 +91,14 @@ def parts_of(form: Any) -> tuple[str, list[str]]:
     for size in sizes:
         if not _SIZE.fullmatch(size):
             raise ValueError(
-                f"{size!r} is no size; write a number, n for one entry for each name of the "
-                "port's description, or another name such as k for any length"
+                f"{size!r} is not a size; write a number, n for one entry per name in the port's "
+                "description, or another name such as k for any length"
             )
     fixed = math.prod(int(size) for size in sizes if size.isdigit())
     if fixed > _LONGEST_ARRAY:
         raise ValueError(
-            f"an array of {fixed} is too long to be fixed (at most {_LONGEST_ARRAY}); name its "
-            f"size, such as {match[1]}[k]"
+            f"a fixed array has at most {_LONGEST_ARRAY} entries, not {fixed}; give its size a "
+            f"name, such as {match[1]}[k]"
         )
     if len(sizes) > _MOST_SIZES:
         raise ValueError(f"has {len(sizes)} sizes, at most {_MOST_SIZES}")
@@ -108,23 +108,23 @@ def parts_of(form: Any) -> tuple[str, list[str]]:
 def type_problems(name: str, declaration: object) -> Iterator[tuple[_Keys, str]]:
     """Yield what is wrong with a type: keys below it and a sentence each."""
     if not _NAME.fullmatch(name):
-        yield (), f"{name!r} is no name of a type; write Name/major, such as Thruster/1"
+        yield (), f"{name!r} is not a type name; write Name/major, such as Thruster/1"
     elif name in MESSAGE_TYPES:
         yield (), f"{name} ships with stepbus; choose another name"
     elif name.partition("/")[0] in _PROTOCOL:
-        yield (), f"{name} is a message of the protocol; choose another name"
+        yield (), f"{name} is a protocol message; choose another name"
     if not isinstance(declaration, Mapping):
         yield (), "must be a map: field → type, such as {force: {type: 'float[3]', unit: N}}"
         return
     full = normal(declaration)
     if not isinstance(full.get(_HELP, ""), str):
-        yield (_HELP,), "is a sentence about the type; choose another name for a field"
+        yield (_HELP,), "describes the type; choose another name for the field"
     fields = fields_of(full)
     if not 0 < len(fields) <= _MOST_FIELDS:
         yield (), f"has {len(fields)} fields; it needs 1 to {_MOST_FIELDS}"
     for field, row in fields.items():
         if not _FIELD.fullmatch(field):
-            yield (field,), f"{field!r} is no name of a field: small letters, digits and _"
+            yield (field,), f"{field!r} is not a field name; use lowercase letters, digits and _"
         problems = list(_row_problems(row)) or list(_default_problems(row))
         yield from (((field, *keys), text) for keys, text in problems)
 
@@ -151,9 +151,9 @@ def _row_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
 
 def _minimum_problems(least: object, form: object) -> Iterator[tuple[_Keys, str]]:
     if not isinstance(least, int) or isinstance(least, bool) or form != "int":
-        yield ("min",), "is a whole number, for a field of type int"
+        yield ("min",), "must be a whole number, on a field of type int"
     elif not -(2**63) <= least < 2**63:
-        yield ("min",), "must fit into 64 bits, with a sign"
+        yield ("min",), "must fit into a signed 64-bit integer"
 
 
 def _default_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
@@ -161,18 +161,18 @@ def _default_problems(row: Row) -> Iterator[tuple[_Keys, str]]:
     if "default" not in row:
         return
     if row.get("optional"):
-        yield ("default",), "is not for an optional field, which is absent by default"
+        yield ("default",), "is not allowed: an optional field is absent by default"
     elif parts_of(row["type"])[0] == "bytes":
-        yield ("default",), "is not for bytes; make the field optional"
+        yield ("default",), "is not allowed for bytes; make the field optional"
     else:
         hint = _annotation(row)
         try:
             msgspec.convert(row["default"], hint)
             json.dumps(row["default"], allow_nan=False)
         except msgspec.ValidationError as exc:
-            yield ("default",), f"does not fit the type: {explained(exc, hint)}"
+            yield ("default",), f"does not match the type: {explained(exc, hint)}"
         except ValueError:
-            yield ("default",), "must be finite: JSON Schema has no other numbers"
+            yield ("default",), "must be finite"
 
 
 def declare(name: str, declaration: Mapping[str, Any]) -> type[Message]:
@@ -279,11 +279,11 @@ def row_of(schema: dict[str, Any], *, required: bool) -> dict[str, Any]:
     row |= {"unit": schema.get("unit"), "help": schema.get("description")}
     if "anyOf" in schema:
         if required or schema["default"] is not None or len(schema["anyOf"]) != 2:
-            raise ValueError("a field that may be None must be None by default, and of one type")
+            raise ValueError("a field that may be None must have the default None and one type")
         row["optional"] = True
     elif not required:
         if "default" not in schema:
-            raise ValueError("its default is made by a function; leave it out, or make it []")
+            raise ValueError("its default comes from a function; remove it, or use []")
         row["default"] = schema["default"]
     row["min"] = inner.get("minimum")
     return _normal_row(row)
@@ -310,7 +310,10 @@ def _form_of(node: Mapping[str, Any], field: Mapping[str, Any]) -> Any:
             node = node.get("items", {})
     scalar = "bytes" if "contentEncoding" in node else _JSON_NAMES.get(str(node.get("type")), "")
     if not scalar or node.keys() & _UNSAID:
-        raise ValueError(f"a field is {_FORMS}; no map, no struct, no bounds but `ge` of an int")
+        raise ValueError(
+            f"a field must be {_FORMS}; maps, structs and bounds other than `ge` of "
+            "an int are not supported"
+        )
     return f"{scalar}[{','.join(sizes)}]" if sizes else scalar
 
 

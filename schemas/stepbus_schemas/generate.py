@@ -160,15 +160,17 @@ def write(root: Path) -> list[Path]:
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the files of the checkout this module lies in; return the exit code."""
     parser = argparse.ArgumentParser(prog="python -m stepbus_schemas.generate", description=__doc__)
-    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
+    parser.add_argument(
+        "--check", action="store_true", help="write nothing; exit with 1 if a file is out of date"
+    )
     check = parser.parse_args(arguments).check
     if not (CHECKOUT / "pyproject.toml").is_file():
-        parser.error(f"{CHECKOUT} is no checkout of stepbus; run this from one")
+        parser.error(f"{CHECKOUT} is not a checkout of stepbus; run this from one")
     wrong = broken(published_vectors())
     for name, rows in wrong.items():
         sys.stdout.write(
-            f"{name}: {len(rows)} vectors of protocol {PROTOCOL_VERSION} mean something else now, "
-            f"such as {rows[0]}; add fields with a default only, or raise PROTOCOL_VERSION\n"
+            f"{name}: {len(rows)} vectors of protocol {PROTOCOL_VERSION} changed their meaning, "
+            f"such as {rows[0]}; only add fields with a default, or raise PROTOCOL_VERSION\n"
         )
     if wrong:
         return 1

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 
 PROTOCOL_VERSION = 2
-"""A layout that changes gets a new number; docs/protocol.md has the changes (P14.1)."""
+"""Every change of a layout raises it; docs/protocol.md lists the changes (P14.1)."""
 HANDSHAKE_STEP = -1
 """The step of an `Outputs` that proves a link and carries no data."""
 
@@ -89,7 +89,7 @@ class Hello(Envelope, frozen=True):
     outputs: dict[str, str] | None = None
     """Output ports that the program requires, with their types; absent: any."""
     types: dict[str, dict[str, Any]] = {}
-    """Type → its declaration as the program knows it, of types that do not ship with stepbus."""
+    """Type → its declaration in the program, for types that do not ship with stepbus."""
     batches: bool = False
     """Whether the program takes a `Batch` in place of an `Outputs` from its sources."""
 
@@ -133,7 +133,7 @@ class Refusal(Envelope, frozen=True):
     """The orchestrator refuses a participant."""
 
     reason: str
-    """One sentence for the user."""
+    """Message for the user."""
 
 
 class CallDescription(_Part, frozen=True):
@@ -155,11 +155,11 @@ class Ready(Envelope, frozen=True):
     outputs: dict[str, Description] = {}
     """Output → its description."""
     versions: dict[str, str] = {}
-    """Library → version, of those that shape the result, e.g. {"pybullet": "3.2.7"}."""
+    """Library → version, for libraries that affect the result, e.g. {"pybullet": "3.2.7"}."""
     calls: dict[str, CallDescription] = {}
     """Name → method that can be called."""
     slots: list[str] = []
-    """Bulk outputs, `<participant>.<port>`, whose file of slots it has opened."""
+    """Bulk outputs, `<participant>.<port>`, whose slot file it has opened."""
 
 
 class Start(Envelope, frozen=True):
@@ -172,7 +172,7 @@ class Start(Envelope, frozen=True):
     batches: dict[str, _Positive] = {}
     """Participant → maximum number of `Outputs` it may publish in one `Batch`; absent: none."""
     slots: dict[str, _Positive] = {}
-    """Bulk output, `<participant>.<port>`, whose content goes through slots → their number."""
+    """Bulk output, `<participant>.<port>`, that uses slots → number of slots."""
 
 
 class Trigger(Envelope, frozen=True):
@@ -181,7 +181,7 @@ class Trigger(Envelope, frozen=True):
     token: str
     """The run's secret."""
     step_limit: _NonNegative
-    """First step that is not released yet; it never decreases."""
+    """First step not released yet; never decreases."""
 
 
 class Outputs(Envelope, frozen=True):
@@ -198,9 +198,9 @@ class Outputs(Envelope, frozen=True):
     bulk: dict[str, _NonNegative] = {}
     """Bulk port published at this step → length of its content [bytes]."""
     slots: dict[str, _NonNegative] = {}
-    """Bulk port whose content is in a slot → where that begins in the file [bytes]."""
+    """Bulk port whose content is in a slot → offset of the slot in the file [bytes]."""
     end: str | None = None
-    """Why the run should end after this step; absent in all others."""
+    """Why the run should end after this step; otherwise absent."""
 
 
 class Batch(Envelope, frozen=True):
@@ -246,15 +246,15 @@ class Fault(Envelope, frozen=True):
     token: str
     """The run's secret."""
     step: int
-    """The step it was at; negative: before the first."""
+    """The step it was executing; negative: before the first."""
     type: str
     """Type of the fault: `raised`, `message`, `wiring` or `bus`."""
     message: str
-    """One sentence for the user."""
+    """Message for the user."""
     traceback: str = ""
-    """Stack trace, for the program's author."""
+    """Stack trace, for the author of the program."""
     blames: str | None = None
-    """Participant that caused it, where that is not the sender."""
+    """Participant that caused it, if not the sender."""
 
 
 class Stop(Envelope, frozen=True):
@@ -263,7 +263,7 @@ class Stop(Envelope, frozen=True):
     token: str
     """The run's secret."""
     reason: str
-    """Why the run ends, one sentence."""
+    """Why the run ends, for the user."""
     at_step: int
     """Number of steps of the run, after which to end (P11); negative: end now."""
 
@@ -291,9 +291,9 @@ class Called(Envelope, frozen=True):
     id: _NonNegative
     """Number of the call."""
     value: Any = None
-    """Return value; anything MessagePack has."""
+    """Return value; any MessagePack value."""
     error: str | None = None
-    """Why the call failed, one sentence; then it changed nothing."""
+    """Why the call failed, for the user; a failed call changes nothing."""
 
 
 class CallRequest(Envelope, frozen=True):
@@ -317,7 +317,7 @@ class CallReply(Envelope, frozen=True):
     value: Any = None
     """Return value."""
     error: str | None = None
-    """Why the call failed, one sentence."""
+    """Why the call failed, for the user."""
 
 
 class CallRecord(Envelope, frozen=True):

@@ -21,7 +21,7 @@ _NO_DOCSTRINGS = 2
 """Level of optimisation (`-OO`) from which Python keeps no docstrings."""
 
 ANY_VALUE = {"description": "any MessagePack value"}
-"""Schema of what is passed on without being read; it is empty but for this sentence."""
+"""Schema of a value that is passed on unread; it accepts anything."""
 
 
 def json_schema(type_name: str, types: Types = SHIPPED) -> dict[str, Any]:

@@ -40,7 +40,7 @@ def _parse(text: str) -> Shape:
     numbers, at = _numbers(sizes), _numbers(pose.split()) or _ORIGIN
     is_sized = name not in _SIZES or (len(numbers) == _SIZES[name] and min(numbers) > 0)
     if not is_sized or len(at) != len(_ORIGIN) or not any(at[3:]):
-        raise ValueError(f"shape {text!r} cannot be read")
+        raise ValueError(f"cannot parse shape {text!r}; sizes must be positive, poses finite")
     x, y, z, qx, qy, qz, qw = at
     return Shape(name, tuple(numbers), (x, y, z), (qx, qy, qz, qw))
 

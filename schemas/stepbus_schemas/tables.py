@@ -15,14 +15,12 @@ _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. --
 _INTRODUCTION = """\
 # Messages
 
-This page lists the fields of every message type: type, unit, shape, default and meaning. Every
-message is a MessagePack map with these fields.
+Every message is a MessagePack map with the fields below. Units are SI. A vector of shape (n,) has
+one entry per name in its port's description, in that order. Optional fields may be omitted.
+Unknown fields are ignored; missing or mistyped fields are rejected. Integers are MessagePack
+integers; a float may also come as a float32 or as an integer.
 
-- Units are SI.
-- A vector of shape (n,) has one entry per name of its port's description, in that order.
-- Optional fields may be left out.
-- Unknown fields are ignored. A missing or mistyped field is refused.
-- Integers are MessagePack integers. A float may also be a float32 or an integer.
+A scenario may define [its own types](../guide/writing/message_types.md).
 
 A scenario may declare [its own types](../guide/writing/message_types.md).
 
@@ -63,7 +61,7 @@ def port_table(names: Iterable[str] = MESSAGE_TYPES, types: Types = SHIPPED) -> 
 def types_page(names: Sequence[str], types: Types) -> str:
     """Return the table of some types, and what they are in numbers, in format raw of the bridge."""
     numbers = [
-        [f"`{name}`", ", ".join(map(str, raw_fields(name, types))) or "no numbers alone"]
+        [f"`{name}`", ", ".join(map(str, raw_fields(name, types))) or "not only numbers"]
         for name in names
     ]
     raw = _table(["Type", "Numbers in format `raw`"], numbers)

@@ -35,8 +35,8 @@ def unit_problem(unit: str) -> str:
         symbol = part if part in _SYMBOLS else _POWER.sub("", part)
         if symbol not in _SYMBOLS:
             return (
-                f"{part!r} is no unit that is known{_hint(symbol)}; write symbols of SI such as N, "
-                "rad/s or kg·m², or one of your own in braces: '{spins}'"
+                f"{part!r} is not a known unit{_hint(symbol)}; write SI symbols such as N, rad/s "
+                f"or kg·m², or your own unit in braces: '{{spins}}'"
             )
     return ""
 

@@ -24,7 +24,7 @@ from .tape import Tape, load_tape
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
 _EXAMPLES = """examples:
   python -m stepbus_simulation --runs 10000 --seed 1
-  python -m stepbus_simulation --runs 1000000 --count all.json  # interrupt it, and call it again
+  python -m stepbus_simulation --runs 1000000 --count all.json  # interrupt and repeat it
   python -m stepbus_simulation tests/simulation/tapes/log_twice.json"""
 
 
@@ -36,28 +36,28 @@ def main() -> int:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("tapes", nargs="*", type=Path, help="tapes to run, each with its trace")
-    parser.add_argument("--runs", type=int, default=10_000, help="how many to draw (10,000)")
-    parser.add_argument("--seed", type=int, default=1, help="what they are drawn from (1)")
-    parser.add_argument("--jobs", type=int, default=2, help="processes beside each other (2)")
-    parser.add_argument("--keep", type=Path, help="folder for the shortest tapes that fail")
-    parser.add_argument("--table", type=Path, help="file for the table, in Markdown")
+    parser.add_argument("tapes", nargs="*", type=Path, help="tapes to run and trace")
     parser.add_argument(
-        "--count", type=Path, help="file for what was counted; where it exists, runs are added"
+        "--runs", type=int, default=10_000, help="number of runs to draw (default: 10,000)"
     )
-    parser.add_argument("--until-first", action="store_true", help="end with the first failure")
+    parser.add_argument("--seed", type=int, default=1, help="seed of the runs (default: 1)")
+    parser.add_argument("--jobs", type=int, default=2, help="processes in parallel (default: 2)")
+    parser.add_argument("--keep", type=Path, help="folder for the shortest failing tapes")
+    parser.add_argument("--table", type=Path, help="write the table to this file, in Markdown")
+    parser.add_argument(
+        "--count", type=Path, help="file for the counts; if it exists, the runs are added to it"
+    )
+    parser.add_argument("--until-first", action="store_true", help="stop at the first failure")
     options = parser.parse_args()
     try:
         tapes = [load_tape(path) for path in options.tapes]
         total = _kept(options.count)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as exc:
-        parser.error(
-            f"{exc}; a tape, or what --count names, is a file that this program has written"
-        )
+        parser.error(f"{exc}; tapes and the file of --count must be files written by this program")
     named = {fault.kind for tape in tapes for fault in tape.faults} - KINDS.keys()
     named |= {tape.scenario for tape in tapes} - SCENARIOS.keys()
     if named:
-        parser.error(f"no kind of fault, or scenario, is called {', '.join(sorted(named))}")
+        parser.error(f"unknown kind of fault or scenario: {', '.join(sorted(named))}")
     if tapes:
         return max(map(_show, tapes))
     return _campaign(options, total)

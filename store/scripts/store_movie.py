@@ -118,7 +118,7 @@ def write(path: Path, film: Sequence[Picture]) -> None:
 def main() -> int:
     """Write the film."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recording", type=Path, help="run.mcap of a run of the store")
+    parser.add_argument("recording", type=Path, help="recording (run.mcap) of a run of the store")
     parser.add_argument("--out", type=Path, default=FOLDER / "store.gif")
     args = parser.parse_args()
     log = Log(args.recording)

@@ -346,7 +346,7 @@ def _sale(log: Log, scene: Scene, when: Moments) -> Iterator[Picture]:
 def main() -> int:
     """Write the pictures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("recording", type=Path, help="run.mcap of a run of the store")
+    parser.add_argument("recording", type=Path, help="recording (run.mcap) of a run of the store")
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder (default: docs/pictures)")
     args = parser.parse_args()
     args.out.mkdir(parents=True, exist_ok=True)

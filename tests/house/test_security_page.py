@@ -47,4 +47,4 @@ def test_names_of_a_scenario_are_no_paths(tmp_path, what, name):
         f'  "{names["participant"]}": {{exec: [python], outputs: '
         f'{{"{names["port"]}": JointState/1}}}}\n'
     )
-    assert any("is no name" in problem for problem in problems_of(tmp_path, text))
+    assert any("is not a valid name" in problem for problem in problems_of(tmp_path, text))

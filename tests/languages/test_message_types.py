@@ -96,7 +96,7 @@ def test_a_program_that_knows_other_fields_under_the_same_version_is_refused(fol
     changes = {"types.yaml": ("unit: N", "unit: kN"), "vehicle.py": ("types.yaml", "old.yaml")}
     assert refused(copy, changes).endswith(
         "vehicle: Thruster/1 differs: thrust is float[n] [N] in the program, float[n] [kN] in the "
-        "scenario; use the same declaration, or give the changed type a new version"
+        "scenario; use the same declaration, or raise the version of the changed type"
     )
 
 

@@ -94,7 +94,7 @@ def test_a_default_that_only_a_function_knows_is_refused():
     class Odd(Message, frozen=True):
         a: list[float] = msgspec.field(default_factory=lambda: [1.0])
 
-    with pytest.raises(WiringError, match=r"Odd/1\.a: its default is made by a function"):
+    with pytest.raises(WiringError, match=r"Odd/1\.a: its default comes from a function"):
         class_declaration(Odd)
 
 
@@ -203,47 +203,51 @@ class Nested(Message, frozen=True):
 
 
 def test_a_class_that_no_declaration_can_say_is_refused():
-    with pytest.raises(WiringError, match=r"Nested/1\.inner: a field is float, int"):
+    with pytest.raises(WiringError, match=r"Nested/1\.inner: a field must be float, int"):
         class_declaration(Nested)
 
 
 PROBLEMS = [
-    ("thruster", {"a": "float"}, "'thruster' is no name of a type; write Name/major"),
+    ("thruster", {"a": "float"}, "'thruster' is not a type name; write Name/major"),
     ("Imu/1", {"a": "float"}, "Imu/1 ships with stepbus"),
     ("T/1", ["a"], "must be a map: field"),
     ("T/1", {}, "has 0 fields; it needs 1 to 15"),
     ("T/1", {f"f{n}": "float" for n in range(16)}, "has 16 fields"),
-    ("T/1", {"Big": "float"}, "'Big' is no name of a field"),
+    ("T/1", {"Big": "float"}, "'Big' is not a field name"),
     ("T/1", {"a": "flot"}, "must be float, int, bool"),
-    ("T/1", {"a": "float[0]"}, "'0' is no size"),
-    ("T/1", {"a": "float[65]"}, "an array of 65 is too long to be fixed"),
-    ("T/1", {"a": "float[16,16]"}, "an array of 256 is too long to be fixed"),
+    ("T/1", {"a": "float[0]"}, "'0' is not a size"),
+    ("T/1", {"a": "float[65]"}, "a fixed array has at most 64 entries, not 65"),
+    ("T/1", {"a": "float[16,16]"}, "a fixed array has at most 64 entries, not 256"),
     ("T/1", {"a": "float[k,2,n,2]"}, "has 4 sizes, at most 3"),
-    ("T/1", {"a": {"type": "bytes[k]", "default": [b"x"]}}, "is not for bytes"),
-    ("T/1", {"a": {"type": ["x"], "default": b"x"}}, "does not fit the type"),
+    ("T/1", {"a": {"type": "bytes[k]", "default": [b"x"]}}, "is not allowed for bytes"),
+    ("T/1", {"a": {"type": ["x"], "default": b"x"}}, "does not match the type"),
     ("T/1", {"a": {"type": {"b": 1}}}, "must be float, int, bool"),
-    ("T/1", {"a": []}, "a list has the words that the field may hold"),
-    ("T/1", {"a": ["on", True]}, "a list has the words that the field may hold"),
+    ("T/1", {"a": []}, "a list holds the allowed words"),
+    ("T/1", {"a": ["on", True]}, "a list holds the allowed words"),
     ("T/1", {"a": {"unit": "N"}}, "'type' is missing"),
     ("T/1", {"a": {"type": "float", "units": "N"}}, "unknown key 'units'"),
     ("T/1", {"a": {"type": "float", "unit": 3}}, "must be text, not 3"),
     ("T/1", {"a": {"type": "float", "optional": 1}}, "must be true or false, not 1"),
-    ("T/1", {"a": {"type": "float", "min": 1}}, "for a field of type int"),
-    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into 64 bits, with a sign"),
-    ("Fault/1", {"a": "float"}, "Fault/1 is a message of the protocol; choose another name"),
-    ("Outputs/2", {"a": "float"}, "Outputs/2 is a message of the protocol; choose another name"),
+    ("T/1", {"a": {"type": "float", "min": 1}}, "on a field of type int"),
+    ("T/1", {"a": {"type": "int", "min": 2**63}}, "must fit into a signed 64-bit integer"),
+    ("Fault/1", {"a": "float"}, "Fault/1 is a protocol message; choose another name"),
+    ("Outputs/2", {"a": "float"}, "Outputs/2 is a protocol message; choose another name"),
     (
         "T/1",
         {"a": {"type": ["off", "on"], "default": "of"}},
-        "does not fit the type: must be off or on, not 'of'; did you mean 'off'?",
+        "does not match the type: must be off or on, not 'of'; did you mean 'off'?",
     ),
-    ("T/1", {"a": {"type": "int", "default": "x"}}, "does not fit the type"),
-    ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not fit the type"),
-    ("T/1", {"a": {"type": "int", "optional": True, "default": 1}}, "is not for an optional field"),
-    ("T/1", {"a": {"type": "float", "default": math.nan}}, "must be finite: JSON Schema has"),
-    ("T/1", {"a": {"type": "float[k]", "default": [math.inf]}}, "must be finite: JSON Schema has"),
-    ("T/1", {"a": {"type": "bytes", "default": "x"}}, "is not for bytes"),
-    ("T/1", {"a": "float", "help": {"type": "text"}}, "is a sentence about the type"),
+    ("T/1", {"a": {"type": "int", "default": "x"}}, "does not match the type"),
+    ("T/1", {"a": {"type": "int", "min": 2, "default": 1}}, "does not match the type"),
+    (
+        "T/1",
+        {"a": {"type": "int", "optional": True, "default": 1}},
+        "is not allowed: an optional field",
+    ),
+    ("T/1", {"a": {"type": "float", "default": math.nan}}, "must be finite"),
+    ("T/1", {"a": {"type": "float[k]", "default": [math.inf]}}, "must be finite"),
+    ("T/1", {"a": {"type": "bytes", "default": "x"}}, "is not allowed for bytes"),
+    ("T/1", {"a": "float", "help": {"type": "text"}}, "describes the type"),
 ]
 
 
@@ -307,8 +311,8 @@ def test_numbers_are_reordered_by_name():
     ("declaration", "numbers", "sentence"),
     [
         ({"a": "bool"}, [2.0], "a is 2, not 0 or 1"),
-        ({"a": "int"}, [0.5], "a is 0.5, no whole number"),
-        ({"a": "int"}, [float("inf")], "a is inf, no whole number"),
+        ({"a": "int"}, [0.5], "a is 0.5, not a whole number"),
+        ({"a": "int"}, [float("inf")], "a is inf, not a whole number"),
         ({"a": ["x", "y"]}, [2.0], r"a 2 is none of 0 \(x\) … 1 \(y\)"),
     ],
 )

@@ -24,5 +24,5 @@ def test_a_text_holds_several_shapes_with_their_poses():
     ],
 )
 def test_a_shape_that_cannot_be_read_is_named(text):
-    with pytest.raises(ValueError, match=r"shape '.*' cannot be read"):
+    with pytest.raises(ValueError, match=r"cannot parse shape '.*'"):
         parse_shapes(text)

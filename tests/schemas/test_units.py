@@ -40,7 +40,7 @@ def test_the_types_that_ship_have_units_that_are_known(name):
 )
 def test_a_word_for_a_unit_is_told_its_symbol(unit, part, meant):
     assert unit_problem(unit).startswith(
-        f"{part!r} is no unit that is known; did you mean {meant!r}?; write symbols of SI"
+        f"{part!r} is not a known unit; did you mean {meant!r}?; write SI symbols"
     )
 
 

@@ -159,10 +159,13 @@ def test_a_step_changes_its_target(tmp_path):
         (("controller", "set", "kp", [1, 2, 3]), "kp"),
         (("controller", "set", "law", "pd"), "'law' cannot be set"),
         (("mission", "set_target", "elbow", 1), "joint 'elbow' is unknown"),
-        (("mission", "set_target", "joint1", "far"), "'far' is no target: write rad, or degrees"),
-        (("mission", "set_target", "joint1", "30rad"), "'30rad' is no target"),
-        (("mission", "set_target", "joint1", [1]), "is no target"),
-        (("mission", "set_target", "joint1", 1, -1), "is no target"),
+        (
+            ("mission", "set_target", "joint1", "far"),
+            "'far' is not a position; write radians, or degrees",
+        ),
+        (("mission", "set_target", "joint1", "30rad"), "'30rad' is not a position"),
+        (("mission", "set_target", "joint1", [1]), "is not a valid target"),
+        (("mission", "set_target", "joint1", 1, -1), "is not a valid target"),
         (("mission", "set", "omega", "fast"), "omega"),
     ],
 )

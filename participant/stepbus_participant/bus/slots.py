@@ -53,7 +53,7 @@ def read_slot(fd: int, offset: int, step: int, length: int) -> bytes:
 
 
 def _holds(header: bytes | memoryview, length: int) -> SlotError:
-    return SlotError(f"its slot of {length} bytes holds {_shown(header)}; was its file changed?")
+    return SlotError(f"its slot of {length} bytes holds {_shown(header)}; was the file modified?")
 
 
 def _shown(header: bytes | memoryview) -> str:
@@ -142,13 +142,13 @@ class SlotWriter:
         except OSError as exc:
             number = "a slot" if self._count == 1 else f"{self._count} slots"
             raise BusError(
-                f"no room for {number} of {size * 1e-6:.3g} MB in {self._path}: "
-                f"{exc.strerror}; free some there, or let fewer steps be in flight (`window`)"
+                f"cannot reserve {number} of {size * 1e-6:.3g} MB in {self._path}: "
+                f"{exc.strerror}; free disk space there, or lower `window`"
             ) from exc
         if (found := os.fstat(self._fd).st_size) < self._end:
             # A write behind its end would be a SIGBUS.
             raise BusError(
-                f"another process has cut {self._path} from {self._end} to {found} bytes"
+                f"another process truncated {self._path} from {self._end} to {found} bytes"
             )
         offset = self._base + self._next * self._stride
         self._next = (self._next + 1) % self._count
@@ -210,7 +210,7 @@ class Slots:
         """Return what a source has written; raises SlotError where it may not be in a slot."""
         file = self._files.get(file_name(source, port))
         if file is None:
-            raise SlotError("it is in a slot, and no slots were agreed on")
+            raise SlotError("it refers to a slot, but no slots were negotiated")
         return SlotContent(file, offset, step, length)
 
     def close(self) -> None:

@@ -122,10 +122,10 @@ def load_ticket(environment: Mapping[str, str] = os.environ) -> Ticket:
     path = environment.get(TICKET_VARIABLE)
     if path is None:
         raise WiringError(
-            f"no ticket: {TICKET_VARIABLE} is not set; this program takes part in a run, "
-            "name it under `exec` of a scenario and start that with `stepbus run`"
+            f"{TICKET_VARIABLE} is not set: this program runs only as a participant; name it "
+            "under `exec` in a scenario and start the scenario with `stepbus run`"
         )
     try:
         return msgspec.json.decode(Path(path).read_bytes(), type=Ticket)
     except (OSError, *UNDECODABLE) as exc:
-        raise WiringError(f"{path}: not a ticket: {explained(exc)}") from exc
+        raise WiringError(f"{path} is not a valid ticket: {explained(exc)}") from exc

@@ -27,7 +27,7 @@ Three processes in a chain: 10 → 7 context switches and 320 → 285 µs of CPU
 """
 
 _OPEN_S = 10.0
-_LIMITS = "may this user start enough threads (ulimit -u) and open enough files (ulimit -n)?"
+_LIMITS = "check the limits on threads (ulimit -u) and open files (ulimit -n)"
 _LEASE_MS = 3_600_000
 _SOURCE = re.compile(r" at /\S+\.rs:\d+\.?")
 """Where in Zenoh's source an error was made, on the machine that built it."""
@@ -104,8 +104,8 @@ def _cause(endpoint: Endpoint, otherwise: str) -> str:
     if folder is None or folder.is_dir():
         return otherwise
     return (
-        f"the run's private folder {folder} is gone: did another process remove it? In a "
-        "container, is it mounted?"
+        f"the run's private folder {folder} does not exist; did another process remove it? In a "
+        "container, mount it"
     )
 
 
@@ -126,15 +126,15 @@ def _opened(zenoh: Any, config: Any) -> Any:
     try:
         thread.start()
     except RuntimeError as exc:
-        raise BusError(f"no session opens: {exc}; {_LIMITS}") from exc
+        raise BusError(f"cannot open a Zenoh session: {exc}; {_LIMITS}") from exc
     thread.join(_OPEN_S)
     if not opened:
-        raise BusError(f"no session has opened for {_OPEN_S:g} s; {_LIMITS}")
+        raise BusError(f"no Zenoh session opened within {_OPEN_S} s; {_LIMITS}")
     (session,) = opened
     if isinstance(session, zenoh.ZError):
         raise session
     if isinstance(session, BaseException):
-        raise BusError(f"no session opens: {session}; {_LIMITS}") from session
+        raise BusError(f"cannot open a Zenoh session: {session}; {_LIMITS}") from session
     return session
 
 
@@ -177,7 +177,7 @@ class ZenohBus:
         except zenoh.ZError as exc:
             where = ", ".join(endpoint.listen)
             why = _SOURCE.sub("", str(exc)).strip()
-            cause = _cause(endpoint, "is the port or socket in use by another run?")
+            cause = _cause(endpoint, "does another run use this port or socket?")
             raise BusError(f"cannot listen on {where}: {why}; {cause}") from exc
         finally:
             if users_file is not None:
@@ -192,7 +192,7 @@ class ZenohBus:
             with os.fdopen(handle, "w") as file:
                 file.writelines(f"{user}:{secret}\n" for user, secret in endpoint.users.items())
         except OSError as exc:
-            cause = _cause(endpoint, "set TMPDIR to a folder with room")
+            cause = _cause(endpoint, "set TMPDIR to a folder with free space")
             raise BusError(f"cannot write the credentials: {exc.strerror}; {cause}") from exc
         return name
 

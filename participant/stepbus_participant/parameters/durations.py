@@ -37,7 +37,7 @@ def parse_duration(text: str) -> int:
         raise WiringError(f"{text!r} is a rate, not a duration; write its period, {period}")
     if form is None or form[3] not in _UNITS_NS:
         raise WiringError(
-            f"{text!r} is no duration; write a number and one of the units ns, us, ms, s, min, h, "
+            f"{text!r} is not a duration; write a number with a unit (ns, us, ms, s, min or h), "
             "e.g. 5ms"
         )
     if form[2] is not None and int(form[2]) == 0:

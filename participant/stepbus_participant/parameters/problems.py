@@ -56,7 +56,7 @@ class SettingsError(WiringError):
         super().__init__(self.problems)
 
     def __str__(self) -> str:
-        more = ["there may be more; mend these first"] if len(self.problems) >= _MOST else []
+        more = ["there may be more; fix these first"] if len(self.problems) >= _MOST else []
         return "\n".join([*map(str, self.problems), *more])
 
 

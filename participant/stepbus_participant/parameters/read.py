@@ -158,7 +158,7 @@ class _Reader:
         count = len(node.item_types)
         if not isinstance(data, list | tuple) or len(data) != count:
             what = f"a list of {len(data)}" if isinstance(data, list | tuple) else show(data)
-            return self.wrong(keys, f"must be a list of {count}, not {what}", empty(node))
+            return self.wrong(keys, f"must be a list of {count} values, not {what}", empty(node))
         rows = enumerate(zip(node.item_types, data, strict=True))
         return tuple(self.value(item, value, (*keys, i)) for i, (item, value) in rows)
 
@@ -213,8 +213,8 @@ class _Reader:
         if not isinstance(data, str) or (is_name and re.fullmatch(NAME_FORM, data)):
             return str(self.value(inspect.StrType(), data, keys))
         text = (
-            f"{data!r} is no name; it takes 1 to {LONGEST_NAME} letters, digits, '_' and '-', "
-            "and starts with a letter or digit"
+            f"{data!r} is not a valid name; use 1 to {LONGEST_NAME} letters, digits, '_' and '-', "
+            "starting with a letter or digit"
         )
         return self.wrong(keys, text, "")
 
@@ -263,12 +263,12 @@ def _number_hint(node: inspect.Type, data: Any) -> str:
     if unit and isinstance(node, inspect.IntType):
         return "; it is a count, without a unit"
     if not unit:
-        return f"; leave out the quotes: {number}"
+        return f"; remove the quotes: {number}"
     if unit in {"deg", "°", "degree", "degrees"}:
         return f"; angles are in radians: {number}° is {math.radians(float(number)):.6g}"
     if unit == "%":
-        return f"; write the share itself: {float(number) / 100:g}"
-    return "; write the number alone, in the unit that the documentation of the key names"
+        return f"; write a fraction: {float(number) / 100:g}"
+    return "; write only the number, in the unit given in the key's documentation"
 
 
 _SCALARS = (inspect.StrType, inspect.IntType, inspect.FloatType, inspect.BoolType)
@@ -368,7 +368,7 @@ class _Fields:
     def _misplaced(self, field: inspect.Field) -> str:
         wanted = " and ".join(f"{k} {listed(v)}" for k, v in conditions(field).items())
         now = " and ".join(f"{k} is {show(self._setting(k))}" for k in conditions(field))
-        return f"belongs to {wanted}; {now}"
+        return f"applies only with {wanted}; here {now}"
 
     def _check_names(self, values: Mapping[str, Any]) -> None:
         """Add what does not fit `joints` among the numbers that are one for each of them."""

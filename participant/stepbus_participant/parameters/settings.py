@@ -133,12 +133,12 @@ class PerName:
         if isinstance(value, Mapping):
             for name in value:
                 if name not in names:
-                    yield (name,), f"no joint {name!r}{suggest(name, names)}"
+                    yield (name,), f"unknown joint {name!r}{suggest(name, names)}"
             for name in names:
                 if name not in value:
-                    yield (), f"{name!r} is missing"
+                    yield (), f"joint {name!r} is missing"
         elif isinstance(value, Sequence) and len(value) != len(names):
-            yield (), f"has {len(value)} numbers, not {len(names)} ({', '.join(names)})"
+            yield (), f"has {len(value)} numbers for {len(names)} joints ({', '.join(names)})"
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, PerName) and other._value == self._value
@@ -179,37 +179,37 @@ def _text_form(mark: str, pattern: str) -> msgspec.Meta:
 Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 """A finite number."""
 NonNegative = Annotated[float, msgspec.Meta(ge=0, le=1e300)]
-"""A finite number that is not negative."""
+"""A finite number, at least 0."""
 Positive = Annotated[float, msgspec.Meta(gt=0, le=1e300)]
-"""A finite number above 0."""
+"""A positive finite number."""
 Share = Annotated[float, msgspec.Meta(ge=0, le=1)]
 """A number from 0 to 1."""
 Count = Annotated[int, msgspec.Meta(ge=1, le=2**63 - 1)]
 """A whole number, at least 1."""
 Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
-"""A whole number that is not negative."""
+"""A whole number, at least 0."""
 Vector3 = tuple[Finite, Finite, Finite]
 """Three finite numbers."""
 Text = Annotated[str, msgspec.Meta(min_length=1)]
-"""A text that is not empty, such as the name of a link."""
+"""A non-empty string, such as the name of a link."""
 Name = Annotated[str, _text_form("name", f"^{NAME_FORM}$"), msgspec.Meta(max_length=LONGEST_NAME)]
 """Name of a scenario, a participant or a port."""
 Duration = Annotated[int, _text_form("duration", _DURATION)]
-"""`5ms`, `0.005s` or `1/200s`; the field has it in [ns], and `_ns` behind its name."""
+"""`5ms`, `0.005s` or `1/200s`; the field holds it in [ns] and has the suffix `_ns`."""
 Pause = Annotated[int, _text_form("pause", _DURATION)]
-"""A duration that may also be 0: `0s`."""
+"""Like `Duration`, but may be zero: `0s`."""
 File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"type": "string"})]
-"""A file: relative to the scenario or the file that names it, absolute, or `package://…`."""
+"""A file: absolute, `package://…`, or relative to the scenario or file that names it."""
 ModelFile = Annotated[
     Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
 ]
-"""A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is checked."""
+"""A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is validated."""
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
-"""Different names, at least one."""
+"""Distinct names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]
-"""A class of your own, `module:Class`; keys that are not declared then are its parameters."""
+"""Your own class, `module:Class`; undeclared keys become its parameters."""
 Own = Annotated[dict[str, Any], msgspec.Meta(extra={"read": "own"})]
-"""Collects the parameters of a class of your own."""
+"""Collects the parameters of your own class."""
 
 
 def _per(item: object) -> msgspec.Meta:
@@ -217,8 +217,8 @@ def _per(item: object) -> msgspec.Meta:
 
 
 PerJoint = Annotated[PerName, _per(Finite)]
-"""One number for all of `joints`, a list of one each, or a map by joint."""
+"""One number for all `joints`, a list with one per joint, or a map by joint."""
 NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
-"""As `PerJoint`, none of the numbers negative."""
+"""Like `PerJoint`, each number at least 0."""
 PositivePerJoint = Annotated[PerName, _per(Positive)]
-"""As `PerJoint`, each number above 0."""
+"""Like `PerJoint`, each number positive."""

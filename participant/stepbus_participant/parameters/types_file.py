@@ -20,7 +20,7 @@ from stepbus_schemas import (
 from .problems import Keys, Problems
 
 _KEY = "types"
-_EXPECTED = "a file of message types has the key 'types'"
+_EXPECTED = "a message type file has the single key 'types'"
 
 Declarations = dict[str, Mapping[str, Any]]
 
@@ -111,12 +111,12 @@ def _of_module(name: str, problems: Problems, keys: Keys) -> Declarations:
     except (Exception, SystemExit) as exc:  # noqa: BLE001  (importing executes the user's module)
         hint = extra_hint(exc.name or "") if isinstance(exc, ImportError) else ""
         reason = str(exc) if isinstance(exc, ImportError) else error_text(exc)
-        text = f"the module {name!r} of message types cannot be imported: {reason}{hint}"
+        text = f"cannot import the message type module {name!r}: {reason}{hint}"
         problems.add(keys, text)
         return {}
     classes = list(_classes(module))
     if not classes:
-        text = f"the module {name!r} has no message class; derive one of stepbus.Message"
+        text = f"the module {name!r} has no message class; derive one from stepbus.Message"
         problems.add(keys, text)
     rows = [(cls, problems.attempt(keys, partial(class_declaration, cls))) for cls in classes]
     return {type_name(cls): row for cls, row in rows if row is not None}

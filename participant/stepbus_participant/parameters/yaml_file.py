@@ -24,22 +24,22 @@ _MOST_VALUES = 50_000
 _MOST_NODES = 2 * _MOST_VALUES
 """Keys and values as they are written: what is longer is not read to its end."""
 _DEEPEST = 100
-_TOO_DEEP = f"is nested too deeply: over {_DEEPEST} maps and lists in each other"
+_TOO_DEEP = f"is nested too deeply: more than {_DEEPEST} levels of maps and lists"
 
 _HINTS = (
     (
         "cannot start any token",
-        "indent with spaces, no tabs; a text that begins so needs quotes",
+        "indent with spaces, not tabs; a text that starts with this character needs quotes",
     ),
     (
         "mapping values are not allowed",
-        "look at the indentation; a text with ': ' needs quotes",
+        "check the indentation; a text that contains ': ' needs quotes",
     ),
-    ("expected <block end>", "look at the indentation of this line and of those above"),
-    ("could not find expected ':'", "a key needs ': ' behind it; look at the line above, too"),
+    ("expected <block end>", "check the indentation of this line and the lines above"),
+    ("could not find expected ':'", "a key needs ': ' after it; check the line above too"),
     ("but got '<stream end>'", "a bracket is not closed"),
     ("unexpected end of stream", "a quote is not closed"),
-    ("another document", "a file has one document: leave out the '---'"),
+    ("another document", "a file must hold one document: remove the '---'"),
 )
 """Part of a sentence of ruamel's → what to do."""
 
@@ -84,7 +84,7 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
     conversion = _Conversion(file)
     data = conversion.run(text)
     if not isinstance(data, dict):
-        what = "is empty" if data is None else "is no map"
+        what = "is empty" if data is None else "is not a map"
         raise fatal(file, f"{what}; {expected}")
     return YamlFile(
         file=file, data=data, places=conversion.places, own_problems=tuple(conversion.problems)
@@ -201,7 +201,7 @@ class _Conversion:
                 self._refuse(key, keys, f"a key must be text, not {shown}; put it in quotes")
             elif name in content:
                 line = self.places[*keys, name].line
-                self._refuse(key, (*keys, name), f"is there twice, first in line {line}")
+                self._refuse(key, (*keys, name), f"is a duplicate key, first in line {line}")
             else:
                 content[name] = self._item(value, (*keys, name), key)
         return content
@@ -222,7 +222,7 @@ def _integer(text: str) -> int:
     try:
         value = int(digits, 0 if is_based else 10)
     except ValueError as exc:
-        raise ValueError(f"{text[:40]!r} is no integer") from exc
+        raise ValueError(f"{text[:40]!r} is not an integer") from exc
     if not -(2**63) <= value < 2**64:
         raise ValueError(f"the integer {text[:40]} does not fit into 64 bits")
     return value
@@ -233,7 +233,7 @@ def _float(text: str) -> float:
     try:
         return float(digits.replace(".inf", "inf").replace(".nan", "nan"))
     except ValueError as exc:
-        raise ValueError(f"{text[:40]!r} is no number") from exc
+        raise ValueError(f"{text[:40]!r} is not a number") from exc
 
 
 def _text(text: str) -> str:

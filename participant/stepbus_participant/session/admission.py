@@ -105,15 +105,15 @@ def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
         try:
             raise AdmissionRefused(_decode_refusal(answer).reason) from None
         except MessageError:
-            raise RunError(f"the answer to our Hello is {exc}") from exc
+            raise RunError(f"the orchestrator's answer to Hello is {exc}") from exc
     if welcome.protocol != PROTOCOL_VERSION:
         raise AdmissionRefused(
             f"the orchestrator speaks protocol {welcome.protocol}, this program "
-            f"{PROTOCOL_VERSION}; docs/protocol.md has the changes between them"
+            f"{PROTOCOL_VERSION}; docs/protocol.md lists the changes"
         )
     if (welcome.token, welcome.name) != (ticket.token, ticket.name):
         raise AdmissionRefused(
-            f"the answer to our Hello is for {welcome.name!r} or for another run"
+            f"the orchestrator's answer to Hello is for {welcome.name!r} or for another run"
         )
     return welcome
 

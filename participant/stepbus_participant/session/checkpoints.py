@@ -87,7 +87,7 @@ class Checkpoints:
             self._put(state, attachment=stamp(step, self._welcome.token))
         elif not self._is_too_large:
             self._is_too_large = True
-            text = "step %d: no checkpoint: %d bytes of state exceed the %d that the bus carries"
+            text = "step %d: no checkpoint: the state has %d bytes, the limit of the bus is %d"
             # It takes longer to load than all else here.
             import logging  # noqa: PLC0415
 
@@ -104,9 +104,9 @@ class Checkpoints:
         try:
             saved = _decode(Path(self._order.state).read_bytes())
         except (OSError, *UNDECODABLE) as exc:
-            raise RunError(f"{where} cannot be read: {explained(exc)}") from exc
+            raise RunError(f"cannot read {where}: {explained(exc)}") from exc
         if saved.inputs.keys() != self._inputs.keys() or saved.sources.keys() != set(self._sources):
-            raise RunError(f"{where} is of a participant with other inputs")
+            raise RunError(f"{where} belongs to a participant with different inputs")
         for name, item in saved.inputs.items():
             self._inputs[name].restore(item.held, item.pending)
         for name, step in saved.sources.items():
@@ -115,5 +115,7 @@ class Checkpoints:
             self._participant.restore(saved.own)
         except Exception as exc:
             why = explained(exc) if isinstance(exc, UNDECODABLE) else error_text(exc)
-            raise RunError(f"{where} does not fit: {why}; branch without checkpoints") from exc
+            raise RunError(
+                f"{where} cannot be restored: {why}; branch without checkpoints"
+            ) from exc
         return self._order.step

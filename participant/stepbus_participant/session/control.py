@@ -157,7 +157,9 @@ class Control:
     def _process(self, key: str, data: bytes) -> None:
         if key == _LOST:
             reached("the orchestrator is lost")
-            raise OrchestratorLost("lost the orchestrator; this participant ends too")
+            raise OrchestratorLost(
+                "lost the connection to the orchestrator; this participant exits"
+            )
         try:
             message: Start | Trigger | Stop | Call | None = _DECODERS[key](data)
         except MessageError:
@@ -201,7 +203,7 @@ class Control:
         method = self.methods.get(call.method)
         if method is None:
             known = ", ".join(self.methods) or "nothing"
-            text = f"{self._welcome.name} offers {known}, not {call.method!r}"
+            text = f"unknown method {call.method!r}; {self._welcome.name} offers {known}"
             return self._pack(call, error=text)
         try:
             # Some built-in functions do not reveal their parameters.
@@ -213,7 +215,7 @@ class Control:
         try:
             return self._pack(call, value=value)
         except (OverflowError, TypeError, ValueError) as exc:
-            return self._pack(call, error=f"{call.method}: its answer {explained(exc)}")
+            return self._pack(call, error=f"{call.method}: the return value {explained(exc)}")
 
     def _pack(self, call: Call, value: Any = None, error: str | None = None) -> bytes:
         name, limit = self._welcome.name, self._welcome.max_outputs_bytes
@@ -223,7 +225,7 @@ class Control:
             return data
         # The bus would lose it silently, and the run would wait in vain (P3.7).
         why = (
-            f"{call.method[:100]}: the answer takes {len(data)} bytes, over the {limit} that the "
-            "low-latency transport carries; set bus.low_latency: false"
+            f"{call.method[:100]}: the answer has {len(data)} bytes, the low-latency transport "
+            f"carries at most {limit}; set bus.low_latency: false"
         )
         return encode(msgspec.structs.replace(answer, value=None, error=why))

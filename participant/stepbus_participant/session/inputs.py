@@ -67,7 +67,7 @@ class Input:
             return self.value
         if type_name(cls) != self.config.type or not issubclass(cls, self._cls):
             raise WiringError(
-                f"input {self.name!r} takes {cls.__name__}, the scenario connects "
+                f"input {self.name!r} is read as {cls.__name__}, but the scenario connects "
                 f"{self.config.type}"
             )
         self._decoder = Decoder(cls, f"{self.config.type} as {cls.__name__} requires it")

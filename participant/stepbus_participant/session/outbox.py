@@ -175,7 +175,7 @@ class Outbox:
         if cls is None:
             known = ", ".join(self._classes) or "none"
             raise OutputError(
-                f"step {step}: no output port {port!r} in the scenario; it has {known}"
+                f"step {step}: the scenario has no output port {port!r}; it has {known}"
             )
         if type(message) is not cls:
             raise OutputError(
@@ -185,7 +185,7 @@ class Outbox:
             return encoder(message)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
             raise OutputError(
-                f"step {step}: port {port!r} cannot be encoded: it {explained(exc)}"
+                f"step {step}: cannot encode port {port!r}: it {explained(exc)}"
             ) from exc
 
     def _pack(

@@ -170,7 +170,7 @@ class Session:
         has_output = type(participant).output is not Participant.output
         if self._welcome.publishes == "first" and self._welcome.outputs and not has_output:
             raise WiringError(
-                f"{type(participant).__name__} has no method `output`, which publishes with "
+                f"{type(participant).__name__} needs a method `output`: the scenario has "
                 "`publishes: first`"
             )
         ready = Ready(

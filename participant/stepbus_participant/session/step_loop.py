@@ -112,7 +112,7 @@ class StepLoop:
         elif messages:
             raise OutputError(
                 f"step {step.index}: update returned {', '.join(messages)}, but with `publishes: "
-                "first` the outputs of this step are already out; return them from output"
+                "first` the outputs of this step are already published; return them from `output`"
             )
         self._outbox.finish(step.index, self._waited_ns, self._now_ns() - started - self._waited_ns)
 

@@ -82,7 +82,7 @@ def _words(cls: type) -> list[tuple[str, tuple[Any, ...]]]:
 class Scalars(Message, frozen=True):
     """Named numbers; the port's description has their names."""
 
-    values: Annotated[list[float], meta("one number for each name", "", "n")]
+    values: Annotated[list[float], meta("one number per name", "", "n")]
 
 
 class TextMessage(Message, frozen=True):
@@ -95,4 +95,6 @@ class BytesMessage(Message, frozen=True):
     """Bytes that stepbus does not read, of type `Bytes/1`; large ones belong on a bulk port."""
 
     data: Annotated[bytes, meta("the bytes")]
-    format: Annotated[str, meta("what they are, such as a media type; empty: agreed upon")] = ""
+    format: Annotated[
+        str, meta("what the bytes are, such as a media type; empty: known to both sides")
+    ] = ""

@@ -107,9 +107,9 @@ class Goal(Message, frozen=True):
     type: Annotated[
         GoalType,
         meta(
-            "what to do; `go_together`: as go_to, with a goal of the arm to follow: the base waits "
-            "until the path of the arm is known; `back_to_rest`: move the arm from any pose to "
-            "its rest pose; `stop`: come to rest and cancel the current goal"
+            "what to do; `go_together`: as go_to, but the base waits for the path of the arm's "
+            "goal that follows; `back_to_rest`: bring the arm back to its rest pose from "
+            "anywhere; `stop`: cancel the current goal and come to rest"
         ),
     ]
     joints: Annotated[list[str], meta("move_joints: names of the joints to move")] = []
@@ -117,21 +117,27 @@ class Goal(Message, frozen=True):
         list[float],
         meta("move_joints: target positions, in the order of `joints`", "rad", "joints"),
     ] = []
-    tip: Annotated[str, meta("move_to_pose, move_linear, spiral: frame of the robot to move")] = ""
+    tip: Annotated[
+        str, meta("move_to_pose, move_linear, spiral: frame of the robot that moves to the pose")
+    ] = ""
     position: Annotated[
         Point | None,
         meta("move_to_pose, move_linear, spiral: target position of the tip: x, y, z", "m"),
     ] = None
     orientation: Annotated[
         Quaternion | None,
-        meta("the same: target orientation of the tip, quaternion x, y, z, w", "-"),
+        meta(
+            "move_to_pose, move_linear, spiral: target orientation of the tip, quaternion x, y, "
+            "z, w",
+            "-",
+        ),
     ] = None
     frame: Annotated[
         str, meta("reference frame of the pose: a link or `odometry`; empty: the robot's base")
     ] = ""
     duration: Annotated[
         float,
-        meta("duration of the motion, if the limits allow it; 0: as fast as they allow", "s"),
+        meta("duration of the motion, if the limits allow it; 0: as fast as possible", "s"),
     ] = 0.0
     touches: Annotated[
         list[str], meta("links of the world that the robot may touch during the motion")
@@ -142,8 +148,8 @@ class Goal(Message, frozen=True):
     base: Annotated[
         Point | None,
         meta(
-            "go_to, go_together: target x, y, yaw of the base in the odometry frame; in a "
-            "goal of the arm or the gripper: it moves while the base goes there",
+            "go_to, go_together: target x, y, yaw of the base in the odometry frame; other goals: "
+            "the base's target while arm or gripper move with it",
             "m, m, rad",
         ),
     ] = None
@@ -153,7 +159,7 @@ class Goal(Message, frozen=True):
 
 
 GoalState = Literal["accepted", "running", "succeeded", "failed", "cancelled"]
-"""How far a goal is; after the last three, it is over."""
+"""State of a goal; the last three are final."""
 
 
 class GoalStatus(Message, frozen=True):
@@ -162,9 +168,9 @@ class GoalStatus(Message, frozen=True):
     id: Annotated[int, meta("id of the goal", ge=0)]
     state: Annotated[GoalState, meta("state of the goal")]
     cause: Annotated[
-        str, meta("one word for programs: why it failed or is at risk; empty: no problem")
+        str, meta("one word, for programs: why it failed or may fail; empty: no problem")
     ] = ""
-    text: Annotated[str, meta("one sentence for the user, with numbers")] = ""
+    text: Annotated[str, meta("message for the user, with numbers")] = ""
 
 
 class BaseState(Message, frozen=True):
@@ -216,17 +222,15 @@ class CameraTrigger(Message, frozen=True):
 
     id: Annotated[int, meta("id of the request; a new id is a new request", ge=0)]
     frame: Annotated[str, meta("reference link of `position`")] = ""
-    position: Annotated[
-        Point | None, meta("position at which to look for an object: x, y, z", "m")
-    ] = None
+    position: Annotated[Point | None, meta("where to look for an item: x, y, z", "m")] = None
 
 
 class EmergencyStop(Message, frozen=True):
     """Whether a plant brakes all its joints and bases, whatever is commanded."""
 
-    active: Annotated[bool, meta("whether the stop is active; false: normal operation")]
-    by: Annotated[str, meta("who activated or released the stop; empty: never activated")] = ""
-    since: Annotated[float, meta("simulation time of the activation or release", "s")] = 0.0
+    active: Annotated[bool, meta("whether the plant brakes; false: it runs")]
+    by: Annotated[str, meta("who stopped or released it; empty: never stopped")] = ""
+    since: Annotated[float, meta("simulation time of the last stop or release", "s")] = 0.0
 
     def __str__(self) -> str:
         """Return who has stopped the plant, and when."""
@@ -241,11 +245,16 @@ class Contacts(Message, frozen=True):
         list[float], meta("normal force of each pair, summed over its contact points", "N", "k")
     ]
     distance: Annotated[
-        list[float], meta("smallest distance of each pair; negative: penetration depth", "m", "k")
+        list[float],
+        meta(
+            "smallest distance between the two links of each pair; negative: penetration depth",
+            "m",
+            "k",
+        ),
     ]
     position: Annotated[
         list[Point],
-        meta("point of that distance on the second link, in the world frame: x, y, z", "m", "k 3"),
+        meta("closest point on the second link, in the world frame: x, y, z", "m", "k 3"),
     ]
     peak_force: Annotated[
         list[float],
@@ -276,13 +285,13 @@ class Poses(Message, frozen=True):
 class Image(Message, frozen=True):
     """A camera image; in the optical frame, z points ahead, x to the right, y down."""
 
-    width: Annotated[int, meta("pixels in a row", ge=0)]
+    width: Annotated[int, meta("pixels per row", ge=0)]
     height: Annotated[int, meta("rows", ge=0)]
     encoding: Annotated[
         Literal["rgb8", "32FC1"],
-        meta("of a pixel: bytes red, green, blue; or depth along z, float32 LE [m]"),
+        meta("format of a pixel: bytes red, green, blue; or depth along z, float32 LE [m]"),
     ]
-    data: Annotated[bytes, meta("the pixels, row by row from the top left")]
+    data: Annotated[bytes, meta("the pixels, row by row from the top left corner")]
     focal: Annotated[tuple[float, float], meta("focal length in x and y", "pixel", "2")]
     centre: Annotated[tuple[float, float], meta("principal point: x, y", "pixel", "2")]
 
@@ -295,14 +304,16 @@ class Detections(Message, frozen=True):
     position: Annotated[list[Point], meta("centre of each item: x, y, z", "m", "k 3")]
     orientation: Annotated[
         list[Quaternion],
-        meta("orientation of each item: quaternion x, y, z, w; angles not seen are 0", "-", "k 4"),
+        meta(
+            "orientation of each item: quaternion x, y, z, w; angles that cannot be seen are 0",
+            "-",
+            "k 4",
+        ),
     ]
     confidence: Annotated[
-        list[float], meta("share of the expected surface that was seen, 0 to 1", "-", "k")
+        list[float], meta("visible fraction of the expected surface, 0 to 1", "-", "k")
     ]
-    hidden: Annotated[float, meta("share of the searched area that other objects hide, 0 to 1")] = (
-        0.0
-    )
+    hidden: Annotated[float, meta("occluded fraction of the region searched, 0 to 1")] = 0.0
 
 
 class PlanRequest(Message, frozen=True):
@@ -316,24 +327,24 @@ class PlanRequest(Message, frozen=True):
     path: Annotated[
         list[list[float]],
         meta(
-            "joint positions from the goal on, along a path that is only checked; empty: none",
+            "joint positions after the goal, along a path that is only checked; empty: none",
             "rad",
             "k n",
         ),
     ] = []
-    load: Annotated[float, meta("mass of what the gripper holds, ≥ 0", "kg")] = 0.0
+    load: Annotated[float, meta("payload of the gripper, ≥ 0", "kg")] = 0.0
     base: Annotated[
         tuple[Point, Point] | None,
         meta(
-            "instead of joints: start and goal of the base, each x, y, yaw in the odometry frame",
+            "in place of joints: start and goal of the base, each x, y, yaw in the odometry frame",
             "m, m, rad",
         ),
     ] = None
     bases: Annotated[
         list[Point],
         meta(
-            "poses of the base at which the path has to be free, the last one where it is planned: "
-            "x, y, yaw in the frame of the latest `base`; empty: where it stands",
+            "poses of the base for which the path must be collision-free; it is planned at the "
+            "last one; x, y, yaw in the frame of the latest `base`; empty: the current pose",
             "m, m, rad",
             "k 3",
         ),
@@ -345,12 +356,10 @@ class Plan(Message, frozen=True):
 
     id: Annotated[int, meta("id of the request", ge=0)]
     cause: Annotated[
-        str, meta("one word for programs: why there is no plan; empty: there is one")
+        str, meta("one word, for programs: why there is no plan; empty: there is one")
     ] = ""
-    text: Annotated[str, meta("one sentence for the user, with numbers")] = ""
-    times: Annotated[
-        list[float], meta("time of each point since the start, from 0, increasing", "s", "k")
-    ] = []
+    text: Annotated[str, meta("message for the user, with numbers")] = ""
+    times: Annotated[list[float], meta("time of each point, increasing from 0", "s", "k")] = []
     position: Annotated[list[list[float]], meta("joint positions at each time", "rad", "k n")] = []
     velocity: Annotated[
         list[list[float]], meta("joint velocities at each time", "rad/s", "k n")
@@ -358,7 +367,8 @@ class Plan(Message, frozen=True):
     route: Annotated[
         list[Point],
         meta(
-            "of a base: x, y, yaw at the end of each arc, turn or line, as `base` of the request",
+            "path of a base: x, y, yaw at the end of each arc, turn or line, as `base` of the "
+            "request",
             "m, m, rad",
             "k 3",
         ),

@@ -40,7 +40,7 @@ class LaserScan(Message, frozen=True):
         meta("range of each ray; +inf: nothing within range, -inf: closer than measured", "m", "k"),
     ]
     intensities: Annotated[
-        list[float], meta("strength of each echo; empty: not sensed", "-", "k")
+        list[float], meta("intensity of each echo; empty: not sensed", "-", "k")
     ] = []
 
 

@@ -34,5 +34,5 @@ def _described(text: str) -> Any:
         return msgspec.json.decode(text, type=dict[str, dict[str, Any]])
     except UNDECODABLE as exc:
         raise argparse.ArgumentTypeError(
-            f"{text!r} is no map of descriptions: {explained(exc)}"
+            f"{text!r} is not a map of descriptions: {explained(exc)}"
         ) from exc

@@ -146,7 +146,7 @@ class MapBridge(Bridge):
             step.end(answer.end)
         if messages and not publishes:
             raise self.program.wrong(
-                "publishes first: it answers `output` with its outputs and `update` with none"
+                "publishes first: it must answer `output` with its outputs and `update` without any"
             )
         return messages
 
@@ -161,7 +161,7 @@ class MapBridge(Bridge):
         if isinstance(exc, msgspec.ValidationError):
             text = explained(exc, self._answer)
             return self.program.wrong(
-                f"answered wrongly: {text}; its outputs are {known or 'none'}"
+                f"gave an invalid answer: {text}; its outputs are {known or 'none'}"
             )
         return self.program.wrong(f"wrote what {explained(exc)}: {show(data)}")
 

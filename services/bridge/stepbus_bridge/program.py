@@ -77,7 +77,7 @@ class Program:
         except OSError as exc:
             os.close(self._to)
             os.close(self._from)
-            raise WiringError(f"{argv[0]} cannot be started: {exc.strerror}") from exc
+            raise WiringError(f"cannot start {argv[0]}: {exc.strerror}") from exc
         finally:
             os.close(theirs)
             os.close(answers)
@@ -101,7 +101,8 @@ class Program:
             unasked = self._read()
             if unasked:
                 raise self.wrong(
-                    f"wrote {show(unasked)} without being asked; one answer to each message"
+                    f"wrote {show(unasked)} without being asked; write exactly one answer per "
+                    "message"
                 )
             raise self._gone()
         self.send(data)
@@ -130,17 +131,17 @@ class Program:
             length = self._framing.length(data)
             longest = max(length, len(data))
             if longest > MOST_BYTES:
-                raise self.wrong(
-                    f"wrote a message of {longest} bytes; at most {MOST_BYTES} are taken"
-                )
+                raise self.wrong(f"wrote a message of {longest} bytes; the limit is {MOST_BYTES}")
             if 0 <= length <= len(data):
                 if length < len(data):
-                    raise self.wrong(f"wrote {show(data[length:])} behind its answer")
+                    raise self.wrong(f"wrote {show(data[length:])} after its answer")
                 return data
             if not self.has_written(_REST_S):
-                raise self.wrong(f"wrote half a message, {self._framing.progress(data)}")
+                raise self.wrong(f"wrote an incomplete message: {self._framing.progress(data)}")
             chunk = self._read()
-        raise self._gone(f", half a message left: {self._framing.progress(data)}" if data else "")
+        raise self._gone(
+            f" after an incomplete message: {self._framing.progress(data)}" if data else ""
+        )
 
     def _read(self) -> bytes:
         """Wait until it has written something, and return it; empty: it writes no more."""
@@ -178,7 +179,7 @@ class Program:
         deadline = time.monotonic() + _END_WAIT_S
         while not self.has_ended():
             if time.monotonic() > deadline:
-                return f"has closed descriptor {_WRITES} and still runs"
+                return f"closed descriptor {_WRITES} but is still running"
             time.sleep(_POLL_S)
         code = self.exit_code or 0
         if code < 0:

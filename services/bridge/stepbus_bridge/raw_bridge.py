@@ -47,7 +47,7 @@ class RawBridge(Bridge):
         """Wait until the program has written its 1.0."""
         (ready,) = struct.unpack("<d", self.program.receive())
         if ready != 1.0:
-            raise self.program.wrong(f"wrote {ready!r}, not 1.0, to say that it is ready")
+            raise self.program.wrong(f"wrote {ready!r} instead of 1.0 as its ready signal")
         return self._described
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -60,7 +60,7 @@ class RawBridge(Bridge):
             layout = self._layout(port.type, row, len(row.names) or named)
             for key in layout.lacks():
                 raise WiringError(
-                    f"raw has to know the {_LACKING[key]} of input {name!r}; let {port.source} "
+                    f"format raw needs the {_LACKING[key]} of input {name!r}; {port.source} must "
                     f"describe its {port.port!r} with {key}"
                 )
             self._in.append((name, layout, _order(row.names, wanted)))
@@ -68,8 +68,8 @@ class RawBridge(Bridge):
             layout = self._layout(self.config.outputs[name].type, row, len(row.names))
             for key in layout.lacks():
                 raise WiringError(
-                    f"participants.{self.config.name}.bridge: raw has to know the "
-                    f"{_LACKING[key]} of {name!r}; write describe: {{{name}: {{{key}: […]}}}}"
+                    f"participants.{self.config.name}.bridge: format raw needs the "
+                    f"{_LACKING[key]} of {name!r}; add describe: {{{name}: {{{key}: […]}}}}"
                 )
             self._out.append((name, layout))
         n_in = 2 + sum(1 + layout.width for _, layout, _ in self._in)
@@ -117,7 +117,7 @@ class RawBridge(Bridge):
             try:
                 messages[name] = layout.unflatten(answer[start:end])
             except ValueError as exc:
-                raise self.program.wrong(f"answered wrongly: {name}: {exc}") from exc
+                raise self.program.wrong(f"gave an invalid answer: {name}: {exc}") from exc
             start = end
         return messages
 

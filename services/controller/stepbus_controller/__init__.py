@@ -26,15 +26,15 @@ class Params(SmoothingParams):
     """Parameters of `stepbus_controller`."""
 
     law: Literal["computed_torque", "pd", "pd_gravity", "pid"] | Plugin
-    """Control law; your own class has `__init__(robot, params)` and `torque(q, v, reference, dt)`
-    that returns torques, shape (n,) [N·m]."""
+    """Control law. Your own class needs `__init__(robot, params)` and `torque(q, v, reference,
+    dt)`, which returns torques, shape (n,) [N·m]."""
     model: ModelFile | None = None
-    """URDF, xacro, SDF or MJCF of the robot; a law that needs no model can use `joints` instead."""
+    """URDF, xacro, SDF or MJCF of the robot. A law without a model only needs `joints`."""
     joints: Names | None = None
-    """Joints under control, in the order of every vector. Default: all of the model."""
+    """Controlled joints, in the order of every vector. Default: all joints of the model."""
     prefix: str = ""
-    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
-    URDF share a world. All other parameters name joints as the URDF does."""
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
+    URDF share a world. All other parameters use the names in the URDF."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
     """Gravity in the frame of the robot's base [m/s²]."""
     effort_limit: PositivePerJoint | None = None
@@ -50,12 +50,12 @@ class Params(SmoothingParams):
     anti_windup: Annotated[Literal["conditional_integration", "none"], when(law="pid")] = (
         "conditional_integration"
     )
-    """Behaviour of the integral while a torque is at its limit; conditional_integration: the
-    integral is frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
+    """Anti-windup, while a torque is at its limit. conditional_integration: the integral is
+    frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
     velocity: Literal["measured", "finite_difference", "filtered"] = "measured"
     """Source of the joint velocities."""
     cutoff_hz: Annotated[Positive, when(velocity="filtered")]
-    """Corner frequency of the filter [Hz]."""
+    """Cutoff frequency of the velocity filter [Hz]."""
     own: Own = {}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
@@ -64,7 +64,10 @@ class Params(SmoothingParams):
         if self.model is not None:
             return
         if self.joints is None:
-            yield (("model",), "is missing; give a URDF, or 'joints' for a law that needs no model")
+            yield (
+                ("model",),
+                "is missing; set it to a URDF, or set 'joints' for a law without a model",
+            )
         elif self.law in ("computed_torque", "pd_gravity"):
             yield ("model",), "is missing; this law needs the robot's URDF"
         elif self.effort_limit is None:

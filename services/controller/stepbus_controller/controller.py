@@ -201,7 +201,7 @@ class Controller(Participant):
         if state.velocity is None:
             raise RunError(
                 f"{self.config.name}: input {self._state_port!r} carries no velocity; set params."
-                "velocity to finite_difference or filtered, or let the plant sense it"
+                "velocity to finite_difference or filtered, or add velocity to the plant's 'sense'"
             )
         v = self._state_order.pick(state.velocity, "velocity")
         if self._velocity_smoother is not None:

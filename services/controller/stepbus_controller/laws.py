@@ -52,7 +52,10 @@ def make_robot(config: Config, params: Params) -> Robot:
         for name, value in zip(names, limit.tolist(), strict=True):
             if not 0 < value < np.inf:
                 unit = "N·m" if model is None else model.effort_unit(name)
-                text = f"is {value:g} {unit} for {name!r} in the model; set it here"
+                text = (
+                    f"is {value:g} {unit} for joint {name!r} in the model; set a positive "
+                    "limit here"
+                )
                 problems.add(("effort_limit",), text)
     problems.refuse()
     return Robot(joints=names, effort_limit=limit, model=model)

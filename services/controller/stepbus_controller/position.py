@@ -9,12 +9,12 @@ class Params(Settings):
     """Parameters of `stepbus_controller.position`."""
 
     joints: Names
-    """Joints under control, in the order of the commands."""
+    """Controlled joints, in the order of the commands."""
     prefix: str = ""
-    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
     URDF share a world. All other parameters name joints without it."""
     feed_forward: bool = True
-    """Whether to command velocities; without them the joints lag behind."""
+    """Whether to command velocities too; without them, the joints lag behind."""
     effort_limit: NonNegativePerJoint | None = None
     """Torque limits of the motors [N·m]. Default: the plant's."""
 

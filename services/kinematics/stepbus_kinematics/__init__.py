@@ -15,11 +15,11 @@ class SmoothingParams(Settings):
     """How measurements are smoothed."""
 
     smoothing: Smoothing = "none"
-    """Filter of the measurements; the status reports its delay."""
+    """Filter of the measurements. The status reports its delay."""
     time_constant: TimeConstant
-    """τ of the low pass [s]."""
+    """Time constant τ of the low-pass filter [s]."""
     window: Window
-    """Samples of the Savitzky-Golay filter, an odd number from 5 on."""
+    """Window of the Savitzky-Golay filter, an odd number of samples from 5 [samples]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the window."""

@@ -25,7 +25,7 @@ class JointOrder:
             if name not in given
         ]
         problems += [
-            f"input {port!r} has joint {name!r} {given.count(name)} times"
+            f"input {port!r} lists joint {name!r} {given.count(name)} times"
             for name in wanted
             if given.count(name) > 1
         ]

@@ -95,11 +95,15 @@ class RobotModel:
         file, others = self.path.name, tuple(posture)
         yield from self._joint_problems(self.joints, bounded=bounded)
         yield from self._joint_problems(others, bounded=True)
-        yield from (f"joint {name!r} is in joints, too" for name in others if name in self.joints)
+        yield from (
+            f"joint {name!r} is also in 'joints'; remove one of them"
+            for name in others
+            if name in self.joints
+        )
         for name in (*self.joints, *others):
             if name in self._mimics:
                 leader = self._mimics[name].joint
-                yield f"joint {name!r} of {file} follows {leader!r}; name that one"
+                yield f"joint {name!r} of {file} follows {leader!r}; name that joint instead"
         known = link_names(self.full)
         for name in links:
             if name not in known:

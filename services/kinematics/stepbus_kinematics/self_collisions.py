@@ -24,7 +24,7 @@ def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
         text = pinocchio_text(robot.text, robot.path.parent)
         geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
     except ValueError as exc:
-        raise WiringError(f"{robot.path}: the collision shapes cannot be read: {exc}") from exc
+        raise WiringError(f"cannot read the collision shapes of {robot.path}: {exc}") from exc
     _use_hulls(geometry)
     geometry.addAllCollisionPairs()
     _drop_harmless_pairs(full, geometry, robot.stance, srdf)

@@ -84,7 +84,7 @@ def _link(model: Any, geometry: Any, number: int) -> str:
 
 def _main(arguments: Sequence[str]) -> int:
     if len(arguments) < 2:
-        sys.stderr.write("which robot, and which joints? e.g. srdf robot.urdf elbow wrist\n")
+        sys.stderr.write("usage: srdf ROBOT JOINT…, e.g. srdf robot.urdf elbow wrist\n")
         return 2
     try:
         sys.stdout.write(srdf_text(Path(arguments[0]), arguments[1:]))

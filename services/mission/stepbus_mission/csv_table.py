@@ -32,7 +32,7 @@ def read_table(path: Path, joints: Sequence[str]) -> Table:
         reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")))
         lines = [(reader.line_num, row) for row in reader if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as exc:
-        raise WiringError(f"{path} cannot be read as CSV: {exc}") from exc
+        raise WiringError(f"cannot read {path} as CSV: {exc}") from exc
     if len(lines) < 3:
         raise WiringError(f"{path} has {len(lines)} lines; it needs a header and at least two rows")
     (first, names), *rows = lines
@@ -86,10 +86,10 @@ def _number(cell: str) -> float:
 
 def _time_problems(times: Sequence[float], lines: Sequence[int]) -> Iterator[tuple[int, str]]:
     if times[0] < 0:
-        yield lines[0], f"t starts at {times[0]:g} s, before 0"
+        yield lines[0], f"t starts at {times[0]:g} s; it must be at least 0"
     for (before, now), line in zip(pairwise(times), lines[1:], strict=True):
         if now <= before:
-            yield line, f"t is {now:g} s, not after the row before ({before:g} s)"
+            yield line, f"t is {now:g} s; it must increase (previous row: {before:g} s)"
 
 
 def _refuse(path: Path, problems: Iterable[tuple[int, str]]) -> None:

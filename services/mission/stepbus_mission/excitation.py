@@ -24,13 +24,13 @@ class ChirpParams(Settings):
     """Parameters of `stepbus_mission.excitation:Chirp`."""
 
     amplitude: PerJoint = each(1.0)
-    """A of q(t) = q0 + A · sin φ(t) [rad]."""
+    """Amplitude A in q(t) = q0 + A · sin φ(t) [rad]."""
     offset: PerJoint = each(0.0)
     """q0 [rad]."""
     omega: Positive = 1.0
-    """dφ/dt at the start [rad/s]."""
+    """Angular frequency dφ/dt at the start [rad/s]."""
     omega_end: Positive = 20.0
-    """dφ/dt from `sweep` on; before that it changes linearly [rad/s]."""
+    """Angular frequency dφ/dt from `sweep` on; it changes linearly until then [rad/s]."""
     sweep: Positive = 10.0
     """Duration of the sweep [s]."""
 
@@ -67,7 +67,7 @@ class RampParams(Settings):
     target: PerJoint
     """Position at the end [rad]."""
     time: NonNegative = 0.0
-    """Start time of the ramp [s]."""
+    """Start of the ramp [s]."""
     rise: Positive = 1.0
     """Duration of the ramp [s]."""
 
@@ -103,9 +103,9 @@ class ImpulseParams(Settings):
     initial: PerJoint = each(0.0)
     """Position before and after the pulse [rad]."""
     height: PerJoint = each(0.1)
-    """Change of the position during the pulse [rad]."""
+    """Height of the pulse [rad]."""
     time: NonNegative = 0.0
-    """Start time of the pulse [s]."""
+    """Start of the pulse [s]."""
     width: Positive = 0.05
     """Duration of the pulse; the shortest is one step of the run [s]."""
 
@@ -134,19 +134,18 @@ class NoiseParams(Settings):
     """Parameters of `stepbus_mission.excitation:Noise`."""
 
     amplitude: PerJoint = each(0.1)
-    """The position is `offset` ± this [rad]."""
+    """Amplitude: the position is `offset` ± this [rad]."""
     offset: PerJoint = each(0.0)
     """Mean position [rad]."""
     hold: Positive = 0.1
     """Duration of each bit [s]."""
     seed: Whole = 0
-    """Place in the sequence at which the first joint begins; the others begin evenly spread after
-    it."""
+    """Start of the first joint in the sequence; the other joints start evenly spaced after it."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the length of a bit."""
         if self.hold <= _BIT_ENDS:
-            yield ("hold",), f"is {self.hold:g} s; a bit lasts longer"
+            yield ("hold",), f"is {self.hold:g} s; it must be longer than {_BIT_ENDS:g} s"
 
 
 class Noise:

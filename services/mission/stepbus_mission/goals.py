@@ -39,13 +39,13 @@ class SpiralSettings(Settings):
     """A spiral around a vertical axis, which leads to `position`."""
 
     centre: Vector3
-    """Point of the axis at the starting height [m]."""
+    """Point on the axis at the starting height [m]."""
     radius: tuple[Positive, Positive]
     """Radius at the start and at the end [m]."""
     turns: Finite
     """Number of turns, counter-clockwise [-]."""
     rise: Finite = 0.0
-    """Total rise [m]."""
+    """Total rise along the path [m]."""
 
 
 class GoalSettings(Settings):
@@ -54,13 +54,13 @@ class GoalSettings(Settings):
     type: GoalType
     """Type of the goal."""
     joints: dict[str, Finite] = {}
-    """With `move_joints`, and with `back_to_rest` unless it has a pose: joint → position [rad]."""
+    """For `move_joints`, and for `back_to_rest` without a pose: joint → position [rad]."""
     tip: str = ""
     """Frame of the robot to move."""
     frame: str = ""
-    """Frame of the pose: a link, `odometry`, or the robot's base if empty."""
+    """Reference frame of the pose: a link, `odometry`, or the robot's base if empty."""
     position: Vector3 | None = None
-    """Position of the tip [m]."""
+    """Target position of the tip [m]."""
     rpy: Vector3 = (0.0, 0.0, 0.0)
     """Roll, pitch and yaw of the tip about fixed axes [rad]."""
     spiral: SpiralSettings | None = None
@@ -70,18 +70,21 @@ class GoalSettings(Settings):
     touches: tuple[Text, ...] = ()
     """Links of the world that the robot may touch."""
     by: Finite = 0.0
-    """With `drive` and `turn`: distance or angle [m, rad]."""
+    """For `drive` and `turn`: distance or angle [m, rad]."""
     base: Vector3 | None = None
-    """With `go_to`: x, y, yaw [m, m, rad]."""
+    """For `go_to`: target x, y, yaw [m, m, rad]."""
     width: NonNegative = 0.0
-    """With `grip`: width [m]."""
+    """For `grip`: target distance between the pads [m]."""
     force: NonNegative = 0.0
-    """With `grip`: force [N]."""
+    """For `grip`: maximum force of each finger [N]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what a goal of its type lacks, and the type that no sequence can carry out."""
         if self.type == "go_together":
-            text = "go_together waits for a goal of the arm, which comes only after it; use go_to"
+            text = (
+                "go_together waits for a goal of the arm, but this mission sends that only "
+                "afterwards; use go_to"
+            )
             yield ("type",), text
         needs = {
             "position": self.type in _WITH_POSE and self.position is None,
@@ -125,7 +128,7 @@ class Params(Settings):
     """Parameters of `stepbus_mission.goals`."""
 
     goals: Annotated[tuple[GoalSettings, ...], msgspec.Meta(min_length=1)]
-    """Goals in their order; the run ends after the last goal, or after the first that fails."""
+    """Goals, in order. The run ends after the last one or the first failure."""
 
 
 def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:

@@ -32,7 +32,9 @@ def _radians(position: float | str) -> float:
     try:
         return math.radians(float(position.removesuffix("deg").removesuffix("°")))
     except ValueError as exc:
-        raise CallError(f"{position!r} is no target: write rad, or degrees such as 30deg") from exc
+        raise CallError(
+            f"{position!r} is not a position; write radians, or degrees such as 30deg"
+        ) from exc
 
 
 class _Path(NamedTuple):
@@ -80,7 +82,10 @@ class Targets:
         numbers = [n for n in (angle, duration_s) if isinstance(n, int | float)]
         is_right = len(numbers) == 2 and not any(isinstance(n, bool) for n in numbers)
         if not is_right or not all(map(math.isfinite, numbers)) or duration_s < 0:
-            raise CallError(f"{joint}: {angle!r} rad in {duration_s!r} s is no target")
+            raise CallError(
+                f"{joint}: {angle!r} rad in {duration_s!r} s is not a valid target; "
+                "both must be finite, the duration at least 0"
+            )
         self.pending.append(([index], float(angle), duration_s))
 
     def follow_task(self, joint: str | None = None) -> None:
@@ -199,14 +204,13 @@ class Mission(Participant):
         return {
             "set_target": Method(
                 self._targets.set_target,
-                "JOINT POSITION [SECONDS]: sends a joint to a position [rad], or degrees such as "
-                "30deg, with minimum jerk over a time "
-                "(default: at once); it stays there",
+                "JOINT POSITION [SECONDS]: moves a joint to a position [rad], or in degrees such "
+                "as 30deg, with minimum jerk over a duration (default: at once), and holds it",
                 changes=True,
             ),
             "follow_task": Method(
                 self._targets.follow_task,
-                "[JOINT]: lets a joint, or all, follow the task again, at once",
+                "[JOINT]: makes one joint, or all, follow the task again, at once",
                 changes=True,
             ),
             **self._steering.methods(),

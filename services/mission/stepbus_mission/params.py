@@ -23,7 +23,7 @@ class Waypoint(Settings):
     """A position, and its time or the duration of the motion to it."""
 
     time: NonNegative | None = None
-    """Simulation time [s]. Default for the first waypoint: 0."""
+    """Simulation time of the waypoint [s]. Default for the first one: 0."""
     duration: Positive | None = None
     """Time since the previous waypoint, instead of `time` [s]."""
     position: PerJoint
@@ -34,16 +34,16 @@ class Params(Settings):
     """Parameters of `stepbus_mission`."""
 
     task: Literal["csv", "sine", "step", "waypoints"] | Plugin
-    """What the reference does; your own class has `__init__(joints, params)` and `at(t)`."""
+    """Shape of the reference. Your own class needs `__init__(joints, params)` and `at(t)`."""
     joints: Names
-    """Joints of the reference, in the order of its vectors."""
+    """Joints of the reference, in this order."""
     prefix: str = ""
-    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
     URDF share a world. All other parameters name joints without it."""
     end_when_done: bool = False
     """Whether the run ends when the task is done."""
     amplitude: Annotated[PerJoint, when(task="sine")] = each(1.0)
-    """A of q(t) = q0 + A · sin(ω t + φ) [rad]."""
+    """Amplitude A in q(t) = q0 + A · sin(ω t + φ) [rad]."""
     omega: Annotated[PerJoint, when(task="sine")] = each(1.0)
     """ω [rad/s]."""
     phase: Annotated[PerJoint, when(task="sine")] = each(0.0)
@@ -58,11 +58,11 @@ class Params(Settings):
     """Time at which the position changes [s]."""
     waypoints: Annotated[tuple[Waypoint, ...], when(task="waypoints")]
     """At least two: `{time: 2, position: [0.5, 0]}`, or `{duration: 2, position: …}` from the
-    second on. The joints come to rest at each, with minimum jerk in between."""
+    second on. Minimum-jerk motions connect them; the joints stop at each."""
     file: Annotated[File, when(task="csv")]
-    """Columns `t` [s], increasing, `<joint>` [rad] and, where known, `<joint>_velocity` [rad/s]
-    and `<joint>_acceleration` [rad/s²]. Between two rows a joint moves by a polynomial through all
-    that its columns give."""
+    """Columns `t` [s], increasing, `<joint>` [rad] and optionally `<joint>_velocity` [rad/s]
+    and `<joint>_acceleration` [rad/s²]. Between two rows a polynomial interpolates all the
+    given values of a joint."""
     own: Own = {}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
@@ -72,7 +72,7 @@ class Params(Settings):
         if self.task != "waypoints":
             return
         if len(self.waypoints) < 2:
-            yield ("waypoints",), f"has {len(self.waypoints)} waypoint, needs at least two"
+            yield ("waypoints",), f"has {len(self.waypoints)} waypoint; it needs at least two"
         now = 0.0
         for number, row in enumerate(self.waypoints):
             for where, text in row.position.misfits(self.joints):
@@ -92,8 +92,8 @@ def time_of(row: Waypoint, before: float) -> float:
 def _time_problems(row: Waypoint, before: float, number: int) -> Iterator[tuple[Keys, str]]:
     if number == 0:
         if row.duration is not None:
-            yield (), "the first waypoint has a 'time', no 'duration'"
+            yield (), "the first waypoint takes a 'time', not a 'duration'"
     elif (row.time is None) == (row.duration is None):
         yield (), "needs either a 'time' or a 'duration'"
     elif row.time is not None and row.time <= before:
-        yield ("time",), f"is {row.time:g} s, not after the one before ({before:g} s)"
+        yield ("time",), f"is {row.time:g} s; it must be after the previous waypoint ({before:g} s)"

@@ -68,37 +68,40 @@ class Params(Settings):
     model: ModelFile
     """URDF of the arm: two links in a horizontal plane, a lift and a wrist, all axes vertical."""
     joints: Names
-    """Shoulder, elbow, lift and wrist."""
+    """Joints of the arm: shoulder, elbow, lift and wrist."""
     prefix: str = ""
-    """Prefix that the plant adds to the joint and link names of this robot: `left/` where two
-    bodies of one URDF share a world."""
+    """Prefix of this robot's joint and link names in the plant, such as `left/` if two bodies
+    from one URDF share a world."""
     base: Text
-    """Upright link of the arm; the goal is given in its frame."""
+    """Link of the upright arm base; the goal is given in its frame."""
     tip: Text
-    """Link between the pads; the pads open along its y axis."""
+    """Link between the pads, which open along its y axis."""
     cube: Text
-    """Link of the cube, with its origin in the middle of the bottom."""
+    """Link of the cube; its origin is the centre of the bottom face."""
     goal: Vector3
-    """Target pose of the cube: x, y, yaw [m, m, rad]; it may be rotated by multiples of 90°."""
+    """Goal of the cube: x, y, yaw [m, m, rad]; any quarter turn counts."""
     grip_height: Positive = 0.025
     """Height of the tip above the bottom of the cube when it grips [m]."""
     clearance: Positive = 0.1
-    """Height to which the cube is lifted [m]."""
+    """Height by which the cube is lifted [m]."""
     opening: Positive = 0.08
     """Width of the open gripper [m]."""
     force: Positive = 10.0
-    """Force of each finger on the cube [N]."""
+    """Grip force of each finger [N]."""
     speed: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
     """Fraction of the joints' velocity limits that motions use [-]."""
     patience: Positive = 2.0
-    """Maximum time that the gripper takes to grip, and to open [s]."""
+    """Longest time for the gripper to grip, and to open [s]."""
     tolerance: Positive = 0.005
-    """Distance from the goal from which the cube counts as misplaced [m]."""
+    """Largest distance from the goal at which the cube counts as placed [m]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield that the joints are not four."""
         if len(self.joints) != 4:
-            yield ("joints",), f"are {len(self.joints)}, not shoulder, elbow, lift and wrist"
+            yield (
+                ("joints",),
+                (f"has {len(self.joints)} joints; give four: shoulder, elbow, lift and wrist"),
+            )
 
 
 class _Progress(msgspec.Struct, forbid_unknown_fields=True):

@@ -121,11 +121,11 @@ def plan(
             tool = Tool(x=spot.x, y=spot.y, z=spot.z + grip_height + raised, yaw=spot.yaw)
             q = arm.inverse(tool, near=wrist)
             if q is None:
-                where = f"{what} at {spot} (in the frame of its base)"
                 raise RunError(
-                    f"the arm cannot reach {where} with its tip {tool.z:.3f} m high; it reaches "
-                    f"{abs(arm.near - arm.far):.3f} to {arm.near + arm.far:.3f} m far, and "
-                    f"{arm.lowest:.3f} to {arm.height + arm.upper[2]:.3f} m high"
+                    f"the arm cannot reach {what} at {spot} in the frame of its base, with its tip "
+                    f"at a height of {tool.z:.3f} m; it reaches distances of "
+                    f"{abs(arm.near - arm.far):.3f} to {arm.near + arm.far:.3f} m and heights of "
+                    f"{arm.lowest:.3f} to {arm.height + arm.upper[2]:.3f} m"
                 )
             waypoints[name], wrist = tuple(q), q[3]
     return waypoints

@@ -20,22 +20,22 @@ class Params(Settings):
     """Parameters of `stepbus_mission.round_trip`."""
 
     model: ModelFile
-    """URDF from which to draw poses."""
+    """URDF of the robot, from which poses are drawn."""
     prefix: str = ""
-    """Prefix that the plant adds to the link names of this robot: `left/` where two bodies of one
+    """Prefix of this robot's link names in the plant, such as `left/` if two bodies from one
     URDF share a world."""
     frame: Text
-    """Link that is the reference frame of the poses."""
+    """Reference link of the poses."""
     arms: dict[str, Text]
     """Arm → its tip: the link that moves to the poses."""
     poses: Count
     """Number of poses per arm."""
     position_tolerance: Positive = 0.01
-    """Position error from which a pose counts as missed [m]."""
+    """Position error above which a pose counts as missed [m]."""
     orientation_tolerance: Positive = 0.02
-    """Orientation error from which a pose counts as missed [rad]."""
+    """Orientation error above which a pose counts as missed [rad]."""
     home: dict[str, dict[str, Finite]] = {}
-    """Arm → joint → position to return to after a missed pose, at which the motors are overloaded
+    """Arm → joint → position to return to after a missed pose, where its motors are overloaded
     [rad]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
@@ -44,7 +44,7 @@ class Params(Settings):
             yield ("arms",), "is empty"
         for arm in self.home:
             if arm not in self.arms:
-                yield ("home", arm), f"is no arm{suggest(arm, self.arms)}"
+                yield ("home", arm), f"is not an arm{suggest(arm, self.arms)}"
 
 
 if TYPE_CHECKING:

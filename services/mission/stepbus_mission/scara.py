@@ -55,7 +55,7 @@ class Scara:
         moving = [joint for joint in chain if joint.get("type") != "fixed"]
         names = tuple(joint.get("name", "") for joint in moving)
         if names != tuple(joints):
-            text = f"from {base} to {tip} are the joints {', '.join(names) or 'none'}"
+            text = f"the joints from {base} to {tip} are {', '.join(names) or 'none'}"
             raise WiringError(f"{path.name}: {text}, not {', '.join(joints)}")
         for joint, types, role in zip(moving, _TYPES, _NAMES, strict=True):
             _check(joint, types, role, path)
@@ -68,7 +68,7 @@ class Scara:
         aside = (at[0][0], at[0][1], at[1][1], far[1], at[4][0], at[4][1])
         if max(map(abs, aside)) > _EPS or min(at[1][0], far[0]) <= 0:
             raise WiringError(
-                f"{path.name}: the origins of {', '.join(names)} and {tip} are not in line along x"
+                f"{path.name}: the origins of {', '.join(names)} and {tip} are not aligned along x"
             )
         limits = [_limits(joint) for joint in moving]
         lower, upper, velocity = zip(*limits, strict=True)
@@ -132,7 +132,7 @@ def _chain(root: ET.Element, base: str, tip: str, path: Path) -> list[ET.Element
     while link != base:
         joint = above.get(link)
         if joint is None or joint in chain:
-            raise WiringError(f"{path.name}: no joints lead from link {base!r} to {tip!r}")
+            raise WiringError(f"{path.name}: no chain of joints connects link {base!r} to {tip!r}")
         chain.insert(0, joint)
         link = _name(joint, "parent")
     return chain
@@ -142,10 +142,10 @@ def _check(joint: ET.Element, types: Sequence[str], role: str, path: Path) -> No
     """Raise WiringError for a joint that is none of a SCARA arm."""
     name, kind = joint.get("name"), joint.get("type")
     if kind not in types:
-        text = f"joint {name!r} is {kind}; the {role} of a SCARA arm is {' or '.join(types)}"
+        text = f"joint {name!r} is {kind}; the {role} of a SCARA arm must be {' or '.join(types)}"
         raise WiringError(f"{path.name}: {text}")
     if _vector(joint, "axis", "xyz", (1.0, 0.0, 0.0)) != (0.0, 0.0, 1.0):
-        raise WiringError(f"{path.name}: the axis of joint {name!r} is not 0 0 1")
+        raise WiringError(f"{path.name}: the axis of joint {name!r} must be 0 0 1")
 
 
 def _sum(joints: Sequence[ET.Element]) -> _Vector:
@@ -153,7 +153,9 @@ def _sum(joints: Sequence[ET.Element]) -> _Vector:
     x = y = z = 0.0
     for joint in joints:
         if any(_vector(joint, "origin", "rpy", (0.0, 0.0, 0.0))):
-            raise WiringError(f"the origin of joint {joint.get('name')!r} is turned; leave out rpy")
+            raise WiringError(
+                f"the origin of joint {joint.get('name')!r} is rotated; remove its rpy"
+            )
         dx, dy, dz = _vector(joint, "origin", "xyz", (0.0, 0.0, 0.0))
         x, y, z = x + dx, y + dy, z + dz
     return (x, y, z)

@@ -118,8 +118,8 @@ class BaseDriver(Commander):
             values = self._base.wheel_velocities(**velocity)
         elif any(velocity.values()):
             self._reject(
-                f"has both wheels and vx {command.vx:g}, wz {command.wz:g}; "
-                "give the velocity of the base or of its wheels"
+                f"sets both 'wheels' and vx {command.vx:g}, wz {command.wz:g}; give the velocity "
+                "of either the base or its wheels"
             )
         else:
             values = list(command.wheels)

@@ -38,13 +38,13 @@ class Calls:
                 self.limits, "NAME: lower, upper [rad], velocity [rad/s], effort [N·m]"
             ),
             "set_joint_position": Method(
-                self.teleport, "NAME RAD: teleports a joint, which is then at rest", changes=True
+                self.teleport, "NAME RAD: teleports a joint and stops it", changes=True
             ),
             "body_names": Method(lambda: self._physics.bodies, "names of all bodies"),
             "move_body": Method(
                 self.move_body,
-                "NAME X Y Z [YAW]: puts a body, which is then at rest, at a position [m] and "
-                "heading [rad]",
+                "NAME X Y Z [YAW]: moves a body to a position [m] and heading [rad] at once, and "
+                "stops it",
                 changes=True,
             ),
         }
@@ -79,7 +79,9 @@ class Calls:
         if text := joint.cannot_teleport(position):
             raise CallError(text)
         if joint.mimic is not None:
-            raise CallError(f"joint {name} follows joint {joint.mimic.joint!r}; teleport that one")
+            raise CallError(
+                f"joint {name} follows joint {joint.mimic.joint!r}; teleport that joint instead"
+            )
         self._physics.teleport(joint, float(position), 0.0)
         drive, index = self._motors.drive_of[joint.name]
         drive.teleport(index, float(position))
@@ -91,7 +93,7 @@ class Calls:
             raise CallError(f"body {name!r} is unknown{suggest(name, known)}")
         for value in (x, y, z, 0.0 if yaw is None else yaw):
             if not _is_number(value) or not math.isfinite(value):
-                raise CallError(f"body {name}: {value!r} is no number")
+                raise CallError(f"body {name}: {value!r} is not a finite number")
         heading = None if yaw is None else float(yaw)
         self._script.move(self._time_ns(), name, (float(x), float(y), float(z)), heading)
 

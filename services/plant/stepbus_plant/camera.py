@@ -99,7 +99,7 @@ class Lens:
 
 IMAGE, CLOUD = "Image/1", "PointCloud/1"
 TYPES = {"rgb": IMAGE, "depth": IMAGE, "points": CLOUD}
-"""What a port shows of a camera → its message type."""
+"""Camera port → its message type."""
 
 Rendering = tuple[Image, Image]
 """Colours and depth."""

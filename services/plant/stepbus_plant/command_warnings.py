@@ -66,7 +66,7 @@ def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator
     value, limits = command.values[index], command.effort_limit
     if joint.mimic is not None:
         leader = joint.mimic.joint
-        yield "mimic", f"follows joint {leader!r} (<mimic> of its URDF); command that one"
+        yield "mimic", f"follows joint {leader!r} (<mimic> of its URDF); command that joint instead"
     elif not joint.motor:
         yield "motor", "has no motor (world file: motor: false); it swings freely"
     elif command.mode == "torque":

@@ -161,13 +161,13 @@ class Commander:
 
     def _check_extra(self, field: str, vector: Sequence[float], mode: JointMode) -> None:
         if field not in _EXTRAS[mode]:
-            self._reject(f"mode {mode} does not use {field}; leave it out")
+            self._reject(f"mode {mode} does not use {field}; remove it")
         self._check_vector(field, vector)
 
     def _check_vector(self, field: str, vector: Sequence[float]) -> None:
         if len(vector) != len(self._joints):
             self._reject(
-                f"{field} has {len(vector)} values for {len(self._joints)} joints "
+                f"{field} has {len(vector)} entries for {len(self._joints)} joints "
                 f"({', '.join(joint.name for joint in self._joints)})"
             )
         if not math.isfinite(sum(vector)):
@@ -180,8 +180,8 @@ class Commander:
         for joint in self._joints:
             if joint.motor and joint.mode != mode:
                 self._reject(
-                    f"joint {joint.name} has mode {joint.mode}, the command has mode {mode}; "
-                    "change one of them (world file: mode)"
+                    f"joint {joint.name} has mode {joint.mode}, but the command has mode {mode}; "
+                    "change the command, or 'mode' in the world file"
                 )
             owner = self._motors.owners.setdefault(joint.name, self._port)
             if owner != self._port:

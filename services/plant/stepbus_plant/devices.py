@@ -183,7 +183,7 @@ class Devices:
     def _choose(self, section: str, port: str, port_type: str) -> tuple[str, Any]:
         rows: Mapping[str, Any] = getattr(self._physics.world, section)
         if not rows:
-            raise WiringError(f"has type {port_type}, the world has no '{section}'")
+            raise WiringError(f"has type {port_type}, but the world has no '{section}'")
         if port not in rows and len(rows) > 1:
             raise WiringError(
                 f"has type {port_type}; name the port after one of the world's {section}: "
@@ -258,7 +258,7 @@ def _pair_mistakes(
     if wrong:
         yield from wrong.items()
     elif row.left == row.right:
-        yield "right", f"{row.right!r} is already the left joint"
+        yield "right", f"{row.right!r} is already the joint of 'left'"
     elif physics.joints[row.left].body != physics.joints[row.right].body:
         yield "right", "belongs to a different body than 'left'"
 
@@ -270,7 +270,7 @@ def _joint_mistake(name: str, physics: Physics, *, is_rotary: bool) -> str:
     if joint.is_rotary != is_rotary:
         return f"joint {name!r} is {joint.type}, not {'revolute' if is_rotary else 'prismatic'}"
     if joint.mimic is not None:
-        return f"joint {name!r} follows {joint.mimic.joint!r} (<mimic>); give it `mimic: false`"
+        return f"joint {name!r} follows {joint.mimic.joint!r} (<mimic>); set `mimic: false`"
     if joint.effective_mode != "velocity":
-        return f"joint {name!r} has mode {joint.effective_mode}; give it mode velocity"
+        return f"joint {name!r} has mode {joint.effective_mode}; set it to velocity"
     return ""

@@ -255,8 +255,8 @@ class GripperDriver(Commander):
                 self._reject(f"{field} is {value}, not a finite number")
         if command.force < 0.0:
             self._reject(
-                f"force {command.force:g} N is negative; the width decides "
-                "whether to open or to close",
+                f"force {command.force:g} N is negative; give a force of at least 0: the width "
+                "decides whether to open or close",
             )
         least, most = self._gripper.widths
         if not least <= command.width <= most:

@@ -100,12 +100,15 @@ class Joint:
     def problems(self) -> Iterator[str]:
         """Yield contradictions between the world file and the URDF."""
         if math.isfinite(self.lower) != math.isfinite(self.upper):
-            yield "has no limits in its URDF; give both 'lower' and 'upper' or neither"
+            yield "has no limits in its URDF; give both 'lower' and 'upper', or neither"
         elif self.lower > self.upper:
             yield f"lower {self.lower} is above upper {self.upper}"
         elif not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
-            yield f"start position {self.start} is outside its limits {limits}"
+            yield (
+                f"start position {self.start} is outside its limits "
+                f"{limits}{self.degrees_hint(self.start)}"
+            )
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
         if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""

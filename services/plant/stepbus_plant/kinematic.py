@@ -12,7 +12,7 @@ from stepbus_plant.gripper import FORCE_WITHOUT_DYNAMICS, Gripper
 from stepbus_plant.joint import Joint
 from stepbus_plant.script import Script
 
-NOTICE = "dynamics are off: joints and base follow their commands at once, nothing falls or slips"
+NOTICE = "dynamics are off: joints and base follow their commands instantly, nothing falls or slips"
 
 _REACH = 0.15
 """How far from a pad the gripper searches for what it closes on [m]."""

@@ -17,7 +17,7 @@ _TINY_INERTIAL = """<inertial><mass value="1e-6"/>
 <inertia ixx="1e-9" iyy="1e-9" izz="1e-9" ixy="0" ixz="0" iyz="0"/></inertial>"""
 
 _INSTEAD = {
-    "floating": "leave it and its parent out: a body without `fixed_base` floats",
+    "floating": "remove it and its parent link: a body without `fixed_base` floats",
     "planar": "use two prismatic joints and a revolute one",
     "spherical": "use three revolute joints",
 }
@@ -68,7 +68,7 @@ def _refuse_missing_meshes(urdf: Path, root: ET.Element, *, is_made: bool) -> No
         for mesh in meshes:
             name = mesh.get("filename", "")
             if not _is_file(Path(mesh_path(name, urdf.parent))):
-                text = f"link {link.get('name')!r}: no mesh {name!r}, in its folder or a package"
+                text = f"link {link.get('name')!r}: mesh {name!r} not found"
                 place = str(urdf) if is_made else f"{urdf}:{mesh.line}"
                 missing.setdefault(name, f"{place}: {text}")
     if missing:
@@ -118,5 +118,5 @@ def pairs_without_collision(srdf: Path) -> list[tuple[str, str]]:
     try:
         root = ET.parse(srdf).getroot()  # noqa: S314
     except (OSError, ET.ParseError) as exc:
-        raise WiringError(f"{srdf}: cannot be read: {exc}") from exc
+        raise WiringError(f"cannot read {srdf}: {exc}") from exc
     return [(e.get("link1", ""), e.get("link2", "")) for e in root.iter("disable_collisions")]

@@ -52,19 +52,19 @@ class OdometryErrors(Settings):
     """Errors of the odometry of every base."""
 
     wheel: NonNegative = 0.0
-    """Standard deviation of the radius of each wheel, relative to the assumed radius [-]."""
+    """Standard deviation of the radius of each wheel, relative to the nominal radius [-]."""
     slip: NonNegative = 0.0
-    """Standard deviation of the slip of each wheel after 1 m; it grows with the square root of the
-    distance [m]."""
+    """Standard deviation of the slip of each wheel after 1 m; it grows with the square root of
+    the distance [m]."""
 
 
 class ProximityErrors(Settings):
     """How contact sensors measure distances."""
 
     gain: Share = 0.0
-    """Standard deviation of the calibration of each link's skin, which each run draws [-]."""
+    """Standard deviation of the gain error of each link's skin, drawn once per run [-]."""
     noise: Share = 0.0
-    """Standard deviation of a distance in each step, relative to the distance [-]."""
+    """Standard deviation of each measured distance, relative to the distance [-]."""
 
 
 class FixedPoint(Settings):
@@ -73,7 +73,7 @@ class FixedPoint(Settings):
     link: Text
     """Link that the point is fixed to."""
     position: Vector3
-    """Position in the frame of the link [m]; the point has the link's orientation."""
+    """Position in the frame of the link [m]; the orientation is the link's."""
 
 
 class CameraErrors(Settings):
@@ -82,17 +82,16 @@ class CameraErrors(Settings):
     depth: NonNegative = 0.0
     """Standard deviation of depth at 1 m; it grows with the square of the distance [m]."""
     depth_floor: NonNegative = 0.0
-    """Additional standard deviation of depth, the same at any distance [m]."""
+    """Additional standard deviation, independent of distance [m]."""
     depth_bias: NonNegative = 0.0
-    """Standard deviation of the constant offset of all depths of a camera that each run draws
-    [m]."""
+    """Standard deviation of a camera's constant depth offset, drawn once per run [m]."""
     color: NonNegative = 0.0
-    """Standard deviation of each colour of a pixel; full light is 255 [-]."""
+    """Standard deviation of each colour channel of a pixel, on a scale of 0 to 255 [-]."""
     blur: NonNegative = 0.0
     """Standard deviation of the blur of colours [pixel]."""
     light: Literal["even", "lamp"] = "even"
-    """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the seed,
-    with shadows and highlights; images then take twice as long."""
+    """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the
+    seed, with shadows and highlights; rendering then takes twice as long."""
 
 
 class ItemTypeChange(Settings):
@@ -107,12 +106,12 @@ class StockParams(Settings):
     """`params.stock` of the plant."""
 
     seed: Whole | Literal["run"] = 0
-    """Seed of the type in each slot, and of the variation among items; `run`: derived from the seed
-    of the run, so that each run has other items."""
+    """Seed of the item type in each slot and of the variation among items. `run`: derived from
+    the seed of the run, so that each run differs."""
     types: dict[str, ItemTypeChange] = {}
-    """Item type → its changes in this run."""
+    """Item type → changes to it in this run."""
     fill: Share = 1.0
-    """Share of the slots that have an item [-]."""
+    """Fraction of the slots that have an item [-]."""
     missing: tuple[str, ...] = ()
     """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to omit."""
 
@@ -139,26 +138,25 @@ class Action(Settings):
     """One action: a body moves, a joint jams, a camera fails, or the emergency stop is used."""
 
     at_ns: Pause
-    """Simulation time, e.g. `6s`; executed at the first step that is not before it."""
+    """Simulation time, e.g. `6s`; executed at the first step at or after it."""
     body: str | None = None
-    """Body that jumps to `position`, at rest, or moves `to` somewhere."""
+    """Body that jumps to `position`, at rest, or moves to `to`."""
     position: Vector3 | None = None
     """New position of the body's frame in the world frame [m]."""
     to: Vector3 | None = None
-    """Target to which the body moves in a straight line, whatever is in its way [m]; needs
-    `over`."""
+    """Position that the body moves to in a straight line, ignoring obstacles [m]; needs `over`."""
     over_ns: Duration | None = None
-    """Duration of this motion, at a constant velocity."""
+    """Duration of that motion, at constant velocity."""
     orientation_rpy: Vector3 | None = None
-    """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
+    """Roll, pitch, yaw of the body about fixed axes [rad]. Default: unchanged."""
     jam: str | None = None
-    """Joint that stays at its position from then on, whatever the commands."""
+    """Joint that jams: it holds its position from then on and ignores commands."""
     camera: str | None = None
-    """Camera that stops taking images."""
+    """Camera to switch off."""
     off: bool | None = None
     """Whether the camera is off; false: it resumes. Default: true."""
     emergency_stop: bool | None = None
-    """True: the emergency stop, from then on; false: its release."""
+    """True: start the emergency stop; false: release it."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield contradictions among the keys."""
@@ -167,67 +165,71 @@ class Action(Settings):
         if len(subjects) != 1:
             yield (
                 (),
-                f"needs one of {', '.join(_SUBJECTS)}, it has {' and '.join(subjects) or 'none'}",
+                (
+                    f"needs exactly one of {', '.join(_SUBJECTS)}; it has "
+                    f"{' and '.join(subjects) or 'none'}"
+                ),
             )
             return
         subject = subjects[0]
         for key in given:
             if key not in ("at_ns", subject, *_SUBJECTS[subject]):
-                yield (key,), f"has no meaning beside {subject!r}"
+                yield (key,), f"does not apply to {subject!r}"
         if subject == "body" and (self.position is None) == (self.to is None):
-            yield (), "needs 'position' or 'to', one of them"
+            yield (), "needs either 'position' or 'to'"
         if (self.to is None) != (self.over_ns is None):
-            yield (), "'to' and 'over' belong together"
+            yield (), "'to' and 'over' must be given together"
 
 
 class Params(Settings):
     """What `params` of the plant may say."""
 
     world: File
-    """Relative to the scenario, absolute, or `package://<package>/<path>`."""
+    """World file: absolute, relative to the scenario, or `package://<package>/<path>`."""
     engine: EngineName | None = None
     """Physics engine, see [Engines](../guide/running/engines.md); overrides the world file.
     Default: the world's."""
     joints: Names | None = None
-    """Joints to sense, in this order. The other joints are still simulated, driven and commanded.
-    Default: all movable ones, in the order of the bodies and their models."""
+    """Joints to sense, in this order. The others can still be commanded. Default: all movable
+    joints, in the order of the bodies and their models."""
     sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
-    """Quantities to sense; the others are absent from the `JointState`."""
+    """Quantities to sense. The others are absent from the `JointState`."""
     noise: Noise = Noise()
     """Standard deviation of Gaussian noise [rad, rad/s, N·m]."""
     resolution: Resolution = Resolution()
-    """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to its multiples, after
-    adding noise. Default: exact."""
+    """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to multiples of it,
+    after adding noise. Default: exact."""
     odometry: OdometryErrors = OdometryErrors()
-    """Errors of the odometry. Default: nothing."""
+    """Errors of the odometry. Default: none."""
     camera: CameraErrors = CameraErrors()
-    """Errors of the images. Default: nothing."""
+    """Errors of camera images. Default: none."""
     proximity: ProximityErrors = ProximityErrors()
-    """Errors of the distances that contact sensors measure. Default: exactly."""
+    """Errors of the distances from contact sensors. Default: none."""
     actuation: Actuation = "direct"
     """How to apply torques, unless the world file sets it for a joint."""
     effort: dict[str, NonNegative] = {}
     """Torque limit of a motor [N·m]; overrides the world file and the URDF."""
     poses: tuple[Text, ...] | None = None
-    """Links and `points` of a `Poses/1`, in this order; links are named as in the URDF, or
-    `body/link` if bodies share a name. Default: all."""
+    """Links and `points` of a `Poses/1`, in this order. Use the link name in the URDF, or
+    `body/link` if bodies share it. Default: all."""
     points: dict[str, FixedPoint] = {}
-    """Name → point that is fixed to a link."""
+    """Named points that are fixed to links."""
     watchdog_ns: Duration | None = None
-    """Maximum age of a command. After that, the plant brakes what the input drives, as in an
-    emergency stop, until its next command. It starts with the first command. Default: a command
-    holds until the next one."""
+    """Time after the last command on an input until the plant brakes what the input drives, as
+    in an emergency stop; the next command ends that. Default: a command holds until the next
+    one."""
     poses_period_ns: Duration | None = None
-    """Period of `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of a
-    millisecond. Default: each step."""
+    """Period of `Poses/1`, a multiple of the plant's step; measuring 54 links takes 0.25 ms.
+    Default: each step."""
     physics_step_ns: Duration | None = None
-    """Length of a physics substep; overrides the world file. Longer ones are faster and less
-    accurate. Default: the world's."""
+    """Length of a physics substep; overrides the world file. Longer substeps are faster and
+    less accurate. Default: the world's."""
     dynamics: Literal["on", "off"] = "on"
-    """`off`: joints and bases follow their commands at once, nothing falls, slips or pushes, and a
-    gripper holds what it closes on. Use it to debug missions quickly; every report mentions it."""
+    """`off`: joints and bases follow their commands instantly, nothing falls, slips or pushes,
+    and a gripper holds what it closes on. For fast debugging of missions; reports point it
+    out."""
     cameras: bool = True
-    """Whether cameras render images; without them a run is much faster."""
+    """Whether cameras render images. A run without images is much faster."""
     stock: StockParams | None = None
     """Items on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all slots
     filled."""
@@ -247,7 +249,7 @@ class Params(Settings):
                 if names.count(name) > 1:
                     yield (key,), f"names {name!r} twice"
         if not self.sense:
-            yield ("sense",), "is empty; sense at least 'position'"
+            yield ("sense",), "is empty; it needs at least 'position'"
 
     def file_problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the world file."""

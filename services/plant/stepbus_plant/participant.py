@@ -80,7 +80,7 @@ class Plant(Participant):
             for name, port in ports.items():
                 if port.type not in _TYPES[side]:
                     types = " or ".join(_TYPES[side])
-                    text = f"a plant's {side} have type {types}, not {port.type}"
+                    text = f"{side} of a plant have type {types}, not {port.type}"
                     problems.add((side, name), text)
         params = config.read(Params, problems)
         stock = None if params.stock is None else params.stock.in_run(config.seed)
@@ -235,8 +235,8 @@ class Plant(Participant):
         """Return the calls that query joints and bodies between two steps, or change them."""
         stop = Method(
             self.emergency_stop,
-            "[ON, BY]: brakes all joints and bases, whatever is commanded, until it is called with "
-            "false; a gripper keeps what it holds; BY: who asks, for the log",
+            "[ON, BY]: brakes all joints and bases and ignores commands, until called with false; "
+            "a gripper keeps what it holds; BY: who stops it, for the log",
             changes=True,
         )
         return {**self.plant.calls.methods(), "emergency_stop": stop}
@@ -244,9 +244,9 @@ class Plant(Participant):
     def emergency_stop(self, on: bool = True, by: str = "a call") -> None:
         """Brake all joints and bases, or let commands move them again; by: who asks."""
         if not isinstance(on, bool):
-            raise CallError(f"{on!r} is neither true nor false")
+            raise CallError(f"ON must be true or false, not {on!r}")
         if not (isinstance(by, str) and by.strip()):
-            raise CallError(f"{by!r} is no name of who asks")
+            raise CallError(f"BY must be a name, not {by!r}")
         script = self.plant.script
         self.plant.stop.set(self.plant.t_ns, by, script.record, active=on)
         self._report(script.take_events(), self._events, logging.INFO)

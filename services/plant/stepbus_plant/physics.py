@@ -171,7 +171,7 @@ class Physics:
         solid = (self.engine.is_solid((number, index)) for index in range(BASE, len(infos)))
         if not body.fixed_base and joints and not any(solid):
             text = "it is not fixed to the world and has no collision shape, so it falls"
-            self.notes.append((f"body {name}", f"{text}; is `fixed_base: true` missing?"))
+            self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
 
     def _disable_collisions(self, number: int, name: str, body: Body) -> None:
@@ -216,7 +216,7 @@ class Physics:
         for joint, follower in followers.items():
             leader = followed[joint].joint
             self._followers.setdefault((number, joints[leader].index), []).append(follower)
-            text = f"follows joint {leader!r} (<mimic>); leave it out, or `mimic: false`"
+            text = f"follows joint {leader!r} (<mimic>); remove this key, or set `mimic: false`"
             self.mistakes += [
                 (("bodies", name, "joints", joint, key), text)
                 for key in ("position", "velocity", "mode")
@@ -227,7 +227,7 @@ class Physics:
     def _check_joints(self, name: str, body: Body, joints: Sequence[Joint]) -> None:
         known = [joint.name for joint in joints]
         self.mistakes += [
-            (("bodies", name, "joints", given), f"unknown{suggest(given, known)}")
+            (("bodies", name, "joints", given), f"unknown joint {given!r}{suggest(given, known)}")
             for given in body.joints
             if given not in known
         ]

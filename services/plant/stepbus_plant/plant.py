@@ -252,7 +252,10 @@ def _checked(physics: Physics, params: Params, period_ns: int, problems: Problem
             problems.add(("joints",), f"{name!r} {text}")
     torque = [name for name, j in physics.joints.items() if j.effective_mode == "torque"]
     if params.dynamics == "off" and torque:
-        text = f"off is for modes position and velocity; {', '.join(torque[:3])} has torque"
+        text = (
+            f"off needs joints of mode position or velocity; {', '.join(torque[:3])} has mode "
+            "torque"
+        )
         problems.add(("dynamics",), text)
     check_script(params.script, physics, problems)
     in_world = [*physics.mistakes, *mistakes(physics, period_ns)]

@@ -36,7 +36,7 @@ class PoseSensor:
         known = dict(physics.links)
         for name, point in points.items():
             if name in known:
-                problems.add(("points",), f"{name!r} is the name of a link")
+                problems.add(("points",), f"{name!r} is already the name of a link")
             if point.link not in known:
                 text = f"link {point.link!r} is unknown{suggest(point.link, known)}"
                 problems.add(("points", name), text)

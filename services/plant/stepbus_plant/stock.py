@@ -61,8 +61,7 @@ class Item:
         if not math.isfinite(number) or (positive and number <= 0):
             wanted = "a number above 0" if positive else "a number"
             raise WiringError(
-                f"{self.urdf}: {key}={text!r} of <{element.tag}> is not {wanted}; an item type "
-                "needs one"
+                f"{self.urdf}: {key}={text!r} of <{element.tag}> must be {wanted} for an item type"
             )
         return number
 
@@ -147,9 +146,7 @@ def stock_problems(
     items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=()))
     counts = Counter([*(item.name for item in items), *bodies])
     return [
-        (("stock",), f"{name!r} is the name of two bodies")
-        for name, count in counts.items()
-        if count > 1
+        (("stock",), f"{name!r} names two bodies") for name, count in counts.items() if count > 1
     ]
 
 
@@ -163,7 +160,7 @@ def params_problems(stock: StockSettings | None, params: StockParams) -> Iterato
     known = [*(item.name for item in items), *slots, *stock.rows, *stock.types]
     for name in params.types:
         if name not in stock.types:
-            yield ("types", name), f"unknown{suggest(name, stock.types)}"
+            yield ("types", name), f"unknown item type {name!r}{suggest(name, stock.types)}"
     for name in params.missing:
         if name not in known:
             yield ("missing",), f"{name!r} is unknown{suggest(name, known)}"

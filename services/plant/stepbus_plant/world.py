@@ -41,14 +41,13 @@ class JointSettings(Settings):
     """Settings of a joint that override its URDF; absent: the URDF's."""
 
     mode: OwnMode | None = None
-    """Mode that its commands must have; `teleport` and `brake` are always accepted. Default:
-    torque."""
+    """Mode that commands to the joint must have; `teleport` and `brake` are always accepted.
+    Default: torque."""
     motor: bool | None = None
-    """A joint without a motor swings freely; the plant warns about commands to it. Default:
-    true."""
+    """Whether the joint has a motor. Without one it swings freely, and the plant warns about
+    commands to it. Default: true."""
     mimic: bool | None = None
-    """Whether a joint with `<mimic>` in its URDF follows the other joint; false: it is independent.
-    Default: true."""
+    """Whether a joint with `<mimic>` in its URDF follows the other joint. Default: true."""
     actuation: Actuation | None = None
     """How to apply torques. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
@@ -56,8 +55,8 @@ class JointSettings(Settings):
     velocity: Finite | None = None
     """Initial velocity [rad/s]. Default: 0."""
     lower: Finite | None = None
-    """Lower stop [rad]; a joint without stops in its URDF needs both or none. Default: the
-    URDF's."""
+    """Lower stop [rad]; for a joint without limits in its URDF, set both stops or none.
+    Default: the URDF's."""
     upper: Finite | None = None
     """Upper stop [rad]. Default: the URDF's."""
     effort: NonNegative | None = None
@@ -65,14 +64,14 @@ class JointSettings(Settings):
     max_velocity: NonNegative | None = None
     """Velocity limit in modes velocity and position [rad/s]; 0: none. Default: the URDF's."""
     brake: Positive | None = None
-    """Deceleration in an emergency stop, in modes velocity and position [rad/s²]. A gripper that
-    stops harder than it grips loses its object, and wheels that lock slide. Default: as fast as its
-    torque allows."""
+    """Deceleration in an emergency stop, in modes velocity and position [rad/s²]. If it is too
+    high, a gripper loses its load and locked wheels slide. Default: as fast as the torque
+    allows."""
     damping: NonNegative | None = None
-    """Viscous friction [N·m·s/rad]. Default: 0, whatever the URDF says."""
+    """Viscous friction [N·m·s/rad]. Default: 0; the URDF is ignored."""
     friction: NonNegative | None = None
-    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0, whatever the
-    URDF says."""
+    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0; the URDF
+    is ignored."""
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""
@@ -84,25 +83,26 @@ class Friction(Settings):
     """Contact friction of all links of a body [-]; absent: PyBullet's or the URDF's."""
 
     lateral: NonNegative | None = None
-    """Friction against sliding [-]."""
+    """Coefficient of sliding friction [-]."""
     rolling: NonNegative | None = None
-    """Friction against rolling [m]."""
+    """Coefficient of rolling friction [m]."""
     spinning: NonNegative | None = None
-    """Friction against turning on the spot [m]."""
+    """Coefficient of spinning friction [m]."""
 
 
 class Body(Settings):
     """A body, read from a URDF."""
 
     urdf: ModelFile
-    """Relative to the world file, absolute, or `package://<package>/<path>`: an installed Python
-    package such as `pybullet_data`, or a model package such as `example-robot-data`."""
+    """Absolute, relative to the world file, or `package://<package>/<path>`, where the package
+    is an installed Python package such as `pybullet_data` or a model package such as
+    `example-robot-data`."""
     srdf: File | None = None
-    """File with the pairs of links that never collide (`disable_collisions`); all other pairs of
-    the body then collide. Without it, the links of a body do not collide with each other. Resolved
-    like `urdf`."""
+    """Lists the pairs of links that never collide (`disable_collisions`); all other pairs of
+    the body then collide. Without it, links of one body do not collide with each other.
+    Resolved like `urdf`."""
     visuals: bool = True
-    """Whether to load the shapes that only cameras see; for Baxter this takes 3.5 s."""
+    """Whether to load the visual shapes, which only cameras see; for Baxter this takes 3.5 s."""
     position: Vector3 = (0.0, 0.0, 0.0)
     """Position of the base in the world [m]."""
     orientation_rpy: Vector3 = (0.0, 0.0, 0.0)
@@ -114,16 +114,16 @@ class Body(Settings):
     joint_defaults: JointSettings = JointSettings()
     """Settings for every joint of the body."""
     joints: dict[str, JointSettings] = {}
-    """Joint → settings that override `joint_defaults`."""
+    """Settings per joint; they override `joint_defaults`."""
 
 
 class BaseSettings(Settings):
     """A mobile base with two driven wheels on one axle."""
 
     left: str
-    """Joint of the left wheel; it has mode velocity, and positive angles drive forward."""
+    """Joint of the left wheel; it needs mode velocity, and positive angles drive forward."""
     right: str
-    """Joint of the right wheel, likewise."""
+    """Joint of the right wheel; same requirements."""
     wheel_radius: Positive
     """[m]"""
     track: Positive
@@ -134,9 +134,9 @@ class GripperSettings(Settings):
     """A gripper with two prismatic fingers, which are coupled."""
 
     left: str
-    """Joint of one finger; it has mode velocity, and positive positions open the gripper."""
+    """Joint of one finger; it needs mode velocity, and positive positions open the gripper."""
     right: str
-    """Joint of the other finger, likewise."""
+    """Joint of the other finger; same requirements."""
     speed: Positive = 0.1
     """Largest velocity of each finger [m/s]."""
 
@@ -145,30 +145,29 @@ class ContactSensorSettings(Settings):
     """A sensor of contacts."""
 
     links: tuple[str, ...] | None = None
-    """Links whose contacts it reports, named as in `poses`; `<body>/*` means all links of a body.
-    Default: all."""
+    """Links whose contacts it reports, named as in `poses`; `<body>/*` means all links of a
+    body. Default: all."""
     within: NonNegative = 0.0
-    """It also reports links of other bodies closer to `links` than this, with force 0 [m]; needs
-    `links`."""
+    """Also reports links of other bodies that are closer to `links` than this, with force 0
+    [m]; needs `links`."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield a distance that nothing is measured from."""
         if self.within and self.links is None:
-            yield ("within",), "needs 'links', the ones to measure the distance from"
+            yield ("within",), "needs 'links', from which distances are measured"
 
 
 class CameraSettings(Settings):
     """An RGB-D camera."""
 
     link: str
-    """Link with its optical frame: z forward, x right, y down."""
+    """Link that is its optical frame: z forward, x right, y down."""
     period_ns: Duration | None = None
-    """Period of the images, a multiple of the plant's step. Default: each step. An input of the
-    plant that triggers the camera replaces it."""
+    """Period of the images, a multiple of the plant's step. Default: each step. Ignored if an
+    input of the plant triggers the camera."""
     latency_ns: Duration | None = None
-    """Time from an image to its message, a multiple of the plant's step; real cameras need it for
-    exposure and transfer. The image is then drawn concurrently with the steps, on another core.
-    Default: none."""
+    """Delay from image to message for exposure and transfer, a multiple of the plant's step.
+    The image is then rendered in parallel on another core. Default: none."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240
@@ -180,7 +179,7 @@ class CameraSettings(Settings):
     far: Positive = 3.0
     """Far clipping distance [m]."""
     stride: Count = 1
-    """A point cloud has every n-th pixel of every n-th row; this is n."""
+    """Stride of a point cloud: it has every n-th pixel of every n-th row."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no camera can have."""
@@ -195,12 +194,12 @@ class ItemTypeSettings(Settings):
     """A type of item."""
 
     urdf: ModelFile
-    """File, resolved like the URDF of a body; one link, with its origin in the middle of the
-    bottom."""
+    """URDF of the item, resolved like that of a body; one link, with its origin in the centre
+    of the bottom."""
     mass: Positive
     """Mass [kg]; scales the inertia of the URDF."""
     friction: NonNegative = 0.8
-    """Lateral friction [-]; multiplied by that of the body that touches the item."""
+    """Lateral friction [-]; multiplied by that of the other body in a contact."""
     spinning_friction: NonNegative = 0.002
     """[-]"""
 
@@ -209,20 +208,20 @@ class RowSettings(Settings):
     """A row of slots, counted from 1, from left to right as seen from the front."""
 
     position: Vector3
-    """Middle of the row, at the bottom of the items, in the world [m]."""
+    """Centre of the row at the bottom of the items, in the world frame [m]."""
     count: Annotated[int, msgspec.Meta(ge=1, le=1000)]
     """Number of slots."""
     pitch: Positive
     """Distance between two slots [m]."""
     yaw: Finite = 0.0
-    """Heading that faces the row from the front; also the yaw of the items [rad]."""
+    """Heading of a robot that faces the row; also the yaw of the items [rad]."""
 
 
 class SpreadSettings(Settings):
     """Variation among items: half the width of each uniform distribution."""
 
     position: NonNegative = 0.003
-    """Position along and across the row [m]."""
+    """Half-width of the variation along and across the row [m]."""
     yaw: NonNegative = 0.05
     """[rad]"""
     mass: Share = 0.03
@@ -245,14 +244,14 @@ class StockSettings(Settings):
         """Yield an empty section."""
         for key, section in (("types", self.types), ("rows", self.rows)):
             if not section:
-                yield (key,), "is empty; leave out the stock instead"
+                yield (key,), "is empty; remove 'stock' instead"
 
 
 class WorldFile(Settings):
     """The content of a world file."""
 
     bodies: dict[str, Body]
-    """Bodies, at least one."""
+    """Bodies by name, at least one."""
     bases: dict[str, BaseSettings] = {}
     """Mobile bases on two wheels."""
     grippers: dict[str, GripperSettings] = {}
@@ -275,7 +274,7 @@ class WorldFile(Settings):
     """Length of a physics substep; divides the plant's step (`step` × `every`) exactly. Default:
     the plant's step."""
     substeps: Count | None = None
-    """Physics substeps per plant's step; instead of `physics_step`. Default: 1."""
+    """Physics substeps per step of the plant; instead of `physics_step`. Default: 1."""
     engine: EngineName | None = None
     """Physics engine, see [Engines](../guide/running/engines.md). Default: pybullet, or mujoco
     where PyBullet is not installed."""
@@ -283,16 +282,16 @@ class WorldFile(Settings):
     """Iterations of the engine's constraint solver."""
     sleeping: bool = False
     """Whether the physics skips bodies without joints that have been at rest for 2 s, until
-    something moves them. 42 cans on shelves then take a third of the time."""
+    something moves them. 42 cans on shelves then take a third of the computing time."""
     stock: StockSettings | None = None
-    """Goods on shelves; each becomes a body ([Stock](world.md#stock))."""
+    """Items on shelves; each becomes a body ([Stock](world.md#stock))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong between keys."""
         if not self.bodies:
             yield ("bodies",), "is empty; a world needs at least one body"
         if self.physics_step_ns is not None and self.substeps is not None:
-            yield ("substeps",), "choose one of 'physics_step' and 'substeps'"
+            yield ("substeps",), "set either 'physics_step' or 'substeps', not both"
 
 
 def read_world(path: Path) -> tuple[parameters.YamlFile, WorldFile, Problems]:
@@ -300,6 +299,6 @@ def read_world(path: Path) -> tuple[parameters.YamlFile, WorldFile, Problems]:
 
     Raises SettingsError when it is no YAML map.
     """
-    source = parameters.read_yaml(path, "a world has at least bodies", file=str(path))
+    source = parameters.read_yaml(path, "a world needs at least 'bodies'", file=str(path))
     problems = source.problems()
     return source, read(WorldFile, source.data, problems, folder=path.absolute().parent), problems

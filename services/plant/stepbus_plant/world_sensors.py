@@ -31,7 +31,7 @@ class ImuSettings(Settings):
     """An inertial unit."""
 
     link: str
-    """Link that carries it; it measures in the frame of that link."""
+    """Link that carries the sensor; it measures in the frame of this link."""
     period_ns: Duration | None = None
     """Period of the readings, a multiple of the plant's step. Default: each step."""
     orientation: bool = True
@@ -39,7 +39,7 @@ class ImuSettings(Settings):
     noise: ImuErrors = ImuErrors()
     """Standard deviation of Gaussian noise."""
     bias: ImuErrors = ImuErrors()
-    """Standard deviation of the constant offset that each run draws."""
+    """Standard deviation of a constant offset, drawn once per run."""
 
 
 class WrenchErrors(Settings):
@@ -55,20 +55,20 @@ class WrenchSettings(Settings):
     """A force-torque sensor."""
 
     joint: str
-    """Joint that carries it, of any type, fixed ones included."""
+    """Joint that carries the sensor, of any type, including fixed."""
     period_ns: Duration | None = None
     """Period of the readings, a multiple of the plant's step. Default: each step."""
     noise: WrenchErrors = WrenchErrors()
     """Standard deviation of Gaussian noise."""
     bias: WrenchErrors = WrenchErrors()
-    """Standard deviation of the constant offset that each run draws."""
+    """Standard deviation of a constant offset, drawn once per run."""
 
 
 class LidarSettings(Settings):
     """A planar lidar."""
 
     link: str
-    """Link that carries it; its rays are in the x-y plane of that link's frame."""
+    """Link that carries the lidar; its rays lie in the x-y plane of the link's frame."""
     period_ns: Duration | None = None
     """Period of the scans, a multiple of the plant's step. Default: each step."""
     rays: Annotated[int, msgspec.Meta(ge=1, le=_MOST_RAYS)] = 181
@@ -84,7 +84,7 @@ class LidarSettings(Settings):
     noise: NonNegative = 0.0
     """Standard deviation of Gaussian noise of each range [m]."""
     bias: NonNegative = 0.0
-    """Standard deviation of the constant offset of all ranges that each run draws [m]."""
+    """Standard deviation of a constant offset of all ranges, drawn once per run [m]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no lidar can have."""
@@ -107,12 +107,12 @@ class TransformSettings(Settings):
     """Transforms of links."""
 
     links: Names
-    """Links whose frames it measures, named as in `poses`."""
+    """Links whose frames are measured, named as in `poses`."""
     parent: str = WORLD
-    """Frame in which it measures them: `world` or a link."""
+    """Reference frame: `world` or a link."""
     period_ns: Duration | None = None
     """Period of the readings, a multiple of the plant's step. Default: each step."""
     noise: TransformErrors = TransformErrors()
     """Standard deviation of Gaussian noise."""
     bias: TransformErrors = TransformErrors()
-    """Standard deviation of the constant offset that each run draws."""
+    """Standard deviation of a constant offset, drawn once per run."""

@@ -39,16 +39,16 @@ class Order(Settings):
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield an order without content, or with both."""
         if bool(self.type) == bool(self.item):
-            yield (), "needs an item type, `type: cola`, or an item, `item: cola_a1_3`"
+            yield (), "needs either an item type, `type: cola`, or an item, `item: cola_a1_3`"
 
 
 class Shelf(Settings):
     """A shelf."""
 
     front: tuple[Finite, Finite]
-    """x and y of a point of its front line [m]."""
+    """x and y of a point on its front line [m]."""
     yaw: Finite = 0.0
-    """Heading that faces it [rad]."""
+    """Heading of a robot that faces it [rad]."""
 
     @property
     def spot(self) -> Spot:
@@ -60,9 +60,9 @@ class Outlet(Settings):
     """Where the robot puts sold items: a spot per order, from left to right, the back row first."""
 
     position: Vector3
-    """Middle of the rows, on top of the outlet [m]."""
+    """Centre of the rows, on top of the outlet [m]."""
     yaw: Finite = math.pi / 2
-    """Heading that faces it [rad]."""
+    """Heading of a robot that faces it [rad]."""
     pitch: Positive = 0.12
     """Distance between spots [m]."""
     length: Positive = 0.5
@@ -72,92 +72,93 @@ class Outlet(Settings):
     depth: Positive = 0.14
     """Distance between rows [m]."""
     link: Text = "outlet_top"
-    """Its link, which the gripper may touch while it puts an item down."""
+    """Link of the outlet; the gripper may touch it while placing an item."""
 
 
 class Tolerances(Settings):
     """Largest errors."""
 
     found: Positive = 0.06
-    """Of a detection from the expected position [m]."""
+    """Largest distance of a detection from the expected position [m]."""
     steady: Positive = 0.002
-    """Between two detections in a row [m]."""
+    """Largest distance between two consecutive detections [m]."""
     placed: Positive = 0.01
-    """Of an item from its spot [m]."""
+    """Largest distance of an item from its spot [m]."""
     moved: Positive = 0.002
-    """Displacement of any other item [m]."""
+    """Largest displacement of any other item [m]."""
     tilt: Positive = 0.1
-    """Of a placed item from the vertical [rad]."""
+    """Largest tilt of a placed item [rad]."""
 
 
 class Waits(Settings):
     """Durations and timeouts."""
 
     answer: Positive = 2.0
-    """For the controller to answer a goal [s]."""
+    """Timeout for the controller to answer a goal [s]."""
     motion: Positive = 60.0
-    """For a motion to end [s]."""
+    """Timeout for a motion to end [s]."""
     camera: Positive = 3.0
-    """For the first detections [s]."""
+    """Timeout for the first detections [s]."""
     still: Positive = 0.2
-    """After a motion, before detections count [s]."""
+    """Delay after a motion before detections count [s]."""
     grip: Positive = 0.2
-    """After the gripper has closed or lifted, before it counts as holding the item [s]."""
+    """Delay after the gripper has closed or lifted before it counts as holding the item [s]."""
     rest: Positive = 0.5
-    """Everything is at rest for this long, before a measurement and in an emergency stop [s]."""
+    """Time that everything must be at rest before a measurement and in an emergency stop [s]."""
     halt: Positive = 10.0
-    """For everything to come to rest [s]."""
+    """Timeout for everything to come to rest [s]."""
     release: Positive = 60.0
-    """For an emergency stop to be released, before the run ends [s]."""
+    """Timeout for the release of an emergency stop; then the run ends [s]."""
     lost: Positive = 0.1
-    """Without a grip, until a carried item counts as dropped [s]."""
+    """Time without a grip until a carried item counts as dropped [s]."""
 
 
 class Params(Settings):
     """Parameters of `stepbus_store.mission`."""
 
     orders: Annotated[tuple[Order, ...], msgspec.Meta(min_length=1)]
-    """List of item types; also `type: cola` or `item: juice_b2_3`."""
+    """Orders: a list of item types; also `type: cola` or `item: juice_b2_3`."""
     shelves: dict[str, Shelf]
-    """Name → shelf. The item `cola_a1_3` is on the shelf whose name starts its slot `a1_3`."""
+    """Shelves by name. The item `cola_a1_3` in slot `a1_3` is on the shelf whose name starts
+    the slot's."""
     outlet: Outlet
-    """Where the robot puts sold items."""
+    """Place where the robot puts sold items."""
     tuck: dict[str, Finite]
-    """Joint → position of the arm while the base drives without an item [rad]."""
+    """Posture of the arm while the base drives without an item: joint → position [rad]."""
     catalog: File | None = None
-    """World file whose `stock.types` may be ordered, sold out or not. Default: the types of the
-    items that the plant has."""
+    """World file whose `stock.types` may be ordered, even if sold out. Default: the types of
+    the items in the plant."""
     home: Vector3 = (0.0, 0.0, 0.0)
-    """x, y, yaw of the base before the outlet [m, m, rad]."""
+    """x, y, yaw of the base in front of the outlet [m, m, rad]."""
     stand: Positive = 0.45
     """Distance of the base from a front line [m]."""
     reverse: Positive = 0.3
     """How far the base backs up from there before it turns [m]."""
     carry: tuple[Finite, Finite] = (0.45, 0.0)
-    """Where an item is carried: ahead and to the left of the base [m]."""
+    """Carrying position of an item: ahead and to the left of the base [m]."""
     verification: Literal["camera", "truth"] = "truth"
-    """Who says where a sold item stands, and whether others were moved: `camera`: what is seen from
-    above the outlet, others are not checked; `truth`: the plant's poses, for comparison."""
+    """How to verify the position of a sold item. `camera`: by an image from above the outlet;
+    other items are not checked. `truth`: by the plant's poses, which also show whether other
+    items moved; for comparison."""
     prefix: str = ""
-    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
-    a world. All other parameters name joints and links without it."""
+    """Prefix of this robot's names in the plant, such as `left/` if two bodies from one URDF
+    share a world. All other parameters name joints and links without it."""
     base_frame: Text = "chassis"
-    """Link that detections are given in."""
+    """Reference link of the detections."""
     tip: Text = "grasp"
     """Frame of the gripper: z along the approach, y along the opening."""
     gripper_yaw: Finite = 0.0
-    """Rotation of the gripper about the vertical, e.g. π to have the camera on the other side
-    [rad]."""
+    """Rotation of the gripper about the vertical, e.g. π for the camera on the other side [rad]."""
     force: Positive = 15.0
-    """Largest force of each finger [N]; as much of it is used as slip and weight need."""
+    """Maximum force of each finger [N]; slip and weight determine how much is used."""
     opening: Positive = 0.09
     """Width of the open gripper [m]."""
     grasp_depth: Positive = 0.015
     """Depth of the tip below the upper end of the body [m]."""
     grasp_reach: Positive = 0.065
-    """How far an item may extend into the gripper beyond the tip [m]."""
+    """Largest length of an item inside the gripper, beyond the tip [m]."""
     width_tolerance: Positive = 0.008
-    """How much thinner than expected a held item may be [m]."""
+    """Tolerance of the width of a held item below the expected one [m]."""
     down: NonNegative = 1.5
     """Duration of the motions down and up; 0: as fast as the limits allow [s]."""
     view_height: Positive = 0.2
@@ -165,25 +166,25 @@ class Params(Settings):
     approach_height: Positive = 0.1
     """Height of the tip above the grip, and above the release [m]."""
     lift_height: Positive = 0.1
-    """How far to lift an item [m]."""
+    """Height by which an item is lifted [m]."""
     safe_height: Positive = 0.6
     """Largest height of the tip while the base carries an item [m]."""
     recover: bool = False
-    """After a failure, bring the arm back to where it is tucked in, or with an item to `carry` at
-    `safe_height`, once everything is at rest."""
+    """Whether to bring the arm back after a failure, once everything is at rest: to the tuck
+    posture, or with an item to `carry` at `safe_height`."""
     together: bool = False
-    """Move the arm while the base drives, where that is free. Otherwise it is tucked in, or has
-    lowered the item, before the base moves."""
+    """Whether to move the arm while the base drives, if that is free of collisions. Otherwise
+    the arm is tucked in, or has lowered the item, before the base moves."""
     lower_step: Positive = 0.1
-    """Step in which to lower an item [m]."""
+    """Step size for lowering an item [m]."""
     drop_height: Positive = 0.003
     """Height of the item above the outlet at the release [m]."""
     attempts: Count = 2
-    """Attempts to grasp an item."""
+    """Maximum attempts to grasp an item."""
     corrections: Count = 3
-    """Corrections per approach, at most."""
+    """Maximum corrections per approach."""
     views: Count = 3
-    """Views without the item before it counts as missing."""
+    """Number of views without the item before it counts as missing."""
     tolerances: Tolerances = Tolerances()
     """Largest errors."""
     waits: Waits = Waits()
@@ -198,7 +199,7 @@ class Params(Settings):
         items = [order.item for order in self.orders if order.item]
         for name in dict.fromkeys(items):
             if items.count(name) > 1:
-                yield ("orders",), f"item {name!r} is sold twice"
+                yield ("orders",), f"item {name!r} is ordered twice"
         outlet = self.outlet
         count = self._in_a_row
         if count * outlet.pitch > outlet.length + 1e-9:

@@ -25,7 +25,7 @@ def types_in(path: Path) -> list[str]:
     Raises ValueError with a sentence for a file without any, or one that cannot be read.
     """
     try:
-        data = parameters.read_yaml(path, "a world has at least bodies").data
+        data = parameters.read_yaml(path, "a world needs at least 'bodies'").data
     except SettingsError as exc:
         raise ValueError(str(exc)) from exc
     stock = data.get("stock")
@@ -98,7 +98,9 @@ class Stock:
         shapes = details.get("shape", [""] * len(names))
         if {len(types), len(shapes)} != {len(names)}:
             counts = f"{len(types)} types and {len(shapes)} shapes for {len(names)} links"
-            raise WiringError(f"the poses are described with {counts}")
+            raise WiringError(
+                f"the description of the poses has {counts}; they must have equal lengths"
+            )
         self._index = {name: index for index, name in enumerate(names)}
         self._shelves = shelves
         self._types = {n: t for n, t in zip(names, types, strict=True) if t}
@@ -128,7 +130,7 @@ class Stock:
         """Raise RunError for a wrong number of poses, and for one of an item that is not finite."""
         counts = {len(poses.position), len(poses.orientation)}
         if counts != {len(self._index)}:
-            raise RunError(f"{len(self._index)} poses expected, {len(poses.position)} received")
+            raise RunError(f"expected {len(self._index)} poses, received {len(poses.position)}")
         if math.isfinite(sum(map(sum, poses.position)) + sum(map(sum, poses.orientation))):
             return
         for name in self._types:
@@ -176,7 +178,7 @@ def measures(name: str, shapes: str) -> Measures:
     try:
         parts = [_part(shape) for shape in parse_shapes(shapes) if shape.type in _SIZES]
     except ValueError as exc:
-        raise WiringError(f"item {name!r} has the shape {shapes!r}: {exc}") from exc
+        raise WiringError(f"item {name!r}: {exc}") from exc
     if not parts:
         raise WiringError(
             f"item {name!r} has the shape {shapes!r}; a graspable item needs a box, a cylinder or "

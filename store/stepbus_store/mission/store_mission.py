@@ -98,7 +98,7 @@ class StoreMission(Participant):
         """Return the call that orders one more item."""
         order = Method(
             self.order,
-            "TYPE: orders one more item, after those that are ordered; returns their number",
+            "TYPE: orders one more item, after all other orders; returns the number of orders",
             changes=True,
         )
         return {"order": order}
@@ -106,7 +106,7 @@ class StoreMission(Participant):
     def order(self, item_type: str) -> int:
         """Order one more item of a type; raises CallError for one that cannot be sold."""
         if self._is_done or self._failure:
-            raise CallError("the mission is over")
+            raise CallError("the mission has ended")
         given = [*self.config.params["orders"], *self._further, item_type]
         params = {**self.config.params, "orders": given}
         try:

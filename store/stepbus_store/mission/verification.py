@@ -152,7 +152,8 @@ def _check(detections: Detections) -> None:
     if len(set(counts)) > 1:
         types, positions, orientations = counts
         raise RunError(
-            f"detections have {types} types, {positions} positions, {orientations} orientations"
+            f"detections have {types} types, {positions} positions and {orientations} "
+            "orientations; they must have equal lengths"
         )
     for name, position, turn in zip(
         detections.types, detections.position, detections.orientation, strict=True
@@ -171,7 +172,7 @@ def _in_odometry(store: StoreState, frame: str, position: Point, yaw: float) -> 
         return Spot(x=position[0], y=position[1], yaw=yaw)
     if frame != store.settings.base_frame:
         known = [store.settings.base_frame, ODOMETRY]
-        raise RunError(f"detections are given in frame {frame!r}{suggest(frame, known)}")
+        raise RunError(f"detections have the unknown frame {frame!r}{suggest(frame, known)}")
     base = spot_of(store.inputs.odometry)
     spot = base.ahead(position[0], left=position[1])
     return Spot(x=spot.x, y=spot.y, yaw=base.yaw + yaw)

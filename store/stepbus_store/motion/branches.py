@@ -49,8 +49,8 @@ class AnalyticChain:
             self._set_up()
         elif self._is_six_revolute():
             self.warning = (
-                f"tip {tip!r}: eaik is not installed, so one solution of a pose is searched, "
-                f"instead of all computed{extra_hint('eaik')}"
+                f"tip {tip!r}: eaik is not installed, so one solution of a pose is searched "
+                f"numerically instead of computing all{extra_hint('eaik')}"
             )
 
     @property

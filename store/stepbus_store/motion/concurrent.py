@@ -50,7 +50,7 @@ class BesideBase:
     def _companion(self, goal: Goal) -> Companion:
         base, navigator = self._parts.base, self._parts.navigator
         if base is None or navigator is None:
-            raise RunError("there is no base to move beside")
+            raise RunError("this robot has no base to move with")
         arm, held = self._parts.arm, self._avoidance.held
         return Companion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
 

@@ -9,14 +9,14 @@ class JointParams(Settings):
     model: ModelFile
     """URDF or xacro of the robot."""
     joints: Names
-    """Joints of the arm; all others stand at neutral."""
+    """Joints of the arm; all others stay at their neutral position."""
     velocity_limit: PositivePerJoint | None = None
-    """Largest velocities [rad/s]. Default: 80 % of the URDF's."""
+    """Velocity limits [rad/s]. Default: 80 % of the URDF's."""
     settle_position: Positive = 1e-3
     """Largest error of a joint at the end of a motion [rad]."""
     settle_velocity: Positive = 1e-2
-    """Largest velocity that counts as standing still [rad/s]."""
+    """Largest velocity that counts as at rest [rad/s]."""
     settle_steps: Count = 5
-    """Steps in a row in which both must hold."""
+    """Number of consecutive steps for which both must hold."""
     settle_timeout: Positive = 3.0
-    """For that, from the end of the motion on [s]."""
+    """Timeout for that, from the end of the motion [s]."""

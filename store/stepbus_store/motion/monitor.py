@@ -102,7 +102,7 @@ class CollisionMonitor:
         counts = (len(contacts.pairs), len(contacts.peaks), len(contacts.distance))
         if len(set(counts)) > 1:
             text = f"{counts[0]} pairs, {counts[1]} forces, {counts[2]} distances"
-            raise RunError(f"the contacts have {text}; they need as many of each")
+            raise RunError(f"the contacts have {text}; they must have equal lengths")
         self._learn_ground(contacts)
         held = self.held
         self._grasp.update(contacts, holding=holding, grips=self._grips)

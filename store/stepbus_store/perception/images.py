@@ -95,7 +95,8 @@ def make_view(images: dict[str, Image]) -> View:
     rgb, depth = by_encoding["rgb8"], by_encoding["32FC1"]
     if _optics(rgb) != _optics(depth):
         raise RunError(
-            f"the images are of different cameras: width, height, focal, centre are {_optics(rgb)} "
+            "the images come from different cameras: width, height, focal, centre are "
+            f"{_optics(rgb)} "
             f"in colour and {_optics(depth)} in depth"
         )
     return View(
@@ -115,8 +116,8 @@ def _check(port: str, image: Image) -> None:
     size = image.width * image.height * channels * np.dtype(dtype).itemsize
     if len(image.data) != size or size == 0:
         raise RunError(
-            f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} are {size} "
-            f"bytes, {len(image.data)} received"
+            f"input {port!r}: {image.width} x {image.height} pixels of {image.encoding} need "
+            f"{size} bytes, received {len(image.data)}"
         )
     if not all(0 < length < math.inf for length in image.focal):
         raise RunError(f"input {port!r}: focal length {image.focal} is not positive")

@@ -145,7 +145,9 @@ def _color(port: str, name: str, text: str) -> Color | None:
         red = green = blue = -1.0
     # NaN and infinity fail the comparison too.
     if not all(0 <= part < math.inf for part in (red, green, blue)):
-        raise WiringError(f"input {port!r}: color {text!r} of {name!r} is not `red green blue`")
+        raise WiringError(
+            f"input {port!r}: color {text!r} of {name!r} must be three numbers, `red green blue`"
+        )
     return (red, green, blue)
 
 

@@ -66,7 +66,8 @@ class CameraSource:
         spot = request.position if request is not None else None
         if request is not None and spot is not None and request.frame != self._frame:
             raise RunError(
-                f"the spot to look at is given in {request.frame!r}, not {self._frame!r}"
+                f"the position to look at has the frame {request.frame!r}; it must be "
+                f"{self._frame!r}"
             )
         detections, hidden = self._detector.look(view, self._mount.pose(angles), spot)
         return Detections(

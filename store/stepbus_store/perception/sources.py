@@ -44,7 +44,7 @@ def read_angles(order: JointOrder, port: str, state: JointState) -> list[float]:
     """
     angles = order.pick(state.position, "position")
     if not np.isfinite(angles).all():
-        raise RunError(f"input {port!r}: {angles} rad are not all finite numbers")
+        raise RunError(f"input {port!r}: the angles {angles} rad must be finite")
     read: list[float] = angles.tolist()
     return read
 
@@ -77,7 +77,7 @@ class Truth:
         count = len(self._links)
         if len(poses.position) != count or len(poses.orientation) != count:
             raise RunError(
-                f"input {self._port!r}: {count} poses expected, {len(poses.position)} received"
+                f"input {self._port!r}: expected {count} poses, received {len(poses.position)}"
             )
         indices = [index for index, _ in self._items]
         self._check(poses, [self._frame, *indices])
@@ -195,7 +195,7 @@ def _images(config: Config, problems: Problems) -> tuple[str, str]:
     """Return the ports of the images, identified by their descriptions."""
     images = [name for name, port in config.inputs.items() if port.type == _IMAGE]
     if len(images) != 2:
-        text = f"{len(images)} are of type {_IMAGE}; source camera needs colour and depth"
+        text = f"{len(images)} ports have type {_IMAGE}; source camera needs two, colour and depth"
         problems.add(("inputs",), text)
         return ("", "")
     return (images[0], images[1])

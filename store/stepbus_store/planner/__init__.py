@@ -29,13 +29,13 @@ class Params(Settings):
     posture: dict[str, Finite] = {}
     """Positions of the other joints, by name [rad or m]."""
     srdf: File | None = None
-    """Pairs of links not to check. Default: neighbours, and pairs that touch in `posture` with the
-    joints at 0."""
+    """SRDF with the pairs of links not to check. Default: neighbours, and pairs that touch in
+    `posture` with the joints at 0."""
     prefix: str = ""
-    """What the plant puts before this robot's names: `left/` where two bodies of one URDF share
-    a world. All other parameters name joints and links without it."""
+    """Prefix of this robot's names in the plant, such as `left/` if two bodies from one URDF
+    share a world. All other parameters name joints and links without it."""
     frame: Text = "chassis"
-    """Link that identifies the robot among the poses; the root of the model."""
+    """Root link of the model, which identifies the robot among the poses."""
     tip: Text = "grasp"
     """Link that a held object moves with."""
     margin: NonNegative = 0.01
@@ -43,17 +43,17 @@ class Params(Settings):
     held_margin: NonNegative = 0.003
     """Minimum distance of a held object to everything else [m]."""
     path_margin: NonNegative = 0.003
-    """Minimum distance of the robot on a path that is only checked, such as a straight line [m]."""
+    """Minimum distance of the robot on a path that is only checked, such as a line [m]."""
     base_radius: Positive = 0.385
-    """Distance of the base's origin to everything on its route: it can turn anywhere [m]."""
+    """Clearance of the base's origin on its route, which lets it turn anywhere [m]."""
     base_half_width: Positive = 0.36
-    """The same to both sides of a straight segment [m]."""
+    """Clearance to both sides of a straight segment [m]."""
     base_speed: Positive = 0.5
-    """How fast the base drives, to find its quickest route [m/s]."""
+    """Speed of the base, to find the fastest route [m/s]."""
     base_acceleration: Positive = 0.4
     """[m/s²]"""
     base_turn_speed: Positive = 0.8
-    """The same on the spot [rad/s]."""
+    """Speed of the base when turning on the spot [rad/s]."""
     base_turn_acceleration: Positive = 0.8
     """[rad/s²]"""
     velocity_limit: PositivePerJoint = each(1.5)
@@ -63,11 +63,11 @@ class Params(Settings):
     jerk_limit: PositivePerJoint = each(40.0)
     """Largest jerk of each joint [rad/s³]."""
     max_checks: Count = 20_000
-    """Limit on collision checks of a search."""
+    """Maximum number of collision checks per search."""
     latency_ns: Duration = 200_000_000
-    """From a request to its answer, rounded up to the planner's period."""
+    """Time from a request to its answer, rounded up to the planner's period."""
     check_latency_ns: Duration = 32_000_000
-    """The same, where a path is only checked."""
+    """Time from a request to its answer if a path is only checked."""
 
 
 if TYPE_CHECKING:

@@ -148,7 +148,7 @@ class Obstacles:
         if counts != {len(names)}:
             received = f"{len(poses.position)} positions and {len(poses.orientation)} orientations"
             raise RunError(
-                f"input {self._port!r}: {len(names)} poses expected, {received} received"
+                f"input {self._port!r}: expected {len(names)} poses, received {received}"
             )
         for name, position, turn in zip(names, poses.position, poses.orientation, strict=True):
             if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*turn) < math.inf):

@@ -154,7 +154,7 @@ class Planner(Participant):
         self._odometry_port = ports.optional_input_of("BaseState/1")
         self._scan_ports = [n for n, port in config.inputs.items() if port.type == "LaserScan/1"]
         if self._scan_ports and self._odometry_port is None:
-            text = "a lidar needs an input of type BaseState/1, odometry, beside it"
+            text = "a lidar needs the odometry too: add an input of type BaseState/1"
             ports.problems.add(("inputs",), text)
         self._plan_port = ports.output_of("Plan/1")
         self._event_port = ports.optional_output_of("Event/1")
@@ -226,7 +226,10 @@ class Planner(Participant):
         link = name.removeprefix(self._setup.prefix)
         robot = self._setup.robot
         if link not in robot.links:
-            text = f"{self.config.name}: input {port!r} is of link {name!r}, not one of the robot"
+            text = (
+                f"{self.config.name}: input {port!r} belongs to link {name!r}, which is not a "
+                "link of the robot"
+            )
             raise WiringError(text)
         pose = robot.frame_pose(np.zeros(len(robot.joints)), link)
         x, y, _ = pose.translation.tolist()

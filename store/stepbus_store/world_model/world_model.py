@@ -172,7 +172,7 @@ class WorldModel(Participant):
         bodies = described.details.get("body", [])
         if frame not in self._names or len(bodies) != len(self._names):
             raise WiringError(
-                f"{self.config.name}: input {ports.planogram!r} has no link {frame!r} of a body"
+                f"{self.config.name}: input {ports.planogram!r} has no link {frame!r} with a body"
                 f"{suggest(frame, self._names)}"
             )
         own = bodies[self._names.index(frame)]

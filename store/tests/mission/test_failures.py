@@ -268,13 +268,16 @@ def test_a_short_loss_of_the_grip_is_no_failure():
 
 def test_detections_in_an_unknown_frame_are_refused():
     result = sell(FakeStore(shelf_a(*GOODS), frame="chasis"))
-    assert result.error == "detections are given in frame 'chasis'; did you mean 'chassis'?"
+    assert result.error == "detections have the unknown frame 'chasis'; did you mean 'chassis'?"
 
 
 @pytest.mark.parametrize(
     ("changes", "sentence"),
     [
-        ({"orientation": []}, r"detections have 3 types, 3 positions, 0 orientations"),
+        (
+            {"orientation": []},
+            r"detections have 3 types, 3 positions and 0 orientations; they must have equal lengths",
+        ),
         (
             {"position": [(0.5, 0.0, math.nan)] * 3},
             r"cola has an invalid pose: position \(0.5, 0.0, nan\), orientation .*",

@@ -285,11 +285,11 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
     for part in (
         "params.orders[1].typ: unknown key 'typ'; did you mean 'type'?",
         "params.orders[2]: must be text or a map, not 3",
-        "params.orders[3]: needs an item type, `type: cola`, or an item, `item: cola_a1_3`",
+        "params.orders[3]: needs either an item type, `type: cola`, or an item, `item: cola_a1_3`",
         "params.shelves.a.fron: unknown key 'fron'; did you mean 'front'?",
         "params.shelves.a: the key 'front' is missing",
         "params.shelves.b: must be a map, not 3",
-        "params.outlet.position: must be a list of 3, not a list of 2",
+        "params.outlet.position: must be a list of 3 values, not a list of 2",
         "params.outlet.link: must not be empty",
         "params.tip: must be text, not 3",
         "params.base_frame: must be text, not a list",
@@ -306,7 +306,7 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
 @pytest.mark.parametrize(
     ("params", "text"),
     [
-        ({"orders": [{"item": "x_a1_1"}] * 2}, "params.orders: item 'x_a1_1' is sold twice"),
+        ({"orders": [{"item": "x_a1_1"}] * 2}, "params.orders: item 'x_a1_1' is ordered twice"),
         (
             {"orders": ["cola"] * 5, "outlet": {"position": [1, 2, 3], "pitch": 0.2}},
             "params.outlet: 5 orders, 0.2 m apart, do not fit into 0.5 m",

@@ -179,7 +179,7 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     cut = {**messages, "rgb": msgspec.structs.replace(rgb, data=rgb.data[:-3])}
     with pytest.raises(
         RunError,
-        match=r"^perception: step 3: input 'rgb': 320 x 240 pixels of rgb8 are 230400 bytes, 230397 received$",
+        match=r"^perception: step 3: input 'rgb': 320 x 240 pixels of rgb8 need 230400 bytes, received 230397$",
     ):
         stand.update(3, **cut)
     twice = {**messages, "depth": rgb}
@@ -188,7 +188,7 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     small = Image(
         width=2, height=1, encoding="32FC1", data=bytes(8), focal=depth.focal, centre=(0, 0)
     )
-    with pytest.raises(RunError, match="of different cameras"):
+    with pytest.raises(RunError, match="come from different cameras"):
         stand.update(5, **{**messages, "depth": small})
     for changes, sentence in (
         ({"focal": (math.nan, 300.0)}, r"focal length \(nan, 300.0\) is not positive"),
@@ -207,14 +207,16 @@ def test_joint_states_and_poses_of_the_wrong_length_are_refused(tmp_path, seen):
     ):
         stand.update(0, **{**messages, "joint_state": JointState(position=[0.0])})
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
-    with pytest.raises(RunError, match="input 'poses': 4 poses expected, 0 received"):
+    with pytest.raises(RunError, match="input 'poses': expected 4 poses, received 0"):
         truth.update(0, poses=Poses(position=[], orientation=[]))
 
 
 def test_joint_states_and_poses_that_are_not_finite_are_refused(tmp_path, seen):
     messages, described = seen
     lost = JointState(position=[math.nan] * 7)
-    with pytest.raises(RunError, match=r"input 'joint_state': .*nan.* are not all finite numbers"):
+    with pytest.raises(
+        RunError, match=r"input 'joint_state': the angles .*nan.* rad must be finite"
+    ):
         start(config(tmp_path), described).update(0, **{**messages, "joint_state": lost})
     poses = messages["poses"]
     truth = start(config(tmp_path, ["poses"], source="truth"), described)
@@ -263,7 +265,7 @@ def test_all_that_is_wrong_with_the_scenario_is_told_at_once(tmp_path):
     rows = problems(config(tmp_path, ["rgb", "joint_state", "poses"], **params, sorce="camera"))
     where = "participants.perception"
     assert rows == [
-        f"{where}.inputs: 1 are of type Image/1; source camera needs colour and depth",
+        f"{where}.inputs: 1 ports have type Image/1; source camera needs two, colour and depth",
         f"{where}.params.timeout: must be above 0, not 0",
         f"{where}.params.min_confidence: must be at most 1, not 2",
         f"{where}.params.sorce: unknown key 'sorce'; did you mean 'source'?",
@@ -295,13 +297,13 @@ def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch)
         ({}, "describes no items: its details type, color, shape are missing or empty"),
         ({"type": ["cola"]}, "describes no items: its details color, shape are missing or empty"),
         ({"type": ["cola"], "color": [""], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
-        ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' is not"),
+        ({"type": ["cola"], "color": ["1 0"], "shape": ["box 1 1 1"]}, "color '1 0' of 'cola' must be three"),
         ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cone 1 1"]}, "item type 'cola': shape 'cone' is not supported"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': shape 'box a 1 1' cannot be read"),
-        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "color '1 0 nan' of 'cola' is not `red green blue`"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["box a 1 1"]}, "item type 'cola': cannot parse shape 'box a 1 1'"),
+        ({"type": ["cola"], "color": ["1 0 nan"], "shape": ["box 1 1 1"]}, "color '1 0 nan' of 'cola' must be three numbers, `red green blue`"),
         ({"type": ["cola"], "color": ["0 0 0"], "shape": ["box 1 1 1"]}, "item type 'cola' has no colour"),
-        ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' is not"),
-        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': shape 'cylinder 0 1' cannot be read"),
+        ({"type": ["cola"], "color": ["1 0 -1"], "shape": ["box 1 1 1"]}, "color '1 0 -1' of 'cola' must be three"),
+        ({"type": ["cola"], "color": ["1 0 0"], "shape": ["cylinder 0 1"]}, "item type 'cola': cannot parse shape 'cylinder 0 1'"),
         ({"type": ["cola", ""], "color": ["1 0 0", ""], "shape": ["box 1 1 1", ""]}, "details type, color, shape are missing"),
     ],
 )  # fmt: skip
@@ -320,7 +322,7 @@ def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
     described = Description(names=["chassis", "ball_1"], details=details)
     (row,) = problems(config(tmp_path), described)
     assert row.startswith(
-        "perception: ball: the camera detects items by an upright box or cylinder"
+        "perception: ball: the camera can only detect shapes with an upright box or cylinder"
     )
     poses = Poses(position=[(0, 0, 0), (2, 0, 0)], orientation=[(0, 0, 0, 1)] * 2)
     told = start(config(tmp_path, ["poses"], source="truth"), described).update(0, poses=poses)

@@ -75,7 +75,7 @@ def test_a_newer_request_cancels_the_one_before(planner):
 def test_poses_that_are_none_are_refused_in_one_sentence(planner):
     stand, poses = planner()
     rows = (
-        ({"position": []}, "2 poses expected, 0 positions and 2 orientations received"),
+        ({"position": []}, "expected 2 poses, received 0 positions and 2 orientations"),
         (
             {"position": [(0.0, 0.0, math.nan)] * 2},
             r"chassis has an invalid pose: position \(0.0, 0.0, nan\)",
@@ -188,7 +188,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         Planner(config(tmp_path, latency="fast", margin=-1, max_check=5))
     text = str(caught.value)
     for part in (
-        "'fast' is no duration", "margin: must be at least 0, not -1",
+        "'fast' is not a duration", "margin: must be at least 0, not -1",
         "max_check: unknown key 'max_check'; did you mean 'max_checks'?",
     ):  # fmt: skip
         assert part in text
@@ -211,9 +211,9 @@ def test_all_that_the_model_lacks_is_listed_at_once(tmp_path):
     [
         ({"tip": "hnad"}, "tip: link 'hnad' is not in arm.urdf"),
         ({"posture": {"wheel_joint": 0.1}}, "has no position limits"),
-        ({"posture": {"one": 0.1}}, "joint 'one' is in joints, too"),
+        ({"posture": {"one": 0.1}}, "joint 'one' is also in 'joints'"),
         ({"posture": [1]}, "posture: must be a map, not a list"),
-        ({"srdf": "arm.srdf"}, "no file 'arm.srdf'"),
+        ({"srdf": "arm.srdf"}, "file 'arm.srdf' not found"),
     ],
 )
 def test_a_mistaken_parameter_is_named(tmp_path, params, text):

@@ -150,7 +150,7 @@ def test_landmarks_correct_the_pose_and_items_are_taken_from_where_they_are_seen
 
 def test_a_planogram_without_the_robot_is_refused():
     participant = WorldModel(config())
-    with pytest.raises(WiringError, match="has no link 'chassis' of a body"):
+    with pytest.raises(WiringError, match="has no link 'chassis' with a body"):
         participant.start(described(NAMES[1:]))
 
 

@@ -155,7 +155,7 @@ def test_a_delayed_command_suits_a_plant_that_publishes_last(tmp_path):
     ("values", "text"),
     [
         ("[float('nan'), 0.0]", "values of joint joint1 is nan, not a finite number"),
-        ("[0.0]", "values has 1 values for 2 joints (joint1, joint2)"),
+        ("[0.0]", "values has 1 entries for 2 joints (joint1, joint2)"),
     ],
 )
 def test_a_command_that_no_plant_can_use_blames_its_sender(tmp_path, values, text):

@@ -44,7 +44,7 @@ def failure_of(recording, *overrides, **options):
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 0\.5 s"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
-        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
         ("message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
         ("skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),
         ("time", ExitCode.FAULT, r"step 7 .*sent a wrong token or time"),

@@ -43,7 +43,7 @@ def test_no_more_problems_are_looked_for_than_anybody_reads(tmp_path):
     with pytest.raises(ScenarioError) as caught:
         load_text(tmp_path, f"{TWO_LINK}faults: [{faults}]\n")
     assert len(caught.value.problems) == 100
-    assert str(caught.value).endswith("\nthere may be more; mend these first")
+    assert str(caught.value).endswith("\nthere may be more; fix these first")
 
 
 MISTAKES = [
@@ -52,8 +52,8 @@ MISTAKES = [
         "name: arm",
         "name: my arm",
         (
-            ":1: name: 'my arm' is no name; it takes 1 to 64 letters, digits, '_' and '-', "
-            "and starts with a letter or digit"
+            ":1: name: 'my arm' is not a valid name; use 1 to 64 letters, digits, '_' and '-', "
+            "starting with a letter or digit"
         ),
     ),
     ("name: arm", "name: 5", ":1: name: must be text, not 5; put it in quotes"),
@@ -101,7 +101,7 @@ MISTAKES = [
     (
         "every: 4",
         "on_late: fail",
-        ":17: participants.mission.on_late: belongs to real_time true; real_time is false",
+        ":17: participants.mission.on_late: applies only with real_time true; here real_time is false",
     ),
     (
         "10s",
@@ -161,10 +161,10 @@ MISTAKES = [
     (
         "every: 4",
         "every: '4'",
-        ":17: participants.mission.every: must be an integer, not '4'; leave out the quotes: 4",
+        ":17: participants.mission.every: must be an integer, not '4'; remove the quotes: 4",
     ),
     ("10s", "10s\nbus: {low_latency: 1}", ":4: bus.low_latency: must be true or false, not 1"),
-    ("10s", "10s\nstep: 1s", ":4: step: is there twice, first in line 2"),
+    ("10s", "10s\nstep: 1s", ":4: step: is a duplicate key, first in line 2"),
     ("10s", "10s\n<<: {seed: 3}", ":4: '<<' is not YAML 1.2; write the keys out, or use extends"),
     (
         "kp: 100",
@@ -265,8 +265,8 @@ MISTAKES = [
         "outputs: {joint_state",
         "outputs: {j.s: Event/1, joint_state",
         (
-            ":9: participants.plant.outputs.j.s: 'j.s' is no name; it takes 1 to 64 letters, "
-            "digits, '_' and '-', and starts with a letter or digit"
+            ":9: participants.plant.outputs.j.s: 'j.s' is not a valid name; use 1 to 64 letters, "
+            "digits, '_' and '-', starting with a letter or digit"
         ),
     ),
     (

@@ -48,12 +48,12 @@ def scenario(params, participant="main.py:Own"):
     [
         ("plant.params.sense=[positoin]", "sense[0]: must be effort, position or velocity, not 'positoin'; did you mean 'position'?"),
         ("plant.params.jonts=[joint1]", "jonts: unknown key 'jonts'; did you mean 'joints'?"),
-        ("plant.params.world=wrld.yaml", "world: no file 'wrld.yaml'"),
+        ("plant.params.world=wrld.yaml", "world: file 'wrld.yaml' not found"),
         ("controller.params.law=pidd", "law: must be computed_torque, pd, pd_gravity, pid or module:Class, not 'pidd'; did you mean 'pid'?"),
         ("controller.params=true", ": must be a map, not true"),
         ("mission.params.task=sinus", "task: must be csv, sine, step, waypoints or module:Class, not 'sinus'; did you mean 'sine'?"),
-        ("mission.params.target=1", "target: belongs to task step; task is 'sine'"),
-        ("mission.params.amplitude=[1]", "amplitude: has 1 numbers, not 2 (joint1, joint2)"),
+        ("mission.params.target=1", "target: applies only with task step; here task is 'sine'"),
+        ("mission.params.amplitude=[1]", "amplitude: has 1 numbers for 2 joints (joint1, joint2)"),
     ],
 )  # fmt: skip
 def test_a_setting_of_a_service_is_checked_with_its_place(capsys, setting, message):
@@ -66,7 +66,7 @@ def test_the_world_file_is_checked_too(tmp_path):
     write(tmp_path, "bodies:\n  arm: {urdf: arm.urdf, fixed: true}\n", "world.yaml")
     text = scenario("{world: world.yaml}", "stepbus_plant:Plant")
     assert [row.rpartition("world.yaml:")[2] for row in problems_of(tmp_path, text)] == [
-        f"2: bodies.arm.urdf: no file 'arm.urdf' ({tmp_path}/arm.urdf)",
+        f"2: bodies.arm.urdf: file 'arm.urdf' not found ({tmp_path}/arm.urdf)",
         "2: bodies.arm.fixed: unknown key 'fixed'; did you mean 'fixed_base'?",
     ]
 
@@ -105,11 +105,11 @@ def test_what_values_contradict_is_checked_in_the_users_own_code(tmp_path):
 @pytest.mark.parametrize(
     ("code", "reason"),
     [
-        ("import no_such_module", "main.py cannot be imported: ModuleNotFoundError: No module named 'no_such_module'"),
-        ("print('hello')\nraise SystemExit(3)", "main.py ends while it is imported; put `raise SystemExit(…)` below `if __name__ =="),
+        ("import no_such_module", "cannot import main.py: ModuleNotFoundError: No module named 'no_such_module'"),
+        ("print('hello')\nraise SystemExit(3)", "main.py exits on import; move `raise SystemExit(…)` below `if __name__ =="),
         ("import os; os._exit(1)", "main.py:Own cannot be imported to check it: Command"),
-        ("Own = 3", "'Own' in main.py is no participant; write `class Own(stepbus.Participant)`"),
-        ("class Own: pass", "'Own' in main.py is no participant; write `class Own(stepbus.Participant)`"),
+        ("Own = 3", "'Own' in main.py is not a participant; write `class Own(stepbus.Participant)`"),
+        ("class Own: pass", "'Own' in main.py is not a participant; write `class Own(stepbus.Participant)`"),
         ("del Own", "no class 'Own' in main.py"),
         (f"{OWN.replace('Own', 'Owm')}del Own", "no class 'Own' in main.py; did you mean 'Owm'?"),
         (f"{OWN.replace('Own', 'Controller')}del Own", "no class 'Own' in main.py; known: Controller"),

@@ -135,19 +135,16 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         load("two_lnk")
 
 
-DEEP = "is nested too deeply: over 100 maps and lists in each other"
+DEEP = "is nested too deeply: more than 100 levels of maps and lists"
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (
-            "",
-            "scenario.yaml: is empty; a scenario needs at least name, step and participants",
-        ),
+        ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
         (
             "- a\n",
-            "scenario.yaml: is no map; a scenario needs at least name, step and participants",
+            "scenario.yaml: is not a map; a scenario has at least name, step and participants",
         ),
         (
             "a: 1\nb: [1\n",
@@ -168,8 +165,8 @@ DEEP = "is nested too deeply: over 100 maps and lists in each other"
         (
             "a: 1\n---\nb: 2\n",
             (
-                "scenario.yaml:2: not YAML: but found another document; a file has one document: leave "
-                "out the '---'"
+                "scenario.yaml:2: not YAML: but found another document; a file must hold one "
+                "document: remove the '---'"
             ),
         ),
         (
@@ -189,15 +186,15 @@ DEEP = "is nested too deeply: over 100 maps and lists in each other"
         (
             "a: b: 3\n",
             (
-                "scenario.yaml:1: not YAML: mapping values are not allowed here; look at the "
-                "indentation; a text with ': ' needs quotes"
+                "scenario.yaml:1: not YAML: mapping values are not allowed here; check the "
+                "indentation; a text that contains ': ' needs quotes"
             ),
         ),
         (
             "a:\n\tb: 3\n",
             (
-                "scenario.yaml:2: not YAML: found character '\\t' that cannot start any token; indent "
-                "with spaces, no tabs; a text that begins so needs quotes"
+                "scenario.yaml:2: not YAML: found character '\\t' that cannot start any token; "
+                "indent with spaces, not tabs; a text that starts with this character needs quotes"
             ),
         ),
     ],

@@ -103,7 +103,7 @@ def test_who_writes_finds_that_its_file_was_cut(file):
     writer = SlotWriter(fd, 2, path)
     writer.write(5, [b"content"])
     os.ftruncate(fd, 20)
-    with pytest.raises(BusError, match=r"process has cut .*/camera.image from 8192 to 20 bytes"):
+    with pytest.raises(BusError, match=r"process truncated .*/camera.image from 8192 to 20 bytes"):
         writer.write(6, [b"another"])
 
 
@@ -112,7 +112,9 @@ def test_there_is_room_for_all_slots_or_a_sentence_at_the_first(file):
     before = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1_000_000, before[1]))
     try:
-        with pytest.raises(BusError, match=r"no room for 20 slots of 0.1 MB in .*camera.image: "):
+        with pytest.raises(
+            BusError, match=r"cannot reserve 20 slots of 0.1 MB in .*camera.image: "
+        ):
             SlotWriter(fd, 20, path).write(0, [bytes(100_000)])
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
@@ -131,7 +133,7 @@ def test_a_participant_opens_what_it_can_and_reads_nothing_else(tmp_path):
     assert Slots("", welcome).names == []
     slots = Slots(str(tmp_path), welcome)
     assert slots.names == ["camera.image"]
-    with pytest.raises(SlotError, match="no slots were agreed on"):
+    with pytest.raises(SlotError, match="no slots were negotiated"):
         slots.content("camera", "depth", offset=0, step=0, length=1)
     slots.close()
 

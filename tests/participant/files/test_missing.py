@@ -15,5 +15,5 @@ def test_the_command_that_installs_the_model_is_named(monkeypatch):
 
 
 def test_other_packages_are_not_ours_to_install():
-    with pytest.raises(WiringError, match=r"package 'my_robot' is not installed here$"):
+    with pytest.raises(WiringError, match=r"package 'my_robot' is not installed$"):
         package_path("package://my_robot/arm.urdf")

@@ -18,10 +18,10 @@ FLEX = '<flexcomp name="f" type="grid" count="2 2 2" spacing=".1 .1 .1" dim="3" 
 FLAT = '<asset><hfield name="h" nrow="2" ncol="2" size="1 1 1 1"/></asset>'
 SAMPLES = {
     "ball joints": part(body='<body><joint name="b" type="ball"/><geom size=".1"/></body>'),
-    "springs of joints": part(joint='stiffness="5"'),
+    "joint springs": part(joint='stiffness="5"'),
     "tendons with a spring": part(SPRING.format('limited="true" range="-1 1"')),
     "constraints `connect`": part('<equality><weld body1="arm"/></equality>'),
-    "couplings of joints": part(
+    "joint couplings": part(
         '<equality><joint joint1="hinge" joint2="slide" polycoef="0 1 2 0 0"/></equality>',
         body=FINGER,
     ),
@@ -40,22 +40,22 @@ SAMPLES = {
         "</plugin></actuator>",
     ),
     "collision geoms": part(solid='type="ellipsoid"').replace('size=".1"', 'size=".1 .2 .3"'),
-    "meshes that are": part(
+    "meshes not in": part(
         before='<asset><mesh name="m" builtin="sphere" params="2"/></asset>',
         body='<geom name="ball" type="mesh" mesh="m"/>',
     ),
-    "geoms of these": part(
+    "visual-only geoms": part(
         body='<geom type="ellipsoid" size=".1 .2 .3" contype="0" conaffinity="0"/>'
     ),
     "`armature`": part(joint='armature=".1"'),
     "`gravcomp`": part().replace('name="arm"', 'name="arm" gravcomp="1"', 1),
-    "actuators of what": part(
+    "actuators of anything": part(
         SPRING.format("") + '<actuator><motor name="pull" tendon="t"/></actuator>'
     ),
     "geoms of the `<worldbody>`": part(before=FLAT).replace(
         "<worldbody>", '<worldbody><geom type="plane" size="1 1 1"/>'
     ),
-    "other friction": part(body='<geom size=".1" friction=".3"/>'),
+    "different friction": part(body='<geom size=".1" friction=".3"/>'),
     "contact pairs": part('<contact><pair geom1="arm" geom2="finger"/></contact>', body=FINGER),
     "adhesion and surface": part(solid='surfacevel="1 0 0 0 0 0"'),
     "density, viscosity": part(before='<option density="1000"/>'),
@@ -73,7 +73,7 @@ def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
         assert line.endswith(f"): not supported; {kind.instead}")
     else:
         (warning,) = urdf_warnings(converted(tmp_path, SAMPLES[start]))
-        lead = "its MJCF has what a URDF has not, which is left out: "
+        lead = "URDF cannot express some of this MJCF, which is ignored: "
         assert warning.startswith(f"{lead}{kind.what} (")
         assert ";" not in warning
 

@@ -50,12 +50,12 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
 @pytest.mark.parametrize(
     ("content", "told"),
     [
-        ('<link name="${unknown}"/>', "xacro cannot expand it: .*unknown"),
-        ('<xacro:include filename="gone.xacro"/>', "gone.xacro: cannot be read: No such file"),
+        ('<link name="${unknown}"/>', "cannot expand xacro: .*unknown"),
+        ('<xacro:include filename="gone.xacro"/>', "gone.xacro: No such file"),
         ('<xacro:include filename="package://no-such/x"/>', "package 'no-such' is not installed"),
         ('<xacro:include filename="r.urdf.xacro"/>', "includes itself"),
-        ("<link", "is no XML"),
-        ("<xacro:property/>", "xacro cannot expand it: .*missing attribute 'name'"),
+        ("<link", "is not XML"),
+        ("<xacro:property/>", "cannot expand xacro: .*missing attribute 'name'"),
         ('<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>', "recursion"),
         ('<link name="${a b}"/>', "invalid syntax .* when evaluating expression 'a b'$"),
     ],
@@ -80,7 +80,7 @@ def test_without_the_package_xacro_the_extra_is_named(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["r.urdf", "r.xacro"])
 def test_a_file_that_is_not_there_is_refused(tmp_path, name):
-    assert "cannot be read: No such file" in refusal(tmp_path / name)
+    assert "No such file" in refusal(tmp_path / name)
 
 
 def test_included_files_become_part_of_a_recording(tmp_path):

@@ -68,13 +68,17 @@ def test_plant_and_controller_read_the_same_dynamics(arm, tmp_path):
     [
         ('"prismatic"', '"ball"', "11: joint 'slide' is ball, which is not supported"),
         ('relative_to="upper"', 'relative_to="uper"', "7: its pose is relative to 'uper'"),
-        ("</model>", "</model><model/>", "1: has 2 models; give a body a file with one"),
+        ("</model>", "</model><model/>", "1: has 2 models; use a file with one model per body"),
         ("</model>", "<include/></model>", "12: <include> in a model is not supported"),
         ("<xyz>1 0 0</xyz>", "<xyz>1 0</xyz>", "12: <xyz> '1 0' is not 3 numbers"),
-        ('version="1.7"', 'version=""', "1: its version is '', not one such as 1.9"),
-        ('version="1.7"', 'version="1.x"', "1: its version is '1.x', not one such as 1.9"),
-        ('name="tool"', 'name="upper"', "7: link 'upper' is there twice, first in line 4"),
-        ('name="slide"', 'name="shoulder"', "11: joint 'shoulder' is there twice, first in line 9"),
+        ('version="1.7"', 'version=""', "1: its version is '', not a version such as 1.9"),
+        ('version="1.7"', 'version="1.x"', "1: its version is '1.x', not a version such as 1.9"),
+        ('name="tool"', 'name="upper"', "7: link 'upper' is defined twice, first in line 4"),
+        (
+            'name="slide"',
+            'name="shoulder"',
+            "11: joint 'shoulder' is defined twice, first in line 9",
+        ),
     ],
 )
 def test_a_mistake_is_refused_with_its_line(tmp_path, old, new, message):
@@ -93,5 +97,5 @@ def test_a_joint_follows_another_one_as_in_a_urdf(tmp_path):
         "slide": Mimic(joint="shoulder", multiplier=0.5, offset=0.9)
     }
     path.write_text(text.replace('joint="shoulder"', 'joint="elbow"'))
-    with pytest.raises(WiringError, match="follows joint 'elbow', which is none that moves"):
+    with pytest.raises(WiringError, match="follows joint 'elbow', which is not a movable joint"):
         read_urdf_text(path)

@@ -38,40 +38,40 @@ def problems(folder, text, name="r.urdf"):
 MASS = "4: link 'arm': mass "
 CASES = {
     "mass -1": ('value="2"', 'value="-1"', f"{MASS}-1 kg is negative"),
-    "heavy": ('value="2"', 'value="heavy"', f"{MASS}'heavy' is no finite number [kg]"),
-    "NaN": ('value="2"', 'value="nan"', f"{MASS}'nan' is no finite number [kg]"),
-    "too large": ('value="2"', 'value="1e999"', f"{MASS}'1e999' is no finite number [kg]"),
-    "decimal comma": ('value="2"', 'value="1,5"', f"{MASS}'1,5' is no finite number [kg]"),
-    "no value": (' value="2"', "", f"{MASS}None is no finite number [kg]"),
-    "mass 0": ('value="2"', 'value="0"', "4: link 'arm' has mass 0, and an inertia, and is moved by joint 'j'"),
-    "no mass": ('<mass value="2"/>', "", "3: link 'arm': its <inertial> has no <mass>; a link without any needs none"),
+    "heavy": ('value="2"', 'value="heavy"', f"{MASS}'heavy' is not a finite number [kg]"),
+    "NaN": ('value="2"', 'value="nan"', f"{MASS}'nan' is not a finite number [kg]"),
+    "too large": ('value="2"', 'value="1e999"', f"{MASS}'1e999' is not a finite number [kg]"),
+    "decimal comma": ('value="2"', 'value="1,5"', f"{MASS}'1,5' is not a finite number [kg]"),
+    "no value": (' value="2"', "", f"{MASS}None is not a finite number [kg]"),
+    "mass 0": ('value="2"', 'value="0"', "4: link 'arm' has mass 0 but an inertia, and is moved by joint 'j'"),
+    "no mass": ('<mass value="2"/>', "", "3: link 'arm': its <inertial> has no <mass>; a massless link needs no <inertial>"),
     "no inertia": (INERTIA, "", "3: link 'arm': its <inertial> has no <inertia>"),
-    "NaN inertia": ('ixx="1"', 'ixx="nan"', "5: link 'arm': ixx of its inertia 'nan' is no finite number [kg·m²]"),
+    "NaN inertia": ('ixx="1"', 'ixx="nan"', "5: link 'arm': ixx of its inertia 'nan' is not a finite number [kg·m²]"),
     "half an inertia": (' izz="1"', "", "5: link 'arm': izz of its inertia is missing"),
     "negative inertia": ('iyy="1"', 'iyy="-1"', "5: link 'arm': iyy -1 kg·m² of its inertia is negative"),
-    "two inertials": ("</inertial>", f"</inertial>\n<inertial><mass value='1'/>{INERTIA}</inertial>", "6: link 'arm' has 2 <inertial>"),
+    "two inertials": ("</inertial>", f"</inertial>\n<inertial><mass value='1'/>{INERTIA}</inertial>", "6: link 'arm' has 2 <inertial>; only one is allowed"),
     "crossed": ('lower="-1"', 'lower="2"', "7: joint 'j': lower 2 is above upper 1"),
-    "one limit": ('lower="-1" ', "", "7: joint 'j' has a limit 'upper' only; give both lower and upper"),
-    "NaN limit": ('upper="1"', 'upper="nan"', "7: joint 'j': upper='nan' is no finite number"),
+    "one limit": ('lower="-1" ', "", "7: joint 'j' has one limit, 'upper'; give both lower and upper"),
+    "NaN limit": ('upper="1"', 'upper="nan"', "7: joint 'j': upper='nan' is not a finite number"),
     "negative effort": ('effort="10"', 'effort="-10"', "7: joint 'j': effort -10 is negative"),
-    "infinite velocity": ('velocity="3"', 'velocity="inf"', "7: joint 'j': velocity='inf' is no finite number"),
+    "infinite velocity": ('velocity="3"', 'velocity="inf"', "7: joint 'j': velocity='inf' is not a finite number"),
     "no limit": (LIMIT, "", "6: joint 'j' is revolute and has no <limit>; give lower, upper, effort and velocity, or make it continuous"),
     "unknown type": ('"revolute"', '"hinge"', "6: joint 'j': unknown type 'hinge'; known: revolute, continuous, prismatic, fixed, floating, planar, spherical"),
-    "unknown child": ('child link="arm"', 'child link="amr"', "6: joint 'j': its child 'amr' is no link; did you mean 'arm'?"),
+    "unknown child": ('child link="arm"', 'child link="amr"', "6: joint 'j': unknown child link 'amr'; did you mean 'arm'?"),
     "no parent": ('<parent link="base"/>', "", "6: joint 'j' has no <parent link=\"…\"/>"),
-    "follows nothing": ("</joint>", '<mimic joint="jj"/></joint>', "8: joint 'j' follows joint 'jj', which is none that moves; did you mean 'j'?"),
-    "follows itself": ("</joint>", '<mimic joint="j"/></joint>', "8: joint 'j' follows 'j', which follows 'j'; let both follow that"),
-    "link twice": ('<link name="base"/>', '<link name="arm"/>', "3: link 'arm' is there twice, first in line 2"),
-    "joint twice": ("</joint>", '</joint><joint name="j" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: joint 'j' is there twice, first in line 6"),
-    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints 'j' and 'k'; a robot is a tree, closed chains are not supported"),
-    "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', "8: links base, arm are in a circle of joints; a robot is a tree"),
-    "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', "2: has 2 roots: base, alone; connect them by joints"),
+    "follows nothing": ("</joint>", '<mimic joint="jj"/></joint>', "8: joint 'j' follows joint 'jj', which is not a movable joint; did you mean 'j'?"),
+    "follows itself": ("</joint>", '<mimic joint="j"/></joint>', "8: joint 'j' follows 'j', which follows 'j'; make both follow 'j'"),
+    "link twice": ('<link name="base"/>', '<link name="arm"/>', "3: link 'arm' is defined twice, first in line 2"),
+    "joint twice": ("</joint>", '</joint><joint name="j" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: joint 'j' is defined twice, first in line 6"),
+    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints 'j' and 'k'; a robot must be a tree, closed chains are not supported"),
+    "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', "8: links base, arm form a closed chain of joints; a robot must be a tree"),
+    "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', "2: has 2 roots: base, alone; connect them with joints"),
     "no name": ('<link name="base"/>', "<link/>", "2: a <link> has no name"),
-    "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' is not three numbers"),
+    "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' must be three numbers"),
     "no direction": ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "6: joint 'j': its axis is 0 0 0, which has no direction"),
     "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of <origin> is not finite"),
-    "another root": ("robot", "sdf", "1: is no URDF: its root is <sdf>, not <robot>"),
-    "no XML": ("</robot>", "", "8: is no XML: no element found: line 8, column 8"),
+    "another root": ("robot", "sdf", "1: is not a URDF: its root is <sdf>, not <robot>"),
+    "no XML": ("</robot>", "", "8: is not XML: no element found: line 8, column 8"),
 }  # fmt: skip
 
 
@@ -130,10 +130,10 @@ def test_well_known_robots_pass(url):
 @pytest.mark.parametrize(
     ("before", "after", "note"),
     [
-        ('ixx="1"', 'ixx="3"', "link 'arm': its inertia is that of no body: a principal moment"),
-        ('ixy="0"', 'ixy="2"', "link 'arm': its inertia is that of no body"),
-        ('value="2"/>\n' + INERTIA, 'value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>', "joint 'j' moves link 'arm', whose mass and inertia are 0: PyBullet keeps it"),
-        ('xyz="0 0 1"', 'xyz="$(optenv X 0) 0 1"', "link 'arm': xyz='$(optenv X 0) 0 1' of <origin> is not three numbers"),
+        ('ixx="1"', 'ixx="3"', "link 'arm': no body can have its inertia: a principal moment"),
+        ('ixy="0"', 'ixy="2"', "link 'arm': no body can have its inertia"),
+        ('value="2"/>\n' + INERTIA, 'value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>', "joint 'j' moves link 'arm', whose mass and inertia are 0: PyBullet does not move it"),
+        ('xyz="0 0 1"', 'xyz="$(optenv X 0) 0 1"', "link 'arm': xyz='$(optenv X 0) 0 1' of <origin> must be three numbers"),
     ],
 )  # fmt: skip
 def test_what_the_engine_computes_otherwise_is_a_warning(tmp_path, before, after, note):
@@ -174,5 +174,5 @@ def test_a_missing_mesh_is_found_before_anything_starts(tmp_path, capsys):
     mesh = '<visual><geometry><mesh filename="package://nowhere/arm.stl"/></geometry></visual>'
     scenario = copy_of_two_link(tmp_path, "</link>", f"{mesh}</link>")
     assert main(["validate", str(scenario)]) == 2
-    sentence = "no mesh 'package://nowhere/arm.stl', in its folder or a package"
+    sentence = "mesh 'package://nowhere/arm.stl' not found"
     assert re.search(rf"two_link\.urdf:\d+: link '\w+': {sentence}", capsys.readouterr().err)

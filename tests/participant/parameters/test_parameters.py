@@ -97,19 +97,19 @@ MISTAKES = [
     ({"limit": 0}, "limit: must be above 0, not 0"),
     ({"limit": math.nan}, "limit: must be a finite number, not nan"),
     ({"limit": 10**400}, f"limit: must be a finite number, not 1{'0' * 59}…"),
-    ({"limit": '3'}, "limit: must be a number, not '3'; leave out the quotes: 3"),
+    ({"limit": '3'}, "limit: must be a number, not '3'; remove the quotes: 3"),
     ({"limit": '45deg'}, "limit: must be a number, not '45deg'; angles are in radians: 45° is 0.785398"),
     ({"limit": '-90 °'}, "limit: must be a number, not '-90 °'; angles are in radians: -90° is -1.5708"),
-    ({"limit": '50%'}, "limit: must be a number, not '50%'; write the share itself: 0.5"),
-    ({"limit": '200Hz'}, "limit: must be a number, not '200Hz'; write the number alone, in the unit that the documentation of the key names"),
+    ({"limit": '50%'}, "limit: must be a number, not '50%'; write a fraction: 0.5"),
+    ({"limit": '200Hz'}, "limit: must be a number, not '200Hz'; write only the number, in the unit given in the key's documentation"),
     ({"limit": '1/2'}, "limit: must be a number, not '1/2'"),
-    ({"gravity": [1, 2]}, "gravity: must be a list of 3, not a list of 2"),
+    ({"gravity": [1, 2]}, "gravity: must be a list of 3 values, not a list of 2"),
     ({"gravity": [1, 2, []]}, "gravity.2: must be a number, not a list"),
     ({"latency": 5}, "latency: must be a duration with a unit, e.g. 5ms, not 5"),
     ({"latency": "0s"}, "latency: '0s' must be longer than 0"),
-    ({"kp": [1]}, "kp: has 1 numbers, not 2 (a, b)"),
-    ({"kp": {"a": 1, "b": 1, "c": 1}}, "kp.c: no joint 'c'; known: a, b"),
-    ({"kp": {"a": 1}}, "kp: 'b' is missing"),
+    ({"kp": [1]}, "kp: has 1 numbers for 2 joints (a, b)"),
+    ({"kp": {"a": 1, "b": 1, "c": 1}}, "kp.c: unknown joint 'c'; known: a, b"),
+    ({"kp": {"a": 1}}, "kp: joint 'b' is missing"),
     ({"kp": ["x", 1]}, "kp.0: must be a number, not 'x'"),
     ({"joints": []}, "joints: is empty"),
     ({"joints": ["a", ""]}, "joints.1: must not be empty"),
@@ -117,14 +117,14 @@ MISTAKES = [
     ({"law": "pdd"}, "law: must be pd, pid or module:Class, not 'pdd'; did you mean 'pd'?"),
     ({"law": 3}, "law: must be pd, pid or module:Class, not 3"),
     ({"law": "pid"}, ": the key 'ki' is missing"),
-    ({"ki": 3}, "ki: belongs to law pid; law is 'pd'"),
+    ({"ki": 3}, "ki: applies only with law pid; here law is 'pd'"),
     ({"source": "camera"}, ": the key 'model' is missing"),
     ({"springs": {"a": 1}}, "springs: must be a list, not a map"),
     ({"springs": [3]}, "springs.0: must be text or a map, not 3"),
     ({"springs": [None]}, "springs.0: is empty; it needs at least kind"),
     ({"springs": [{"knd": 1, "kind": "a"}]}, "springs.0.knd: unknown key 'knd'; did you mean 'kind'?"),
     ({"springs": [""]}, "springs.0: must not be empty"),
-    ({"named": {"a b": 1}}, "named.a b: 'a b' is no name; it takes 1 to 64 letters, digits, '_' and '-', and starts with a letter or digit"),
+    ({"named": {"a b": 1}}, "named.a b: 'a b' is not a valid name; use 1 to 64 letters, digits, '_' and '-', starting with a letter or digit"),
     ({"named": {3: 1}}, "named.3: a key must be text, not 3; put it in quotes"),
     ({"latency_ns": "5ms"}, "latency_ns: unknown key 'latency_ns'; did you mean 'latency'?"),
 ]  # fmt: skip
@@ -144,7 +144,7 @@ def test_what_belongs_to_another_source_is_ignored_where_it_is_marked_so(tmp_pat
     given_ = {"joints": ["a"], "model": "robot.urdf"}
     assert Params.of(given_, tmp_path).model == tmp_path / "robot.urdf"
     found = find_problems(Params, {**given_, "model": "gone.urdf"}, tmp_path)
-    assert found == [(("model",), f"no file 'gone.urdf' ({tmp_path}/gone.urdf)")]
+    assert found == [(("model",), f"file 'gone.urdf' not found ({tmp_path}/gone.urdf)")]
     (tmp_path / "folder").mkdir()
     ((_, text),) = find_problems(Params, {**given_, "model": "folder"}, tmp_path)
     assert text.startswith("'folder' is a folder")
@@ -184,7 +184,9 @@ def test_numbers_that_fit_no_model_are_named_with_their_whole_path():
         name="arm", step_ns=1, every=1, seed=0, folder=Path(), inputs={}, outputs={},
         params={"joints": ["a"], "kp": [1]},
     )  # fmt: skip
-    with pytest.raises(SettingsError, match=r"participants\.arm\.params\.kp: has 1 numbers, not 2"):
+    with pytest.raises(
+        SettingsError, match=r"participants\.arm\.params\.kp: has 1 numbers for 2 joints"
+    ):
         config.read(Params).kp.of(["x", "y"])
 
 

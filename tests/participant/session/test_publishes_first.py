@@ -37,7 +37,7 @@ class NeverPublishes(Participant):
 
 
 def test_one_without_output_is_refused_before_the_first_step():
-    with pytest.raises(RunError, match="NeverPublishes has no method `output`, which publishes"):
+    with pytest.raises(RunError, match="NeverPublishes needs a method `output`"):
         run_plant(NeverPublishes, command(0), stop(1))
 
 

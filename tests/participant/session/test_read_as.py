@@ -57,7 +57,7 @@ def test_another_class_is_refused(cls):
         def update(self, step):
             step.get("joint_state", cls)
 
-    with pytest.raises(WiringError, match=r"takes .*, the scenario connects JointState/1"):
+    with pytest.raises(WiringError, match=r"is read as .*, but the scenario connects JointState/1"):
         bench(Wrong).step(joint_state=FULL)
 
 

@@ -104,5 +104,5 @@ def test_a_raw_program_gets_a_scan_whose_length_the_description_says(started):
 
 def test_a_scan_of_unknown_length_cannot_be_numbers(started):
     settings = config(source="LaserScan/1")
-    with pytest.raises(WiringError, match="raw has to know the length of input 'in'; let other"):
+    with pytest.raises(WiringError, match="format raw needs the length of input 'in'; other must"):
         started(RawBridge, "raw", RAW, Description(), settings)

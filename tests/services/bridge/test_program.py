@@ -77,17 +77,17 @@ def test_the_answer_to_a_step_is_its_outputs(bridge, form):
 
 WRONG = {
     "garbage": r"wrote what is no (JSON|MessagePack) from byte 0 on: invalid",
-    "mistyped": r"answered wrongly: outputs\.command\.values must be a list, not text; its outputs are command \(JointCommand/1\)",
+    "mistyped": r"gave an invalid answer: outputs\.command\.values must be a list, not text; its outputs are command \(JointCommand/1\)",
     "word": r"outputs\.command\.mode must be brake, position, teleport, torque or velocity, not \'torqe\'; did you mean 'torque'\?; its outputs are",
-    "lacking": r"answered wrongly: outputs\.command: the field 'values' is missing",
-    "port": r"answered wrongly: .*unknown field 'komand'.*its outputs are command",
-    "twice": r"wrote .* behind its answer",
-    "oversize": r"wrote a message of \d+ bytes; at most 16777216 are taken",
+    "lacking": r"gave an invalid answer: outputs\.command: the field 'values' is missing",
+    "port": r"gave an invalid answer: .*unknown field 'komand'.*its outputs are command",
+    "twice": r"wrote .* after its answer",
+    "oversize": r"wrote a message of \d+ bytes; the limit is 16777216",
     "raise": r"exited with code 3; its last error|exited with code 3$",
     "kill": r"was killed by SIGKILL",
-    "close": r"has closed descriptor 4 and still runs",
-    "half": r"wrote half a message, \d+ (of \d+ bytes|bytes without an end of line)",
-    "cut": r"exited with code 0, half a message left: \d+ ",
+    "close": r"closed descriptor 4 but is still running",
+    "half": r"wrote an incomplete message: \d+ (of \d+ bytes|bytes without an end of line)",
+    "cut": r"exited with code 0 after an incomplete message: \d+ ",
 }  # fmt: skip
 
 
@@ -104,9 +104,9 @@ def test_each_mistake_has_its_own_sentence(bridge, form, kind):
 @pytest.mark.parametrize(
     ("kind", "sentence"),
     [
-        ("mode", r"answered wrongly: command: mode 7 is none of 0 \(torque\)"),
-        ("half", r"wrote half a message, 12 of 24 bytes \(3 numbers\)"),
-        ("twice", r"wrote .* behind its answer"),
+        ("mode", r"gave an invalid answer: command: mode 7 is none of 0 \(torque\)"),
+        ("half", r"wrote an incomplete message: 12 of 24 bytes \(3 numbers\)"),
+        ("twice", r"wrote .* after its answer"),
     ],
 )
 def test_each_mistake_in_numbers_has_its_own_sentence(bridge, kind, sentence):
@@ -169,8 +169,8 @@ def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["/bin/nodde", "x.mjs"], "/bin/nodde cannot be started: No such file or directory"),
-        ([str(BRIDGED)], "cannot be started: Permission denied"),
+        (["/bin/nodde", "x.mjs"], "cannot start /bin/nodde: No such file or directory"),
+        ([str(BRIDGED)], "cannot start .*: Permission denied"),
     ],
 )
 def test_a_missing_program_is_named(bridge, words, sentence):

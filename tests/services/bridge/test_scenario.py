@@ -45,7 +45,7 @@ def test_the_resolved_scenario_says_it_too(tmp_path, value):
         ("{format: json, describe: {komand: {}}}", "no output 'komand'; did you mean 'command'?"),
         ("{format: json, describe: {command: {name: [a]}}}", "unknown key 'name'"),
         ("{format: json, describe: {command: {names: a}}}", "names must be a list, not text"),
-        ("raw", "raw carries types of numbers alone, not status"),
+        ("raw", "format raw carries only types made of numbers, not status"),
     ],
 )
 def test_what_cannot_be_bridged_is_refused(tmp_path, value, sentence):
@@ -83,4 +83,4 @@ def test_a_bridge_without_a_ticket_says_so():
     words = [sys.executable, "-m", "stepbus_orchestrator.cli", "bridge", "--", "python", "x.py"]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
     assert (done.returncode, done.stdout) == (2, "")
-    assert "no ticket: STEPBUS_TICKET is not set" in done.stderr
+    assert "STEPBUS_TICKET is not set" in done.stderr

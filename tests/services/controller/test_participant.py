@@ -149,9 +149,9 @@ def test_every_gain_that_does_not_fit_the_joints_of_the_model_is_listed() -> Non
     )
     prefix = "participants.controller.params."
     assert [problem.removeprefix(prefix) for problem in problems] == [
-        "kp: has 3 numbers, not 2 (joint1, joint2)",
-        "kd.jiont2: no joint 'jiont2'; did you mean 'joint2'?",
-        "kd: 'joint2' is missing",
+        "kp: has 3 numbers for 2 joints (joint1, joint2)",
+        "kd.jiont2: unknown joint 'jiont2'; did you mean 'joint2'?",
+        "kd: joint 'joint2' is missing",
     ]
 
 
@@ -169,17 +169,17 @@ def test_mistakes_beside_a_missing_model_are_listed_too() -> None:
         ),
         ({**PD, "model": None}, "model: is missing"),
         ({**PD, "model": None, "joints": JOINTS}, "effort_limit: is missing"),
-        ({**PD, "model": "world.yaml"}, "world.yaml:1: is no XML"),
+        ({**PD, "model": "world.yaml"}, "world.yaml:1: is not XML"),
         (
             {**PD, "joints": ["joint1", "joint3"]},
             "joint 'joint3' is not in two_link.urdf; did you mean 'joint2'",
         ),
-        ({**PD, "law": "no_such_module:Law"}, "no module 'no_such_module'"),
+        ({**PD, "law": "no_such_module:Law"}, "module 'no_such_module'"),
         ({**PD, "law": "pathlib:Law"}, "has no class 'Law'"),
-        ({**PD, "law": "pathlib:Path"}, "class pathlib:Path has no method 'torque'"),
+        ({**PD, "law": "pathlib:Path"}, "class pathlib:Path needs a method 'torque'"),
         ({**PD, "velocity": "filtered"}, "the key 'cutoff_hz' is missing"),
-        ({**PD, "cutoff_hz": 50}, "cutoff_hz: belongs to velocity filtered"),
-        ({**PD, "ki": 1}, "ki: belongs to law pid"),
+        ({**PD, "cutoff_hz": 50}, "cutoff_hz: applies only with velocity filtered"),
+        ({**PD, "ki": 1}, "ki: applies only with law pid"),
     ],
 )
 def test_each_mistake_has_its_sentence(params: dict, sentence: str) -> None:
@@ -190,7 +190,7 @@ def test_each_mistake_has_its_sentence(params: dict, sentence: str) -> None:
 def test_ports_that_do_not_fit_are_named() -> None:
     config = controller_config(**PD)
     del config.inputs["reference"]
-    with pytest.raises(WiringError, match=r"controller\.inputs: none is of type JointReference/1"):
+    with pytest.raises(WiringError, match=r"controller\.inputs: no port has type JointReference/1"):
         Controller(config)
 
 

@@ -92,7 +92,7 @@ def test_noise_holds_each_bit_and_differs_between_joints_and_seeds() -> None:
     [
         ("Chirp", {"sweep": 0}, "sweep: must be above 0"),
         ("Ramp", {}, "target"),
-        ("Noise", {"hold": 1e-12}, "a bit lasts longer"),
+        ("Noise", {"hold": 1e-12}, "it must be longer than"),
         ("Chirp", {"end_when_done": True}, "this task never ends"),
     ],
 )

@@ -54,7 +54,7 @@ def test_every_mistake_in_the_params_is_listed() -> None:
         "end_when_done: must be true or false, not 1",
         "phase: must be a number, not 'x'",
         "omga: unknown key 'omga'; did you mean 'omega'?",
-        "amplitude: has 2 numbers, not 1 (a)",
+        "amplitude: has 2 numbers for 1 joints (a)",
     ]
 
 
@@ -71,10 +71,10 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
         Mission(mission_config(**{**MOVE, "waypoints": WAYPOINTS}))
     prefix = "participants.mission.params.waypoints"
     assert [line.removeprefix(prefix) for line in str(caught.value).splitlines()] == [
-        "[0]: the first waypoint has a 'time', no 'duration'",
+        "[0]: the first waypoint takes a 'time', not a 'duration'",
         "[1]: needs either a 'time' or a 'duration'",
-        "[2].position: has 1 numbers, not 2 (a, b)",
-        "[3].time: is 0 s, not after the one before (1 s)",
+        "[2].position: has 1 numbers for 2 joints (a, b)",
+        "[3].time: is 0 s; it must be after the previous waypoint (1 s)",
     ]
 
 
@@ -89,8 +89,11 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
         ({**SINE, "joints": []}, "joints: is empty"),
         ({**SINE, "end_when_done": True}, "end_when_done: is true, but this task never ends"),
         ({"task": "step", "joints": ["a"]}, "the key 'target' is missing"),
-        ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "no file 'none.csv'"),
-        ({**MOVE, "waypoints": [{"position": 0}]}, "waypoints: has 1 waypoint, needs at least two"),
+        ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "file 'none.csv' not found"),
+        (
+            {**MOVE, "waypoints": [{"position": 0}]},
+            "waypoints: has 1 waypoint; it needs at least two",
+        ),
         ({**MOVE, "waypoints": [{"positon": 0}]}, r"\[0\]: the key 'position' is missing"),
         ({**MOVE, "waypoints": "all"}, "waypoints: must be a list, not 'all'"),
     ],
@@ -126,5 +129,5 @@ def test_a_users_generator_that_cannot_be_made_is_named(tmp_path) -> None:
         "    def at(self, t): pass\n"
     )
     config = mission_config(tmp_path, task="broken_generator:Broken", joints=["a"], rate=1)
-    with pytest.raises(WiringError, match="task: Broken cannot be made: KeyError: 'rate'"):
+    with pytest.raises(WiringError, match="task: cannot create Broken: KeyError: 'rate'"):
         Mission(config)

@@ -58,7 +58,9 @@ def test_each_waypoint_has_the_tip_above_cube_or_goal_turned_as_it_is():
 
 
 def test_a_cube_out_of_reach_is_named_with_the_reach_of_the_arm():
-    with pytest.raises(RunError, match=r"cannot reach the cube at 0\.600.* 0\.050 to 0\.550 m far"):
+    with pytest.raises(
+        RunError, match=r"cannot reach the cube at 0\.600.* 0\.050 to 0\.550 m and heights"
+    ):
         plan(ARM, spot(0.6, 0.0), spot(0.3, 0.0), grip_height=0.02, clearance=0.1)
 
 

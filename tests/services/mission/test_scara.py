@@ -59,12 +59,12 @@ def test_what_is_out_of_reach_has_no_positions(x, z):
     ("old", "new", "reason"),
     [
         ('name="lift" type="prismatic"', 'name="lift" type="revolute"', "'lift' is revolute"),
-        ('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', "axis of joint 'shoulder' is not 0 0 1"),
-        ('<origin xyz="0.3 0 0.05"/>', '<origin xyz="0.3 0.1 0.05"/>', "not in line along x"),
+        ('<axis xyz="0 0 1"/>', '<axis xyz="0 1 0"/>', "axis of joint 'shoulder' must be 0 0 1"),
+        ('<origin xyz="0.3 0 0.05"/>', '<origin xyz="0.3 0.1 0.05"/>', "not aligned along x"),
         (
             '<origin xyz="0.3 0 0.05"/>',
             '<origin xyz="0.3 0 0.05" rpy="1 0 0"/>',
-            "joint 'elbow' is turned",
+            "joint 'elbow' is rotated",
         ),
     ],
 )
@@ -76,10 +76,10 @@ def test_a_model_that_is_no_scara_arm_is_refused_with_a_reason(tmp_path, old, ne
     ("base", "tip", "reason"),
     [
         ("base", "gras", "link 'gras' is unknown; did you mean 'grasp'"),
-        ("forearm", "upper_arm", "no joints lead from link 'forearm' to 'upper_arm'"),
-        ("left_pad", "grasp", "no joints lead from link 'left_pad' to 'grasp'"),
+        ("forearm", "upper_arm", "no chain of joints connects link 'forearm' to 'upper_arm'"),
+        ("left_pad", "grasp", "no chain of joints connects link 'left_pad' to 'grasp'"),
         ("base", "hand", None),
-        ("upper_arm", "grasp", "are the joints elbow, lift, wrist, not"),
+        ("upper_arm", "grasp", "are elbow, lift, wrist, not"),
     ],
 )
 def test_base_and_tip_are_links_with_the_four_joints_between_them(base, tip, reason):
@@ -91,5 +91,5 @@ def test_base_and_tip_are_links_with_the_four_joints_between_them(base, tip, rea
 
 
 def test_joints_in_another_order_are_refused():
-    with pytest.raises(WiringError, match="are the joints shoulder, elbow, lift, wrist, not"):
+    with pytest.raises(WiringError, match="are shoulder, elbow, lift, wrist, not"):
         Scara.read(MODEL, [*JOINTS[1:], JOINTS[0]], "base", "grasp")

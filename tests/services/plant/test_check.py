@@ -60,8 +60,8 @@ IN_THE_WORLD = [
     ({"period: 10ms": "period: 12ms"}, "14: cameras.eye.period: 12ms is not a multiple of the plant's step (5ms)"),
     ({"physics_step: 5ms": "physics_step: 2ms"}, "3: physics_step: 2ms does not divide the plant's step of 5ms"),
     ({"physics_step: 5ms": "substeps: 3"}, "3: substeps: 3 substeps do not divide the plant's step of 5ms into whole nanoseconds"),
-    ({"joint2: {pos": "jont2: {pos"}, "10: bodies.arm.joints.jont2: unknown; did you mean 'joint2'?"),
-    ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]"),
+    ({"joint2: {pos": "jont2: {pos"}, "10: bodies.arm.joints.jont2: unknown joint 'jont2'; did you mean 'joint2'?"),
+    ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]; is it in degrees? 100° is 1.7453 rad"),
     ({"imus:": "bases: {cart: {left: jont1, right: joint2, wheel_radius: 1, track: 1}}\nimus:"}, "11: bases.cart.left: joint 'jont1' is unknown; did you mean 'joint1'?"),
     ({"imus:": "contacts: {skin: {links: [lnk1]}}\nimus:"}, "11: contacts.skin.links[0]: link 'lnk1' is unknown; did you mean 'link1'?"),
     ({"imus:": "wrenches: {ft: {joint: jont1}}\nimus:"}, "11: wrenches.ft.joint: joint 'jont1' is unknown; did you mean 'joint1'?"),
@@ -74,8 +74,8 @@ def test_a_mistake_in_the_world_has_its_line(arm, change, sentence):
 
 
 IN_THE_SCENARIO = [
-    ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, the world has no 'wrenches'"),
-    ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, the world has no 'bases'"),
+    ({STATE: f"{STATE}, ft: Wrench/1"}, "outputs.ft", "has type Wrench/1, but the world has no 'wrenches'"),
+    ({STATE: f"{STATE}, odo: BaseState/1"}, "outputs.odo", "has type BaseState/1, but the world has no 'bases'"),
     ({STATE: f"{STATE}, color: Image/1"}, "outputs.color", "has type Image/1; name it one of rgb, eye_rgb, depth, eye_depth"),
     ({WORLD: f"{WORLD}, physics_step: 3ms"}, "params.physics_step", "3ms does not divide the plant's step of 5ms"),
     ({WORLD: f"{WORLD}, joints: [join1]"}, "params.joints", "'join1' is unknown; did you mean 'joint1'?"),

@@ -85,7 +85,7 @@ def test_a_plant_that_fires_every_second_step_advances_by_two():
 
 
 def test_a_command_that_cannot_be_carried_out_names_its_input():
-    with pytest.raises(CommandError, match=r"^input 'command': values has 1 values for 2 joints"):
+    with pytest.raises(CommandError, match=r"^input 'command': values has 1 entries for 2 joints"):
         started().update(0, command=torque(1.0))
 
 
@@ -110,7 +110,7 @@ def test_wrong_ports_and_wrong_parameters_are_listed_together():
 
 def test_a_world_that_does_not_exist_is_refused():
     with pytest.raises(
-        WiringError, match=r"participants\.plant\.params\.world: no file 'moon\.yaml'"
+        WiringError, match=r"participants\.plant\.params\.world: file 'moon\.yaml' not found"
     ):
         Plant(config(world="moon.yaml"))
 
@@ -136,7 +136,7 @@ def test_poses_are_published_at_their_own_period():
             r"plant\.params\.poses_period: 7ms is not a multiple of the plant's step [(]5ms[)]",
         ),
         ("0s", r"plant\.params\.poses_period: '0s' must be longer than 0"),
-        ("often", r"plant\.params\.poses_period: 'often' is no duration"),
+        ("often", r"plant\.params\.poses_period: 'often' is not a duration"),
     ],
 )
 def test_a_period_of_poses_that_steps_do_not_meet_is_refused(text, sentence):
@@ -192,8 +192,8 @@ def test_no_checkpoint_of_pybullet_claims_to_know_a_body_that_was_moved():
     ("args", "text"),
     [
         (("arn", 0, 0, 0), "body 'arn' is unknown; did you mean 'arm'?"),
-        (("arm", 0, "x", 0), "body arm: 'x' is no number"),
-        (("arm", 0, 0, math.nan), "body arm: nan is no number"),
+        (("arm", 0, "x", 0), "body arm: 'x' is not a finite number"),
+        (("arm", 0, 0, math.nan), "body arm: nan is not a finite number"),
     ],
 )
 def test_a_body_that_cannot_be_moved_stays(args, text):

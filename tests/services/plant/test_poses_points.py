@@ -12,7 +12,7 @@ from stepbus_orchestrator.scenario.load import load
     ("point", "why"),
     [
         ("{tip: {link: link3, position: [1, 0, 0]}}", "link 'link3' is unknown"),
-        ("{link2: {link: link2, position: [1, 0, 0]}}", "'link2' is the name of a link"),
+        ("{link2: {link: link2, position: [1, 0, 0]}}", "'link2' is already the name of a link"),
     ],
 )
 def test_a_point_that_cannot_be_is_refused_with_its_name(tmp_path, point, why):

@@ -451,7 +451,7 @@ class Controller:
 def main(controller=Controller):
     path = os.environ.get("STEPBUS_TICKET")
     if path is None:
-        print("no ticket: STEPBUS_TICKET is not set", file=sys.stderr)
+        print("STEPBUS_TICKET is not set", file=sys.stderr)
         return 2
     ticket = json.loads(Path(path).read_text())
     session = open_session(ticket["endpoint"])

@@ -35,7 +35,7 @@ def open_engine(name: EngineName, step_s: float, gravity: Point, solver_iteratio
     if not is_here(name):
         here = [other for other in ENGINES if is_here(other)]
         instead = f", or use engine {here[0]}" if here else ""
-        raise WiringError(f"engine {name} is not installed: `pip install {name}`{instead}")
+        raise WiringError(f"engine {name} is not installed; run `pip install {name}`{instead}")
     made: Engine = import_module(f"stepbus_plant.engines.{name}").ENGINE(
         step_s, gravity, solver_iterations
     )

@@ -18,44 +18,44 @@ DIFFERENCES = (
     Difference("Python", "3.11", "3.11 and later"),
     Difference(
         "checkpoints",
-        "bodies with a fixed base, at steps without contact",
-        "to the bit, with contacts; not while images with a latency are drawn, and not with "
-        "cameras that wait for requests",
+        "fixed-base bodies, at steps without contact",
+        "bit-exact, also with contacts; not while images with a latency are rendered, nor with "
+        "triggered cameras",
     ),
-    Difference("joint damping", "explicit: too much of it diverges", "implicit: always stable"),
+    Difference("joint damping", "explicit: large values diverge", "implicit: always stable"),
     Difference(
         "contacts",
-        "impulses in sequence, shapes up to 1 mm apart where they rest",
-        "one convex problem; what rests overlaps, by an amount that grows with the square of "
-        "`physics_step`: a box of 1 kg by 0.4 µm at 1 ms, by 10 µm at 5 ms, by 156 µm at 20 ms",
+        "sequential impulses; resting shapes are up to 1 mm apart",
+        "one convex problem; resting shapes overlap, with the square of `physics_step`: a 1 kg "
+        "box by 0.4 µm at 1 ms, 10 µm at 5 ms, 156 µm at 20 ms",
     ),
     Difference(
-        "friction of two links",
+        "friction between two links",
         "the product of their coefficients",
-        "the same: the larger one, MuJoCo's own choice, is overridden",
+        "the same; overrides MuJoCo's default, the larger one",
     ),
-    Difference("cylinders of a URDF", "32 faces and a margin", "exact"),
+    Difference("URDF cylinders", "32 faces and a margin", "exact"),
     Difference(
         "meshes",
-        "convex hulls, one for each object of an OBJ",
-        "convex hulls, one for each file; a flat one is seen and touches nothing",
+        "convex hulls, one per object in an OBJ",
+        "convex hulls, one per file; a flat mesh is visible but does not collide",
     ),
     Difference(
-        "what a lidar sees of a mesh, and of a shape that it begins in",
+        "a lidar sees of a mesh; of a shape that its ray starts in",
         "its convex hull; nothing",
         "its triangles; the inside",
     ),
-    Difference("an inertia that no body can have", "taken", "the nearest one that a body can have"),
-    Difference("`<mimic>` and the coupling of a gripper", "with a largest force", "without one"),
+    Difference("an inertia that no body can have", "accepted", "replaced by the nearest valid one"),
+    Difference("`<mimic>` and gripper coupling", "limited force", "unlimited force"),
     Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),
-    Difference(STIFFNESS, "taken", "refused"),
-    Difference(PLANES, "taken", "refused"),
-    Difference("a box, ball, cylinder or capsule without extent", "taken", "refused"),
+    Difference(STIFFNESS, "accepted", "refused"),
+    Difference(PLANES, "accepted", "refused"),
+    Difference("a box, ball, cylinder or capsule of size 0", "accepted", "refused"),
     Difference(
         "images",
-        "TinyRenderer: the same bytes on every machine, drawn beside the steps",
+        "TinyRenderer: the same bytes on every machine, rendered in parallel with the steps",
         "OpenGL (EGL, OSMesa or GLFW): bytes depend on the driver, which the recording names; "
-        "drawn within the step; textures are left out",
+        "rendered within the step; no textures",
     ),
 )
 
@@ -68,4 +68,4 @@ def table() -> str:
 
 def refused(what: str) -> str:
     """Return the sentence that MuJoCo cannot do something."""
-    return f"{what}: not with engine mujoco; use engine pybullet, or leave it out"
+    return f"engine mujoco does not support {what}; use engine pybullet, or remove it"

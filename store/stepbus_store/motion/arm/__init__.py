@@ -13,25 +13,25 @@ class Params(JointParams):
     """Parameters of `stepbus_store.motion.arm`."""
 
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints: `left/` where two bodies of one
-    URDF share a world. Parameters and goals name joints and links as the URDF does."""
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
+    URDF share a world. Parameters and goals use the names in the URDF."""
     acceleration_limit: PositivePerJoint = each(4.0)
-    """Largest accelerations [rad/s²]."""
+    """Acceleration limits [rad/s²]."""
     jerk_limit: PositivePerJoint = each(40.0)
-    """Largest jerks [rad/s³]."""
+    """Jerk limits [rad/s³]."""
     srdf: File | None = None
-    """Names the pairs of links that never or always collide; poses and motions in which any other
-    links touch are refused. Default: collisions are not checked."""
+    """Lists the pairs of links that never or always collide; poses and motions with any other
+    collision are refused. Default: collisions are not checked."""
     collision_margin: NonNegative = 0.01
-    """How close two links may come [m]."""
+    """Smallest distance between two links [m]."""
     not_holdable: Literal["refuse", "try"] = "refuse"
-    """What happens with poses that the motors cannot hold."""
+    """How to treat poses that the motors cannot hold."""
     smoothing: Smoothing = "none"
-    """Filter of the measurements; the status reports its delay."""
+    """Filter of the measurements. The status reports its delay."""
     time_constant: TimeConstant
-    """τ of the low pass [s]."""
+    """Time constant τ of the low-pass filter [s]."""
     window: Window
-    """Samples of the Savitzky-Golay filter, an odd number from 5 on."""
+    """Window of the Savitzky-Golay filter, an odd number of samples from 5 [samples]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the window."""

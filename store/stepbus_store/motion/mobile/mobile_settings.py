@@ -42,7 +42,7 @@ def find_ports(ports: Ports) -> MobilePorts:
     request = ports.optional_output_of("PlanRequest/1")
     if (plan is None) != (request is None):
         text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
-        ports.problems.add((), f"{text}; wire both, or none of them")
+        ports.problems.add((), f"{text}; connect both or neither")
     mobile_ports = MobilePorts(
         joint_state=ports.input_of("JointState/1"),
         odometry=ports.input_of("BaseState/1"),

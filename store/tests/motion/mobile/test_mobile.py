@@ -101,7 +101,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
                    base_speed=0, arm_creep=-2, base_sped=1)
         )  # fmt: skip
     text = str(caught.value)
-    for part in ("none is of type GripperState/1", "none is of type GripperCommand/1",
+    for part in ("no port has type GripperState/1", "no port has type GripperCommand/1",
                  "base_speed: must be above 0, not 0", "arm_creep: must be above 0, not -2",
                  "unknown key 'base_sped'; did you mean 'base_speed'",
                  "a planner needs an input of type Plan/1"):  # fmt: skip

@@ -26,7 +26,7 @@ from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
 
 TOO_LONG = (
-    "text: the answer takes 70050 bytes, over the 60000 that the low-latency transport carries; "
+    "text: the answer has 70050 bytes, the low-latency transport carries at most 60000; "
     "set bus.low_latency: false"
 )
 

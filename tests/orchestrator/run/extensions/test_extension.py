@@ -126,9 +126,9 @@ def test_the_page_names_methods_that_there_are():
         ("{}:No", "No is not a stepbus.RunExtension"),
         ("{}:Asks", "cannot be created: TypeError"),
         ("{}:Nobody", "has no class 'Nobody'"),
-        ("missing.py:Limit", "no file 'missing.py'"),
+        ("missing.py:Limit", "file 'missing.py' not found"),
         ("{}", "is not of the form"),
-        ("no_such_module:Limit", "no module 'no_such_module'"),
+        ("no_such_module:Limit", "module 'no_such_module'"),
     ],
 )
 def test_a_mistake_in_its_name_is_told_before_the_run(tmp_path, capsys, name, sentence):

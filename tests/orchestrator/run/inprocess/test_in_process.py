@@ -71,7 +71,7 @@ def test_the_start_order_changes_nothing(tmp_path, separate):
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("leave", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s, at joints\.py:\d+ in go_wrong; deadline 1 s \(participants\.controller\.step_timeout\)"),
-        ("port", ExitCode.FAULT, r"step 7.*no output port 'komand' in the scenario; it has command"),
+        ("port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
         ("type", ExitCode.FAULT, r"step 7.*port 'command' takes JointCommand/1, got Event"),
         ("huge", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],

@@ -98,7 +98,7 @@ def test_all_mistakes_are_listed_with_file_and_line(tmp_path):
 
 def test_a_mistake_in_the_scenario_itself_has_its_line(tmp_path):
     (found,) = problems(tmp_path, "{Thruster/1: {thrust: {type: float, min: 1}}}")
-    assert found.startswith("scenario.yaml:3: types.Thruster/1.thrust.min: is a whole number")
+    assert found.startswith("scenario.yaml:3: types.Thruster/1.thrust.min: must be a whole number")
 
 
 @pytest.mark.parametrize(
@@ -113,15 +113,15 @@ def test_a_module_that_fails_is_a_mistake(tmp_path, monkeypatch, code, reason):
     (tmp_path / "broken_messages.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
     (found,) = problems(tmp_path, "broken_messages")
-    text = "types: the module 'broken_messages' of message types cannot be imported"
+    text = "types: cannot import the message type module 'broken_messages'"
     assert found.startswith(f"scenario.yaml:3: {text}: {reason}")
 
 
 @pytest.mark.parametrize(
     ("types", "sentence"),
     [
-        ("missing.yaml", "scenario.yaml:3: types: no file 'missing.yaml'"),
-        ("[types.yaml, no_module]", "types[1]: the module 'no_module' of message types cannot"),
+        ("missing.yaml", "scenario.yaml:3: types: file 'missing.yaml' not found"),
+        ("[types.yaml, no_module]", "types[1]: cannot import the message type module 'no_module'"),
         ("json", "scenario.yaml:3: types: the module 'json' has no message class"),
         ("[types.yaml, {Thruster/1: {a: int}}]", "types[1]: Thruster/1 is declared twice"),
         ("3", "scenario.yaml:3: types: must be text or a map or a list"),

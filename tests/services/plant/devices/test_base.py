@@ -112,7 +112,7 @@ def test_two_runs_of_a_base_are_equal_to_the_bit(tmp_path):
     ("command", "text"),
     [
         (BaseCommand(vx=math.nan), r"input 'base': vx is nan, not a finite number"),
-        (BaseCommand(vx=1, wheels=(1, 1)), r"has both wheels and vx 1, wz 0"),
+        (BaseCommand(vx=1, wheels=(1, 1)), r"sets both 'wheels' and vx 1, wz 0"),
         (BaseCommand(wheels=(math.inf, 1)), r"values of joint left is inf"),
     ],
 )
@@ -131,8 +131,12 @@ def test_the_wheels_of_a_base_take_no_second_driver(stand):
     ("old", "new", "text"),
     [
         ("left: left,", "left: lefd,", r"world\.yaml:7: bases\.base\.left: joint 'lefd' is unkn"),
-        ("right: right", "right: left", r"bases\.base\.right: 'left' is already the left joint"),
-        ("mode: velocity", "mode: torque", r"has mode torque; give it mode velocity"),
+        (
+            "right: right",
+            "right: left",
+            r"bases\.base\.right: 'left' is already the joint of 'left'",
+        ),
+        ("mode: velocity", "mode: torque", r"has mode torque; set it to velocity"),
         ("radius: 0.1", "radius: 0", r"bases\.base\.wheel_radius: "),
     ],
 )
@@ -145,7 +149,7 @@ def test_a_mistake_in_the_world_is_told_with_its_line(tmp_path, old, new, text):
 def test_a_port_without_a_device_is_refused(tmp_path):
     write_base(tmp_path)
     with pytest.raises(
-        WiringError, match="gripper: has type GripperState/1, the world has no 'gripp"
+        WiringError, match="gripper: has type GripperState/1, but the world has no 'gripp"
     ):
         make_stand(tmp_path, WORLD, {"gripper": "GripperState/1"}, {})
 

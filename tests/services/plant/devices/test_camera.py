@@ -171,7 +171,7 @@ def test_a_camera_without_a_period_takes_an_image_at_each_step(tmp_path):
 
 def test_requests_to_a_camera_that_the_world_lacks_are_refused(tmp_path):
     write_scene(tmp_path, WORLD[WORLD.index("bodies:") :])
-    with pytest.raises(WiringError, match="CameraTrigger/1, the world has no 'cameras'"):
+    with pytest.raises(WiringError, match="CameraTrigger/1, but the world has no 'cameras'"):
         make_plant(tmp_path, {}, TRIGGER)
 
 
@@ -221,7 +221,7 @@ def test_an_image_port_in_a_world_without_cameras_is_refused(tmp_path):
         ("far: 1.5", "far: 0.1", "near: 0.1 m is not less than 'far', 0.1 m"),
         ("10ms", "12ms", "period: 12ms is not a multiple of the plant's step (5ms)"),
         ("fov: 1.0", "latency: 12ms", "latency: 12ms is not a multiple of the plant's step (5ms)"),
-        ("10ms", "often", "period: 'often' is no duration"),
+        ("10ms", "often", "period: 'often' is not a duration"),
         ("near: 0.1", "width: 0", "width: must be at least 1, not 0"),
         ("near: 0.1", "nera: 0.1", "wrist.nera: unknown key 'nera'; did you mean 'near'"),
     ],

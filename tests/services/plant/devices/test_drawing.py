@@ -120,8 +120,8 @@ LARGE = FALLING.replace("fov: 1.0", "fov: 1.0, latency: 5ms, width: 3000, height
 @pytest.mark.parametrize(
     ("number", "what"),
     [
-        (signal.SIGKILL, "worked on it, was ended by SIGKILL"),
-        (signal.SIGSTOP, "works on it, has been stopped"),
+        (signal.SIGKILL, "computed it, was killed by SIGKILL"),
+        (signal.SIGSTOP, "computes it, is stopped"),
     ],
 )
 def test_a_copy_that_does_not_finish_is_one_error(tmp_path, number, what):

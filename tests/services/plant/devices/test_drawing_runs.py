@@ -123,10 +123,10 @@ def test_a_run_with_images_under_way_is_verified_and_branched(tmp_path):
 @pytest.mark.parametrize(
     ("number", "text", "in_process"),
     [
-        (9, "worked on it, was ended by SIGKILL", False),
-        (19, "works on it, has been stopped", False),
-        (9, "worked on it, was ended by SIGKILL", True),
-        pytest.param(19, "works on it, has been stopped", True, marks=pytest.mark.slow),
+        (9, "computed it, was killed by SIGKILL", False),
+        (19, "computes it, is stopped", False),
+        (9, "computed it, was killed by SIGKILL", True),
+        pytest.param(19, "computes it, is stopped", True, marks=pytest.mark.slow),
     ],
 )
 def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(

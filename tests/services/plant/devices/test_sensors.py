@@ -210,7 +210,9 @@ def test_all_mistakes_of_sensors_are_listed_with_their_lines(tmp_path):
 
 def test_a_port_without_a_sensor_says_what_the_world_lacks(tmp_path):
     scene(tmp_path, "imus: {a: {link: post}, b: {link: bar}}")
-    with pytest.raises(WiringError, match="scan: has type LaserScan/1, the world has no 'lidars'"):
+    with pytest.raises(
+        WiringError, match="scan: has type LaserScan/1, but the world has no 'lidars'"
+    ):
         make_plant(tmp_path, {"scan": "LaserScan/1"})
     with pytest.raises(WiringError, match="name the port after one of the world's imus: a, b"):
         make_plant(tmp_path, {"imu": "Imu/1"})

@@ -36,10 +36,10 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
         ("<box size='1 1 1'/>", ""),
         (
             "<torus radius='1'/>",
-            "link 'base': <torus> is none of box, sphere, cylinder, capsule, mesh and plane",
+            "link 'base': <torus> is not supported; use one of box, sphere, cylinder, capsule, mesh or plane",
         ),
         ("<box size='1 2'/>", "link 'base': size='1 2' of <box> is not 3 numbers"),
-        ("<box size='1 0 1'/>", "link 'base': size='1 0 1' of <box> is not above 0"),
+        ("<box size='1 0 1'/>", "link 'base': size='1 0 1' of <box> must be above 0"),
         ("<sphere radius='x'/>", "link 'base': radius='x' of <sphere> is not 1 number"),
     ],
 )
@@ -78,7 +78,10 @@ def test_a_plane_has_its_normal_and_does_not_move(tmp_path):
     starts = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 1.0]])
     hits = engine.cast(starts, starts + np.array([[-4.0, 0.0, 0.0], [0.0, 0.0, -4.0]]))
     assert hits.tolist() == [0.25, math.inf]
-    with pytest.raises(WiringError, match="link 'base': a plane on a link that moves: not with"):
+    with pytest.raises(
+        WiringError,
+        match="link 'base': engine mujoco does not support a plane on a link that moves",
+    ):
         load(tmp_path, link("base", 1.0, plane))
 
 

@@ -71,7 +71,7 @@ def test_an_engine_that_is_not_installed_is_refused_by_one_sentence(tmp_path, mo
     hide(monkeypatch, name)
     other = next(n for n in ENGINES if n != name)
     instead = f", or use engine {other}" if is_here(other) else ""
-    sentence = f"engine {name} is not installed: `pip install {name}`{instead}"
+    sentence = f"engine {name} is not installed; run `pip install {name}`{instead}"
     with pytest.raises(WiringError) as caught:
         make(tmp_path, None, {"disc": fixed(DISC)}, f"engine: {name}")
     assert str(caught.value) == sentence

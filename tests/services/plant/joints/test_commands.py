@@ -25,8 +25,8 @@ def refuse(plant, order, match):
             command(1.0, 2.0, mode="position"),
             "joint joint1 has mode torque, .* has mode position",
         ),
-        (command(1.0), r"values has 1 values for 2 joints \(joint1, joint2\)"),
-        (command(1.0, 2.0, 3.0), "values has 3 values for 2 joints"),
+        (command(1.0), r"values has 1 entries for 2 joints \(joint1, joint2\)"),
+        (command(1.0, 2.0, 3.0), "values has 3 entries for 2 joints"),
         (command(1.0, math.nan), "values of joint joint2 is nan"),
         (command(-math.inf, math.inf), "values of joint joint1 is -inf"),
         (command(1.0, 2.0, velocity=[0.0, 0.0]), "mode torque does not use velocity"),
@@ -46,7 +46,7 @@ def test_a_command_that_cannot_be_carried_out_is_refused(tmp_path, order, mistak
     ("more", "mistake"),
     [
         ({"effort_limit": [-1.0, 1.0]}, r"effort_limit -1\.0 is negative"),
-        ({"effort_limit": [1.0]}, "effort_limit has 1 values for 2 joints"),
+        ({"effort_limit": [1.0]}, "effort_limit has 1 entries for 2 joints"),
         ({"velocity": [math.nan, 0.0]}, "velocity of joint joint1 is nan"),
     ],
 )

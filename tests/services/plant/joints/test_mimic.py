@@ -84,7 +84,11 @@ def test_settings_that_a_follower_cannot_have_are_refused(tmp_path):
 
 def test_a_controller_of_a_follower_is_refused_with_the_joint_to_name(tmp_path):
     make(tmp_path)
-    with pytest.raises(WiringError, match=r"'follow' of arm\.urdf follows 'lead'; name that one"):
+    with pytest.raises(
+        WiringError,
+        match=r"'follow' of arm\.urdf follows 'lead'; name that joint "
+        r"instead",
+    ):
         RobotModel(tmp_path / "arm.urdf", ["follow"])
 
 
@@ -106,4 +110,4 @@ def test_a_body_that_can_only_fall_is_a_warning(tmp_path):
     params = Params(world=path)
     (warning,) = SimulatedPlant(load_world(path), params, 5_000_000, 0).warnings.take()
     assert warning.startswith("body arm: it is not fixed to the world and has no collision shape")
-    assert warning.endswith("is `fixed_base: true` missing?")
+    assert warning.endswith("add `fixed_base: true`?")

@@ -117,7 +117,7 @@ def test_all_mistakes_of_the_parameters_are_listed():
         ({"sense": ["position", "position"]}, "sense: names 'position' twice"),
         ({"joints": []}, "joints: is empty"),
         ({"joints": ["a", "b", "a"]}, "joints: names 'a' twice"),
-        ({"physics_step": "8"}, "physics_step: '8' is no duration"),
+        ({"physics_step": "8"}, "physics_step: '8' is not a duration"),
     ],
 )
 def test_contradicting_parameters_are_refused(params, mistake):

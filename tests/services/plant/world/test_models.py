@@ -52,7 +52,7 @@ def test_a_link_of_an_srdf_that_the_model_lacks_is_refused_with_the_nearest_name
 def test_an_srdf_that_is_no_xml_is_refused(tmp_path):
     (tmp_path / "chain.srdf").write_text("<robot")
     (tmp_path / "chain.urdf").write_text(CHAIN)
-    with pytest.raises(WiringError, match=r"chain.srdf: cannot be read"):
+    with pytest.raises(WiringError, match=r"cannot read .*chain.srdf"):
         make_plant(tmp_path, "  c: {urdf: chain.urdf, srdf: chain.srdf}\n")
 
 

@@ -228,14 +228,14 @@ def test_unknown_names_are_all_listed_before_the_run(tmp_path):
 
 MISTAKES = [
     ({"jam": "axle"}, ": the key 'at' is missing"),
-    ({"at": "1s"}, ": needs one of body, jam, camera, emergency_stop, it has none"),
+    ({"at": "1s"}, ": needs exactly one of body, jam, camera, emergency_stop; it has none"),
     (
         {"at": "1s", "jam": "axle", "camera": "wrist"},
-        ": needs one of body, jam, camera, emergency_stop, it has jam and camera",
+        ": needs exactly one of body, jam, camera, emergency_stop; it has jam and camera",
     ),
-    ({"at": "1s", "body": "crate"}, ": needs 'position' or 'to', one of them"),
-    ({"at": "1s", "body": "crate", "to": [1, 2, 3]}, ": 'to' and 'over' belong together"),
-    ({"at": "1s", "jam": "axle", "off": True}, ".off: has no meaning beside 'jam'"),
+    ({"at": "1s", "body": "crate"}, ": needs either 'position' or 'to'"),
+    ({"at": "1s", "body": "crate", "to": [1, 2, 3]}, ": 'to' and 'over' must be given together"),
+    ({"at": "1s", "jam": "axle", "off": True}, ".off: does not apply to 'jam'"),
     (
         {"at": "0.5ns", "jam": "axle"},
         ".at: '0.5ns' is 0.5 ns, not a whole number of nanoseconds; the nearest is 1ns",

@@ -146,7 +146,7 @@ def _carton(folder, height, steps, **params):
 def test_unknown_names_in_the_params_are_refused_with_the_nearest(tmp_path):
     given = Params.of({"world": "w", "stock": {"types": {"cann": {"mass": 1}}, "missing": ["a_7"]}})
     assert refusal(tmp_path, given.stock).splitlines() == [
-        "params.stock.types.cann: unknown; did you mean 'can'?",
+        "params.stock.types.cann: unknown item type 'cann'; did you mean 'can'?",
         "params.stock.missing: 'a_7' is unknown; did you mean 'a_6'?",
     ]
 
@@ -160,13 +160,13 @@ def test_mistakes_of_a_stock_are_listed_with_their_lines(tmp_path):
     text = STOCK.replace("mass: 0.35", "mas: 0.35").replace("carton.urdf", "gone.urdf")
     told = refusal(tmp_path, text=text)
     assert "world.yaml:7: stock.types.can.mas: unknown key 'mas'; did you mean 'mass'?" in told
-    assert "world.yaml:8: stock.types.carton.urdf: no file 'gone.urdf'" in told
+    assert "world.yaml:8: stock.types.carton.urdf: file 'gone.urdf' not found" in told
 
 
 def test_an_item_that_is_called_like_another_body_is_refused(tmp_path):
     name = next(iter(load(tmp_path).items))
     told = refusal(tmp_path, text=STOCK.replace("  shelf:", f"  {name}:"))
-    assert f"world.yaml:5: stock: '{name}' is the name of two bodies" in told
+    assert f"world.yaml:5: stock: '{name}' names two bodies" in told
 
 
 def test_a_kind_or_a_row_is_needed(tmp_path):
@@ -179,10 +179,10 @@ def test_a_kind_or_a_row_is_needed(tmp_path):
 @pytest.mark.parametrize(
     ("mass", "sentence"),
     [
-        ("0", "value='0' of <mass> is not a number above 0"),
+        ("0", "value='0' of <mass> must be a number above 0"),
         ("-1", "mass -1 kg is negative"),
-        ("nan", "mass 'nan' is no finite number [kg]"),
-        ("heavy", "mass 'heavy' is no finite number [kg]"),
+        ("nan", "mass 'nan' is not a finite number [kg]"),
+        ("heavy", "mass 'heavy' is not a finite number [kg]"),
     ],
 )
 def test_a_kind_whose_mass_cannot_be_scaled_is_refused_with_its_line(tmp_path, mass, sentence):

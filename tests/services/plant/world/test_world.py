@@ -57,9 +57,13 @@ def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
         body("free", "free_wheel", "{upper: 1}"),
         body("crossed", "wheel", "{lower: 3}"),
     )
-    assert lines[0] == "world.yaml:3: bodies.arm.joints.jont1: unknown; did you mean 'joint1'?"
+    assert (
+        lines[0]
+        == "world.yaml:3: bodies.arm.joints.jont1: unknown joint 'jont1'; did you mean 'joint1'?"
+    )
     assert lines[1].endswith(
-        "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]"
+        "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]; "
+        "is it in degrees? 9° is 0.1571 rad"
     )
     assert lines[2].startswith(
         "world.yaml:4: bodies.wheel.joint_defaults: joint axle: friction needs mode torque"
@@ -74,14 +78,14 @@ def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
     (tmp_path / "broken.urdf").write_text("<robot>\n<link")
     (line,) = refusal(tmp_path, body("junk", "broken"))
     assert line.startswith("world.yaml:3: bodies.junk.urdf: ")
-    assert "broken.urdf:2: is no XML: unclosed token" in line
+    assert "broken.urdf:2: is not XML: unclosed token" in line
 
 
 @pytest.mark.parametrize(
     ("text", "mistake"),
     [
         ("", "world.yaml: is empty"),
-        ("[1, 2]", "world.yaml: is no map; a world has at least bodies"),
+        ("[1, 2]", "world.yaml: is not a map; a world needs at least 'bodies'"),
         ("bodies: {}", "world.yaml:1: bodies"),
         ("gravity: [0, 0, 0]", "world.yaml: the key 'bodies' is missing"),
         ("bodies: {a: {urdf: two_link.urdf}}\nbodies: 2", "world.yaml:2: bodies"),
@@ -194,5 +198,5 @@ def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp
         "grippers.gripper.right: joint 'joint2' is revolute, not prismatic",
         "contacts.touch.links[0]: link 'lnk1' is unknown",
         "cameras.eye.link: link 'camra' is unknown",
-        "bodies.arm.joints.jont1: unknown",
+        "bodies.arm.joints.jont1: unknown joint 'jont1'",
     ]

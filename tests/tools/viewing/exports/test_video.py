@@ -159,7 +159,7 @@ def test_the_camera_sees_all_that_moves_during_the_film(tmp_path):
         (["--video", "a.mp4", "--fps", "many"], "frames per second"),
         (["--video", "a.mp4", "--from", "9s"], "--from 9s is past the end of"),
         (["--video", "a.mp4", "--from", "200ms", "--to", "0.1s"], "--to 0.1s is not after"),
-        (["--video", "a.mp4", "--to", "5"], "is no duration"),
+        (["--video", "a.mp4", "--to", "5"], "is not a duration"),
         (["--csv", "a.csv", "--fps", "10"], "--fps goes with --video"),
         (["--video", "a.avi"], "is not a video file: write .mp4 or .gif"),
         (["--video", "a.mp4", "--camera", "plant.none"], "has no port 'plant.none'"),

@@ -13,7 +13,7 @@ class Controller(stepbus.Participant):
         return {"command": stepbus.Description(like="joint_state")}
 
     def start(self, inputs: Mapping[str, stepbus.Description]) -> None:
-        # Where each joint of the state is in the vectors of the reference.
+        # Index of each joint in the reference.
         names = inputs["reference"].names
         self.order = [names.index(joint) for joint in inputs["joint_state"].names]
 
@@ -21,7 +21,7 @@ class Controller(stepbus.Participant):
         state = step.get("joint_state", stepbus.SensedJoints)
         wanted = step.get("reference", stepbus.JointReference)
         if state is None or wanted is None:
-            return None  # an input has not come yet
+            return None  # an input has no message yet
         kp, kd = self.config.params["kp"], self.config.params["kd"]
         errors = [wanted.position[i] - q for i, q in zip(self.order, state.position)]
         rates = [wanted.velocity[i] - v for i, v in zip(self.order, state.velocity)]

@@ -47,7 +47,7 @@ class Painter:
         self._model.vis.quality.offsamples = 0
         kind = (os.environ.get("MUJOCO_GL") or _DEFAULT).lower()
         if kind not in _KINDS:
-            raise _cannot(kind, f"it has to be one of {', '.join(_KINDS)}")
+            raise _cannot(kind, f"it must be one of {', '.join(_KINDS)}")
         try:
             # Not mujoco.gl_context, which has chosen when somebody first imported MuJoCo.
             self._gl = import_module(f"mujoco.{kind}").GLContext(self._width, self._height)
@@ -129,7 +129,7 @@ class Painter:
 
 def _cannot(kind: str, why: str) -> WiringError:
     return WiringError(
-        f"the engine mujoco can draw no images with MUJOCO_GL={kind}: {why}; on Debian and Ubuntu "
+        f"engine mujoco cannot render images with MUJOCO_GL={kind}: {why}; on Debian and Ubuntu "
         "install libegl1 and libgl1-mesa-dri for egl, or libosmesa6 for osmesa, or set "
         "`cameras: false`"
     )

@@ -236,7 +236,9 @@ class Builder:
             shape["quat"] = _towards(shape["quat"], vector(geometry, "normal", "0 0 1"))
             return {**shape, "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
         if geometry.tag not in _KINDS:
-            raise WiringError(f"<{geometry.tag}> is none of {', '.join(_KINDS)}, mesh and plane")
+            raise WiringError(
+                f"<{geometry.tag}> is not supported; use one of {', '.join(_KINDS)}, mesh or plane"
+            )
         if geometry.tag == "box":
             size = [edge / 2 for edge in _extent(geometry, "size", 3)]
         else:
@@ -279,7 +281,7 @@ def _extent(geometry: ET.Element, key: str, count: int) -> list[float]:
     """Return lengths of a shape, which has none without them [m]."""
     lengths = attribute(geometry, key, count)
     if min(lengths) <= 0.0:
-        raise WiringError(f"{key}={geometry.get(key)!r} of <{geometry.tag}> is not above 0")
+        raise WiringError(f"{key}={geometry.get(key)!r} of <{geometry.tag}> must be above 0")
     return lengths
 
 

@@ -52,7 +52,7 @@ def tree(
         behind.setdefault(parent_of(joint), []).append(joint)
     tops = [name for name in links if name not in {child_of(joint) for joint in joints}]
     if len(tops) != 1:
-        raise WiringError(f"{urdf}: has {len(tops)} root links, instead of one")
+        raise WiringError(f"{urdf}: has {len(tops)} root links, not one")
 
     order: list[ET.Element] = []
     waiting = behind.get(tops[0], [])[::-1]
@@ -61,7 +61,7 @@ def tree(
         waiting += behind.get(child_of(order[-1]), [])[::-1]
     unknown = [name for joint in order if (name := child_of(joint)) not in links]
     if unknown or len(order) != len(joints):
-        raise WiringError(f"{urdf}: its joints do not make a tree of its links")
+        raise WiringError(f"{urdf}: its joints and links do not form a tree")
     return tops[0], order
 
 
@@ -103,7 +103,7 @@ def _loaded(file: str, _state: tuple[int, int]) -> tuple[Array, Any]:
         loaded = coal.MeshLoader().load(file, np.ones(3))
     except (RuntimeError, ValueError, OSError) as exc:
         text = str(exc).partition("message:")[2] or str(exc)
-        raise WiringError(f"{file}: cannot be read: {text.strip().splitlines()[0]}") from exc
+        raise WiringError(f"cannot read {file}: {text.strip().splitlines()[0]}") from exc
     faces = [
         [triangle[0], triangle[1], triangle[2]]
         for triangle in (loaded.tri_indices(n) for n in range(loaded.num_tris))
