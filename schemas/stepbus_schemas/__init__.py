@@ -15,6 +15,7 @@ from .marks import *
 from .messages import *
 from .protocol import *
 from .shapes import *
+from .versions import *
 
 if TYPE_CHECKING:
     from .bridge import *

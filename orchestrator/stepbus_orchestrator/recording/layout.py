@@ -5,9 +5,15 @@ from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
-import msgspec
-
-from stepbus_schemas import CHAIN_EVERY, Decoder, Envelope, Message, type_name
+from stepbus_schemas import (
+    CHAIN_EVERY,
+    Decoder,
+    Envelope,
+    Message,
+    renamed_fields,
+    type_name,
+    with_present_names,
+)
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
@@ -131,32 +137,11 @@ def has_chain(step: int) -> bool:
 
 T = TypeVar("T", bound=Message | Envelope)
 
-_RENAMED: Mapping[str, Mapping[str, str]] = {
-    "CallRecord/1": {"verb": "method"},
-    "Detections/1": {"kinds": "types"},
-    "Goal/1": {"kind": "type"},
-}
-"""Type → name of a field in protocol 1 → its name since."""
-_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
-_encode = msgspec.msgpack.Encoder().encode
-
 
 def upgraded(type_name: str) -> Callable[[bytes], bytes]:
     """Return what gives a recorded message of a type in the names of today."""
-    renamed = _RENAMED.get(type_name)
-
-    def upgrade(data: bytes) -> bytes:
-        if renamed is None:
-            return data
-        try:
-            fields = _fields(data)
-        except msgspec.MsgspecError:
-            return data
-        if renamed.keys().isdisjoint(fields):
-            return data
-        return _encode({renamed.get(name, name): value for name, value in fields.items()})
-
-    return upgrade
+    renamed = renamed_fields(type_name)
+    return (lambda data: with_present_names(data, renamed)) if renamed else (lambda data: data)
 
 
 def recorded_decoder(cls: type[T]) -> Callable[[bytes], T]:

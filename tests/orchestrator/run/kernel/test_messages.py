@@ -137,7 +137,7 @@ def test_an_unauthenticated_hello_is_refused_and_counted(message, reason):
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"protocol": 1}, "plant speaks protocol 1, and protocol 2 is spoken here; docs/protocol.md"),
+        ({"protocol": 3}, "plant speaks protocol 3, and this run speaks protocols 1 to 2; update stepbus"),
         ({"outputs": {"state": "JointState/9"}}, "output plant.state: the program has JointState/9"),
     ],
 )  # fmt: skip
