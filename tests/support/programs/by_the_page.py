@@ -218,7 +218,12 @@ class Controller:
     # --- P4: joining ---
 
     def hello(self):
-        hello = {"protocol": self.highest, "name": self.name, "token": self.token, "pid": os.getpid()}
+        hello = {
+            "protocol": self.highest,
+            "name": self.name,
+            "token": self.token,
+            "pid": os.getpid(),
+        }
         return hello if self.lowest == self.highest else {**hello, "lowest_protocol": self.lowest}
 
     def join(self, timeout_s):

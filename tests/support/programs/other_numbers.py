@@ -18,7 +18,9 @@ class Controller(by_the_page.Controller):
     def take_control(self, key, data):
         message = by_the_page.unpack(data)
         if key == "trigger" and self.welcome["protocol"] == 1:
-            data = by_the_page.msgpack.packb({"token": message["token"], "step_limit": message["upto"]})
+            data = by_the_page.msgpack.packb(
+                {"token": message["token"], "step_limit": message["upto"]}
+            )
         super().take_control(key, data)
 
     def command(self):
@@ -29,7 +31,9 @@ class Controller(by_the_page.Controller):
     def report(self, exc):
         if self.welcome["protocol"] == 1:
             put = self.puts["fault"]
-            self.puts["fault"] = lambda it: put({"kind" if k == "type" else k: v for k, v in it.items()})
+            self.puts["fault"] = lambda it: put(
+                {"kind" if k == "type" else k: v for k, v in it.items()}
+            )
         return super().report(exc)
 
 
