@@ -336,7 +336,7 @@ MISTAKES = {
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
-        ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText,
+        ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText, TicketNumber,
     )
 }  # fmt: skip
 
