@@ -1,5 +1,6 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
+import re
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
@@ -28,6 +29,7 @@ on, a chunk ends with a whole step: whatever ends a file between two chunks cuts
 FIRST = "stepbus"
 LIBRARIES = frozenset({FIRST, "stepbus 2", LIBRARY})
 """Chunks, attachments and the summary of these have checksums: none is a sign of damage."""
+_NUMBERED = re.compile(r"stepbus ([0-9]+)")
 CHUNK_BYTES = 64 * 1024
 MESSAGE_ENCODING = "msgpack"
 SCHEMA_ENCODING = "jsonschema"
@@ -66,6 +68,12 @@ def recording_file(source: Source) -> Path:
     """Return the recording that a path means: itself, or run.mcap in the folder of a run."""
     path = Path(source)
     return path / RUN_FILE if path.is_dir() else path
+
+
+def is_newer(library: str) -> bool:
+    """Return whether a file has a layout that a later version of stepbus has introduced."""
+    number = _NUMBERED.fullmatch(library)
+    return number is not None and library not in LIBRARIES and int(number[1]) > 1
 
 
 def topic_of(participant: str, port: str) -> str:

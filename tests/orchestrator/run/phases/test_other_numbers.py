@@ -38,6 +38,7 @@ def test_a_program_of_protocol_1_takes_part_with_the_same_result(tmp_path):
     assert commands(results[0]) == commands(results[1])
 
 
+@pytest.mark.slow
 def test_a_program_without_a_common_number_is_refused_with_both_ranges(tmp_path):
     result = run_with(tmp_path, 3, 4)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
