@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 _LATER = {
     "BRIDGE_FORMATS": "bridge",
+    "BRIDGE_VERSION": "bridge",
     "BridgeFormat": "bridge",
     "RawLayout": "bridge",
     "field_docstrings": "schema",

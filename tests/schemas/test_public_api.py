@@ -47,7 +47,7 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(sorted(exported("stepbus_schemas"), key=_order)) == (
-        "BEFORE_RANGES BRIDGE_FORMATS CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION RENAMED_FIELDS "
+        "BEFORE_RANGES BRIDGE_FORMATS BRIDGE_VERSION CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION RENAMED_FIELDS "
         "SERVED SHIPPED SPOKEN UNDECODABLE BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord "
         "CallReply CallRequest Called CameraTrigger Chain Contacts ControllerStatus Declaration Decoder Description Detections "
         "EmergencyStop Envelope Event Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu "
