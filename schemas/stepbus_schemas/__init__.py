@@ -15,6 +15,7 @@ from .marks import *
 from .messages import *
 from .protocol import *
 from .shapes import *
+from .versions import *
 
 if TYPE_CHECKING:
     from .bridge import *
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 
 _LATER = {
     "BRIDGE_FORMATS": "bridge",
+    "BRIDGE_VERSION": "bridge",
     "BridgeFormat": "bridge",
     "RawLayout": "bridge",
     "field_docstrings": "schema",

@@ -18,6 +18,9 @@ _FIRST_ONLY: Mapping[type[Message], tuple[str, ...]] = {
 """Fields of the types whose layout is older than some of their fields."""
 _WORDS: Mapping[type[Message], Sequence[str]] = {JointCommand: get_args(JointMode)}
 PER_NAME, ANY_LENGTH = "n", "shape[0]"
+BRIDGE_VERSION = 2
+"""Number in the first message of the bridge. It rises with changes that a program behind the bridge
+would not understand, and not with the protocol number."""
 
 
 @dataclass(frozen=True, kw_only=True)

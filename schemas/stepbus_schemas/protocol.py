@@ -73,7 +73,7 @@ class Hello(Envelope, frozen=True):
     """A participant's request to join."""
 
     protocol: int
-    """Protocol version of the program."""
+    """Highest protocol version that the program speaks."""
     name: str
     """Name of the participant, from its ticket."""
     token: str
@@ -92,13 +92,15 @@ class Hello(Envelope, frozen=True):
     """Type → its declaration in the program, for types that do not ship with stepbus."""
     batches: bool = False
     """Whether the program takes a `Batch` in place of an `Outputs` from its sources."""
+    lowest_protocol: int | None = None
+    """Lowest protocol version that the program speaks; absent: `protocol` is the only one."""
 
 
 class Welcome(Envelope, frozen=True):
     """The orchestrator admits a participant, and configures it."""
 
     protocol: int
-    """Protocol version of the orchestrator."""
+    """Protocol version that both speak: the highest that the program and the run have in common."""
     name: str
     """Name of the participant."""
     token: str

@@ -65,7 +65,7 @@ def field(name: str, change: Callable[[Any], Any]) -> Callable[[bytes, int], lis
 
 
 HELLOS: tuple[tuple[str, Any], ...] = (
-    ("protocol", 1),
+    ("protocol", 0),
     ("protocol", 3),
     ("token", "of another run"),
     ("name", "a stranger"),

@@ -24,6 +24,7 @@ from stepbus_participant import (
     import_participant,
     main,
 )
+from stepbus_schemas import SERVED
 
 from .disk import SimulatedDisk
 from .network import Network, Node
@@ -160,6 +161,7 @@ class _Launch(Strategy):
                 token=self._opening.token,
                 endpoint=Endpoint(listen=[], connect=["the simulation"]),
                 join_timeout_s=spec.deadlines.join_s,
+                protocols=SERVED,
                 **options,
             )
             factory = import_participant(spec.participant, folder)

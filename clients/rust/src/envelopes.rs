@@ -12,7 +12,7 @@ message! {
     /// A participant asks to join.
     "Hello/1",
     struct Hello {
-        /// Version of the protocol.
+        /// Highest version of the protocol that the program speaks.
         protocol: i64,
         /// Name of the participant.
         name: String,
@@ -32,6 +32,8 @@ message! {
         types: Map<Map<Value>> = Map::new(),
         /// Whether the program takes a `Batch` in place of an `Outputs`.
         batches: bool = false,
+        /// Lowest version of the protocol that the program speaks; none: `protocol` only.
+        lowest_protocol: Option<i64>,
     }
 }
 
@@ -39,7 +41,7 @@ message! {
     /// The orchestrator admits a participant and sends it all it needs.
     "Welcome/1",
     struct Welcome {
-        /// Version of the protocol.
+        /// Version of the protocol that both speak.
         protocol: i64,
         /// Name of the participant.
         name: String,

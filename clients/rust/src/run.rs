@@ -97,6 +97,7 @@ fn hello<P: Participant>(ticket: &Ticket) -> Hello {
         outputs: ports(P::OUTPUTS),
         types: P::TYPES.iter().map(|declare| declare()).collect(),
         batches: true,
+        lowest_protocol: None,
     }
 }
 

@@ -1,13 +1,20 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
+import re
 from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TypeVar
 
-import msgspec
-
-from stepbus_schemas import CHAIN_EVERY, Decoder, Envelope, Message, type_name
+from stepbus_schemas import (
+    CHAIN_EVERY,
+    Decoder,
+    Envelope,
+    Message,
+    renamed_fields,
+    type_name,
+    with_present_names,
+)
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
@@ -22,6 +29,7 @@ on, a chunk ends with a whole step: whatever ends a file between two chunks cuts
 FIRST = "stepbus"
 LIBRARIES = frozenset({FIRST, "stepbus 2", LIBRARY})
 """Chunks, attachments and the summary of these have checksums: none is a sign of damage."""
+_NUMBERED = re.compile(r"stepbus ([0-9]+)")
 CHUNK_BYTES = 64 * 1024
 MESSAGE_ENCODING = "msgpack"
 SCHEMA_ENCODING = "jsonschema"
@@ -60,6 +68,12 @@ def recording_file(source: Source) -> Path:
     """Return the recording that a path means: itself, or run.mcap in the folder of a run."""
     path = Path(source)
     return path / RUN_FILE if path.is_dir() else path
+
+
+def is_newer(library: str) -> bool:
+    """Return whether a file has a layout that a later version of stepbus has introduced."""
+    number = _NUMBERED.fullmatch(library)
+    return number is not None and library not in LIBRARIES and int(number[1]) > 1
 
 
 def topic_of(participant: str, port: str) -> str:
@@ -131,32 +145,11 @@ def has_chain(step: int) -> bool:
 
 T = TypeVar("T", bound=Message | Envelope)
 
-_RENAMED: Mapping[str, Mapping[str, str]] = {
-    "CallRecord/1": {"verb": "method"},
-    "Detections/1": {"kinds": "types"},
-    "Goal/1": {"kind": "type"},
-}
-"""Type → name of a field in protocol 1 → its name since."""
-_fields = msgspec.msgpack.Decoder(dict[str, msgspec.Raw]).decode
-_encode = msgspec.msgpack.Encoder().encode
-
 
 def upgraded(type_name: str) -> Callable[[bytes], bytes]:
     """Return what gives a recorded message of a type in the names of today."""
-    renamed = _RENAMED.get(type_name)
-
-    def upgrade(data: bytes) -> bytes:
-        if renamed is None:
-            return data
-        try:
-            fields = _fields(data)
-        except msgspec.MsgspecError:
-            return data
-        if renamed.keys().isdisjoint(fields):
-            return data
-        return _encode({renamed.get(name, name): value for name, value in fields.items()})
-
-    return upgrade
+    renamed = renamed_fields(type_name)
+    return (lambda data: with_present_names(data, renamed)) if renamed else (lambda data: data)
 
 
 def recorded_decoder(cls: type[T]) -> Callable[[bytes], T]:

@@ -87,6 +87,7 @@ class Scanner:
                     times.append(record.log_time)
                 else:
                     index.add(record)
+                    self._refuse_newer()
                 yield record
         finally:
             # A chunk may be damaged inside: what precedes it is complete.
@@ -103,6 +104,14 @@ class Scanner:
         self.intact_bytes += length
         self._take_checksum(opcode, content)
         return opcode
+
+    def _refuse_newer(self) -> None:
+        library = self.index.library
+        if layout.is_newer(library):
+            raise RecordingFailed(
+                f"{self.file.path} has layout {library!r}, which is newer than this stepbus: it "
+                f"reads layouts up to {layout.LIBRARY!r}; update stepbus (docs/compatibility.md)"
+            )
 
     def _take_end(self) -> None:
         if self.file.read(self.intact_bytes, len(MAGIC) + 1) != MAGIC:

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import UNDECODABLE, WiringError, explained
+from stepbus_schemas import BEFORE_RANGES, UNDECODABLE, Protocols, WiringError, explained
 
 TICKET_VARIABLE = "STEPBUS_TICKET"
 _UNIX = "unixsock-stream/"
@@ -71,6 +71,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     """The identity of a process, and its run.
 
     slots: folder with a file for each bulk output (P17); empty: content travels in messages.
+    protocols: that the orchestrator speaks (P14.1).
     """
 
     run: str
@@ -82,6 +83,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     profile: ProfileOrder | None = None
     checkpoint: CheckpointOrder = NO_CHECKPOINTS
     slots: str = ""
+    protocols: Protocols = BEFORE_RANGES
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

@@ -9,12 +9,13 @@ from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.packages import installed_version
 from stepbus_schemas import (
     HANDSHAKE_STEP,
-    PROTOCOL_VERSION,
     SHIPPED,
+    SPOKEN,
     Decoder,
     Description,
     Hello,
     MessageError,
+    Protocols,
     Ready,
     Refusal,
     RunError,
@@ -47,16 +48,21 @@ def join(
     inputs: Mapping[str, str] | None = None,
     outputs: Mapping[str, str] | None = None,
     types: Types = SHIPPED,
+    *,
+    spoken: Protocols = SPOKEN,
 ) -> Welcome:
     """Ask the orchestrator for admission until it answers (P4.2).
 
     inputs, outputs: port → type, for a program that only works with certain ones. types: those of
-    its own that it knows.
+    its own that it knows. spoken: the protocol numbers of this program.
 
     The first valid `Welcome` counts; an answer from another one only where there is none.
     Raises AdmissionRefused, or RunError when nothing answers within the join time-out.
     """
+    protocol = spoken.common(ticket.protocols) or spoken.highest
     asked = {
+        "protocol": protocol,
+        "lowest_protocol": None if protocol == spoken.lowest else spoken.lowest,
         "language": "python",
         "sdk": f"stepbus {installed_version('stepbus')}",
         "inputs": inputs,
@@ -70,7 +76,7 @@ def join(
         # Never 0, which means no time-out.
         for answer in _ask(bus, ticket.name, ticket.token, max(_RETRY_S, left_s), **asked):
             try:
-                return _read_answer(answer, ticket)
+                return _read_answer(answer, ticket, spoken)
             except RunError as exc:
                 refusal = refusal or exc
         if refusal is not None:
@@ -89,16 +95,17 @@ def await_delivery(bus: Bus, welcome: Welcome) -> None:
     A session of the transport for bulk ports that closes drops what it has not sent yet, such as
     the last `Log` behind an image. An answer to one more `Hello` (P4.2) shows that it is out.
     """
-    next(iter(_ask(bus, welcome.name, welcome.token, _DELIVERY_S)), None)
+    again = _ask(bus, welcome.name, welcome.token, _DELIVERY_S, protocol=welcome.protocol)
+    next(iter(again), None)
 
 
 def _ask(bus: Bus, name: str, token: str, timeout_s: float, **more: Any) -> Iterable[bytes]:
     """Send a `Hello`; return the answers as they arrive."""
-    hello = Hello(protocol=PROTOCOL_VERSION, name=name, token=token, pid=os.getpid(), **more)
+    hello = Hello(name=name, token=token, pid=os.getpid(), **more)
     return bus.query("join", encode(hello), encoding_of("Hello/1"), timeout_s)
 
 
-def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
+def _read_answer(answer: bytes, ticket: Ticket, spoken: Protocols) -> Welcome:
     try:
         welcome = _decode_welcome(answer)
     except MessageError as exc:
@@ -106,10 +113,10 @@ def _read_answer(answer: bytes, ticket: Ticket) -> Welcome:
             raise AdmissionRefused(_decode_refusal(answer).reason) from None
         except MessageError:
             raise RunError(f"the orchestrator's answer to Hello is {exc}") from exc
-    if welcome.protocol != PROTOCOL_VERSION:
+    if not spoken.lowest <= welcome.protocol <= spoken.highest:
         raise AdmissionRefused(
-            f"the orchestrator speaks protocol {welcome.protocol}, this program "
-            f"{PROTOCOL_VERSION}; docs/protocol.md lists the changes"
+            f"the orchestrator speaks protocol {welcome.protocol}, this program {spoken}; use "
+            "versions of stepbus with a common one (docs/compatibility.md)"
         )
     if (welcome.token, welcome.name) != (ticket.token, ticket.name):
         raise AdmissionRefused(

@@ -9,7 +9,7 @@ from msgspec.structs import astuple
 from stepbus_bridge.bridge import Bridge, Described
 from stepbus_bridge.program import BridgeError, show
 from stepbus_participant import Config, Step
-from stepbus_schemas import PROTOCOL_VERSION, Description, Message, Types, WiringError, explained
+from stepbus_schemas import BRIDGE_VERSION, Description, Message, Types, WiringError, explained
 
 _to_json = msgspec.json.Encoder().encode
 _to_msgpack = msgspec.msgpack.Encoder().encode
@@ -183,7 +183,7 @@ def _answer(classes: Mapping[str, type[Message]]) -> type[msgspec.Struct]:
 
 def _welcome(config: Config) -> dict[str, Any]:
     return {
-        "protocol": PROTOCOL_VERSION,
+        "protocol": BRIDGE_VERSION,
         "name": config.name,
         "step_ns": config.step_ns,
         "every": config.every,

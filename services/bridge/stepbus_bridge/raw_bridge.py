@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from stepbus_bridge.bridge import Bridge, Described
 from stepbus_participant import Config, Step
 from stepbus_schemas import (
-    PROTOCOL_VERSION,
+    BRIDGE_VERSION,
     Description,
     Message,
     RawLayout,
@@ -94,7 +94,7 @@ class RawBridge(Bridge):
             if isinstance(value, int | float) and not isinstance(value, bool)
         ]
         sizes = (config.every, 0, n_in, n_out, config.seed, len(params))
-        return [PROTOCOL_VERSION, config.step_ns * 1e-9, *sizes, *params]
+        return [BRIDGE_VERSION, config.step_ns * 1e-9, *sizes, *params]
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Send the inputs of a step to the program and return its outputs."""

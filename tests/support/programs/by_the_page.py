@@ -189,6 +189,8 @@ class Source:
 class Controller:
     """Proportional, one after the other of P4 to P11; publishes last, no bulk, no calls."""
 
+    lowest = highest = 2
+
     def __init__(self, ticket, session):
         self.name, self.token, self.session = ticket["name"], ticket["token"], session
         self.prefix = f"stepbus/{ticket['run']}/"
@@ -216,7 +218,13 @@ class Controller:
     # --- P4: joining ---
 
     def hello(self):
-        return {"protocol": 2, "name": self.name, "token": self.token, "pid": os.getpid()}
+        hello = {
+            "protocol": self.highest,
+            "name": self.name,
+            "token": self.token,
+            "pid": os.getpid(),
+        }
+        return hello if self.lowest == self.highest else {**hello, "lowest_protocol": self.lowest}
 
     def join(self, timeout_s):
         encoding = "application/msgpack;stepbus.Hello/1"
@@ -235,7 +243,8 @@ class Controller:
         if isinstance(answer, dict) and "reason" in answer:
             raise Refused(answer["reason"])
         check(answer, "Welcome")
-        if (answer["protocol"], answer["name"], answer["token"]) != (2, self.name, self.token):
+        is_spoken = self.lowest <= answer["protocol"] <= self.highest
+        if not is_spoken or (answer["name"], answer["token"]) != (self.name, self.token):
             raise Refused("the Welcome is for somebody else, or of another version")
         return answer
 

@@ -1,4 +1,4 @@
-"""The controller of by_the_page.py, written to the page of protocol 1: `page_before.py NUMBER`."""
+"""The controller of by_the_page.py, with the names of protocol 1 and the number 2."""
 
 import sys
 
@@ -6,10 +6,7 @@ import by_the_page
 
 
 class Controller(by_the_page.Controller):
-    """Reads `upto` in a trigger, where step_limit is; announces the number it is given."""
-
-    def hello(self):
-        return {**super().hello(), "protocol": int(sys.argv[1])}
+    """Reads `upto` in a trigger, where step_limit is."""
 
     def take_control(self, key, data):
         message = by_the_page.unpack(data)

@@ -75,6 +75,14 @@ class AnyWelcome(Controller):
         return answer
 
 
+class TicketNumber(Controller):
+    """Claims to speak the highest protocol of its ticket."""
+
+    def __init__(self, ticket, session):
+        self.lowest = self.highest = ticket["protocols"]["highest"]
+        super().__init__(ticket, session)
+
+
 class NoHandshakes(Controller):
     """Ready at once, without its sources."""
 
@@ -328,7 +336,7 @@ MISTAKES = {
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
         BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
-        ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText,
+        ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText, TicketNumber,
     )
 }  # fmt: skip
 

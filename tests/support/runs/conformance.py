@@ -63,6 +63,7 @@ FOUND_BY = {
     "StrangerOutputs": ["steps"],
     "StrictFields": ["unknown-fields"],
     "TakesNewest": ["windows", "inputs-ahead"],
+    "TicketNumber": ["later-protocols"],
     "TwiceDifferent": ["steps"],
     "Unwatchful": ["orchestrator-gone"],
     "WrongEncoding": ["encodings"],

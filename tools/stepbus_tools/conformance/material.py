@@ -18,7 +18,15 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
-from stepbus_schemas import Description, Envelope, Refusal, Welcome, WiringError
+from stepbus_schemas import (
+    SERVED,
+    Description,
+    Envelope,
+    Protocols,
+    Refusal,
+    Welcome,
+    WiringError,
+)
 from stepbus_tools.conformance.feeds import Feed, Ports
 
 
@@ -29,7 +37,7 @@ class Setup:
     window: steps in flight. delays: input → steps. every: source → it fires at multiples of this
     [steps]. welcome: wrong fields of the `Welcome`. refusal: why it is refused. has_slots: the
     program may use slots (P17). own_peers: the peers have a link of their own to the participant.
-    join_timeout_s: of its ticket [s].
+    join_timeout_s, protocols: of its ticket [s], [protocol numbers].
     """
 
     window: int | None = None
@@ -40,6 +48,7 @@ class Setup:
     has_slots: bool = False
     own_peers: bool = False
     join_timeout_s: float | None = None
+    protocols: Protocols = SERVED
 
     def scenario(self, scenario: Scenario, participant: str) -> Scenario:
         """Return the scenario with this configuration."""

@@ -147,6 +147,7 @@ class Session:
             self._mesh.participants[self.spec.name],
             self._cwd,
             slots="" if self._slots is None else str(self._slots.folder),
+            protocols=self._setup.protocols,
         )
 
     def leave(self) -> None:

@@ -3,6 +3,8 @@
 import hashlib
 from collections.abc import Mapping
 
+from msgspec import structs
+
 from stepbus_orchestrator.scenario.faults import MESSAGE_FAULTS, faults_of
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_schemas import (
@@ -10,10 +12,13 @@ from stepbus_schemas import (
     Hello,
     InputConfig,
     OutputConfig,
+    Protocols,
     Refusal,
     Types,
     Welcome,
     WiringError,
+    offered,
+    served,
 )
 
 from .participants import Participants
@@ -115,13 +120,10 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     if welcome is None:
         known = ", ".join(welcomes)
         return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")
-    if hello.protocol != PROTOCOL_VERSION:
-        return Refusal(
-            reason=(
-                f"{hello.name} speaks protocol {hello.protocol}, but this run speaks "
-                f"protocol {PROTOCOL_VERSION}; docs/protocol.md lists the changes"
-            )
-        )
+    program, run = offered(hello), served(_types_of(welcome))
+    number = program.common(run)
+    if number is None:
+        return Refusal(reason=_no_common(hello.name, program, run, welcome))
     inputs = {port: item.type for port, item in welcome.inputs.items()}
     outputs = {port: item.type for port, item in welcome.outputs.items()}
     reasons = [
@@ -129,7 +131,25 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
         *_mismatches(hello.name, "output", hello.outputs, outputs),
         *(f"{hello.name}: {text}" for text in _misfits(hello, welcome)),
     ]
-    return Refusal(reason="; ".join(reasons)) if reasons else welcome
+    if reasons:
+        return Refusal(reason="; ".join(reasons))
+    return structs.replace(welcome, protocol=number)
+
+
+def _types_of(welcome: Welcome) -> list[str]:
+    sources = (item.type for item in welcome.inputs.values())
+    return [*sources, *(item.type for item in welcome.outputs.values())]
+
+
+def _no_common(name: str, program: Protocols, run: Protocols, welcome: Welcome) -> str:
+    """Return why no protocol number fits, and which side to update (P14.1)."""
+    update = "stepbus here" if program.lowest > run.highest else "the program's client library"
+    types = sorted({item for item in _types_of(welcome) if served([item]) != served([])})
+    ports = f" with a program that has ports of type {', '.join(types)}" if types else ""
+    return (
+        f"{name} speaks {program}, and this run speaks {run}{ports}; update {update} "
+        "(docs/compatibility.md)"
+    )
 
 
 def _misfits(hello: Hello, welcome: Welcome) -> list[str]:

@@ -7,7 +7,16 @@ from typing import Any
 
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE
-from stepbus_schemas import PROTOCOL_VERSION, Description, Types, WiringError
+from stepbus_schemas import (
+    SERVED,
+    SPOKEN,
+    Description,
+    Hello,
+    Protocols,
+    Types,
+    WiringError,
+    offered,
+)
 from stepbus_tools.conformance.check import Check, check
 from stepbus_tools.conformance.feeds import reverse_description
 from stepbus_tools.conformance.harness import Harness
@@ -16,6 +25,8 @@ from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
 _LATE_S = 0.5
+_UNKNOWN = 1000
+"""A protocol number that no program speaks."""
 
 
 @check("P1.1", "without a ticket, it exits with a non-zero code")
@@ -47,13 +58,32 @@ def _join(kit: Kit) -> str:
         raise Failed(transcript.problem("P4.2") or "no Hello")
     if not transcript.alive_before_hello:
         raise Failed(f"it asked to join before it declared its liveliness token alive/{name}")
-    if (hello.name, hello.token, hello.protocol) != (name, harness.token, PROTOCOL_VERSION):
+    if (hello.name, hello.token) != (name, harness.token):
         right = "right" if hello.token == harness.token else "wrong"
         raise Failed(
-            f"its Hello is of {hello.name!r}, protocol {hello.protocol}, with a {right} token; "
-            f"expected: {name!r}, {PROTOCOL_VERSION}, right"
+            f"its Hello is of {hello.name!r}, with a {right} token; expected: {name!r}, right"
         )
-    return f"Hello from {hello.language or 'no language'}, protocol {PROTOCOL_VERSION}"
+    return f"Hello from {hello.language or 'no language'}, {_spoken(hello)}"
+
+
+def _spoken(hello: Hello) -> Protocols:
+    """Return the protocol numbers of a program; raises Failed where ours is not among them."""
+    program = offered(hello)
+    if program.common(SPOKEN) is None:
+        raise Failed(f"its Hello names {program}; expected: {SPOKEN}, or a range that includes it")
+    return program
+
+
+@check("P14.1", "it accepts a ticket that names later protocol numbers")
+def _later_protocols(kit: Kit) -> str:
+    later = Protocols(SERVED.lowest, _UNKNOWN)
+    with kit.joined(Setup(protocols=later)) as harness:
+        hello = harness.transcript.hello
+        if hello is None:
+            raise Failed(harness.transcript.problem("P4.2") or "no Hello")
+        program = _spoken(hello)
+        harness.await_ready()
+    return f"speaks {program}, also where the ticket names {later}"
 
 
 @check("P14.3", "the ports in its `Hello`, if any, are the scenario's")
@@ -111,7 +141,6 @@ def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:
     return Check(name=name, clause="P4.3", summary=summary, run=run)
 
 
-_OTHER = PROTOCOL_VERSION + 1
 _REFUSED = _not_let_in(
     "refused",
     "after a `Refusal` (version, types, token), it exits with a non-zero code",
@@ -120,9 +149,9 @@ _REFUSED = _not_let_in(
 )
 _WELCOME_PROTOCOL = _not_let_in(
     "welcome-protocol",
-    "after a `Welcome` of another protocol version, it exits with a non-zero code",
-    f"a Welcome of protocol {_OTHER}",
-    Setup(welcome={"protocol": _OTHER}),
+    "after a `Welcome` of a protocol that it does not speak, it exits with a non-zero code",
+    f"a Welcome of protocol {_UNKNOWN}",
+    Setup(welcome={"protocol": _UNKNOWN}),
 )
 _WELCOME_NAME = _not_let_in(
     "welcome-name",
