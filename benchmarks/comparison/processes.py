@@ -65,13 +65,20 @@ def run(
 
 
 def strike(
-    process: subprocess.Popen[bytes], stalled: Path, mark: str, *, kill: bool
+    process: subprocess.Popen[bytes],
+    stalled: Path,
+    mark: str,
+    *,
+    kill: bool,
+    log: Path,
+    clean_s: float = CLEAN_S,
 ) -> dict[str, Any]:
     """Wait for the controller to stop at its step; kill it there, or let it sleep.
 
     Returns whether the tool ended (`ended`: by itself, Ctrl-C, or killed), its exit code, the
     seconds from the strike to its end, and the processes that it left behind (`left`: at its end;
-    `left_later`: of these, after CLEAN_S). Raises RuntimeError if it never came so far.
+    `left_later`: of these, after `clean_s`), and what it wrote before anybody ended it (`log`).
+    Raises RuntimeError if it never came so far.
     """
     with process:
         try:
@@ -82,21 +89,23 @@ def strike(
             began = time.monotonic()
             if kill:
                 os.kill(int(stalled.read_text()), signal.SIGKILL)
-            result = _end(process, began)
+            result = _end(process, began, log)
             left = alive(mark)
             result["left"] = sorted(left.values())
-            _until(lambda: not alive(mark), CLEAN_S if left else 0)
+            _until(lambda: not alive(mark), clean_s if left else 0)
             result["left_later"] = sorted(alive(mark).values())
             return result
         finally:
             end_all(mark)
 
 
-def _end(process: subprocess.Popen[bytes], began: float) -> dict[str, Any]:
+def _end(process: subprocess.Popen[bytes], began: float, log: Path) -> dict[str, Any]:
+    said = b""
     for ended, seconds in (("by itself", STALLED_S), ("Ctrl-C", GRACE_S), ("killed", GRACE_S)):
         try:
             code = process.wait(seconds)
         except subprocess.TimeoutExpired:
+            said = said or log.read_bytes()
             # A terminal sends Ctrl-C to the whole process group.
             number = signal.SIGINT if ended == "by itself" else signal.SIGKILL
             with suppress(ProcessLookupError):
@@ -106,6 +115,7 @@ def _end(process: subprocess.Popen[bytes], began: float) -> dict[str, Any]:
             "ended": ended,
             "exit_code": code,
             "seconds": round(time.monotonic() - began, 1),
+            "log": (said or log.read_bytes()).decode(errors="replace"),
         }
     raise RuntimeError(f"process {process.pid} cannot be killed")
 

@@ -78,6 +78,7 @@ class Workshop:
         return {
             **os.environ,
             "PATH": f"{self.python.parent}{os.pathsep}{os.environ['PATH']}",
+            "VIRTUAL_ENV": str(self.python.parents[1]),  # dora looks for it
             "PYTHONPATH": str(_SHARED),
             "PYTHONDONTWRITEBYTECODE": "1",
             "PYTHONUNBUFFERED": "1",
@@ -92,19 +93,21 @@ class Workshop:
             command, folder, self.environment(folder), folder.with_suffix(f".{log}.log")
         )
 
-    def strike(self, folder: Path, *, kill: bool) -> dict[str, Any]:
+    def strike(self, command: tuple[str, ...], name: str, *, kill: bool = False) -> dict[str, Any]:
         """Run the task until the controller stops, and see what becomes of it."""
+        folder = self.folder(name)
         environment = self.environment(folder, COMPARISON_STALL=str(STALL_AT))
         log = folder.with_suffix(".run.log")
         stalled, trace = _traces(folder) / "stalled", _traces(folder) / "trace.txt"
-        started = processes.start(self.tool.command, folder, environment, log)
-        result = processes.strike(started, stalled, environment[processes.MARK], kill=kill)
+        started = processes.start(command, folder, environment, log)
+        mark = environment[processes.MARK]
+        result = processes.strike(started, stalled, mark, kill=kill, log=log)
         result["left"] = [_short(text, folder) for text in result["left"]]
         result["left_later"] = [_short(text, folder) for text in result["left_later"]]
         return result | {
             "plant_steps": trace.read_text().count("\n") if trace.exists() else 0,
             "recorded_steps": self.recorded(folder),
-            "says": _said(log, folder),
+            "says": _said(result.pop("log"), folder),
         }
 
     def recorded(self, folder: Path) -> int | None:
@@ -124,14 +127,14 @@ def _short(text: str, folder: Path) -> str:
     return " ".join(words)[:80]
 
 
-def _text(log: Path, folder: Path) -> list[str]:
-    """Return the lines of a log, without colours and folders of this machine."""
-    text = re.sub(r"\x1b\[[0-9;]*m", "", log.read_text(errors="replace")).replace(str(folder), ".")
+def _text(text: str, folder: Path) -> list[str]:
+    """Return the lines of a text, without colours and folders of this machine."""
+    text = re.sub(r"\x1b\[[0-9;]*m", "", text).replace(str(folder), ".")
     text = re.sub(r"/\S*/(?=[\w.-]+)", "", text)
     return [line.rstrip()[:200] for line in text.splitlines() if line.strip()]
 
 
-def _said(log: Path, folder: Path) -> list[str]:
+def _said(log: str, folder: Path) -> list[str]:
     """Return the lines with which a tool reports a failure."""
     lines = _text(log, folder)
     return [line for line in lines if _FAILURE.search(line) and not line.startswith(" ")][-8:]
@@ -166,12 +169,16 @@ def measure(tool: Tool, out: Path, runs: int) -> dict[str, Any]:
         for command in tool.replay
     ]
     if tool.replay:
-        result["replay_says"] = _text(folders[0].with_suffix(".replay.log"), folders[0])[-6:]
+        result["replay_says"] = _text(
+            folders[0].with_suffix(".replay.log").read_text(), folders[0]
+        )[-6:]
     result |= {
         name: result_of(folders[0]) for name, result_of in _CHECKS.get(tool.name, {}).items()
     }
-    for name, kill in (("kill", True), ("sleep", False)):
-        result[name] = workshop.strike(workshop.folder(name), kill=kill)
+    result["kill"] = workshop.strike(tool.command, "kill", kill=True)
+    result["sleep"] = workshop.strike(tool.command, "sleep")
+    if tool.guarded:
+        result["guarded"] = workshop.strike(tool.guarded, "guarded") | {"guard": tool.guard}
     return result
 
 

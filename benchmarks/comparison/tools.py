@@ -19,6 +19,10 @@ class Tool:
     shows: tuple[str, ...]
     """Those whose versions the page shows."""
     command: tuple[str, ...]
+    guarded: tuple[str, ...] = ()
+    """The same with a time limit that the tool offers, where it has none by default."""
+    guard: str = ""
+    """That limit, as the page names it."""
     prepare: tuple[tuple[str, ...], ...] = ()
     """Commands before each run, such as a build."""
     replay: tuple[tuple[str, ...], ...] = ()
@@ -64,6 +68,8 @@ HELICS = Tool(
     packages=("helics[cli]==3.6.1",),
     shows=("helics",),
     command=("helics", "run", "--path=federation.json"),
+    guarded=("helics", "run", "--path=federation_guarded.json"),
+    guard="`helics_broker --maxcosimduration=10s`",
     replay=(
         ("sh", "-c", "grep -v torque recording.txt > state.txt"),
         ("helics", "run", "--path=replay.json"),
@@ -78,6 +84,8 @@ DORA = Tool(
     packages=("dora-rs==1.1.0", "dora-rs-cli==1.1.0", "pyarrow==26.0.1", "numpy==2.4.6"),
     shows=("dora-rs", "dora-rs-cli"),
     command=("dora", "run", "dataflow.yml"),
+    guarded=("dora", "run", "dataflow_guarded.yml"),
+    guard="`health_check_timeout: 3.0`",
     code=("plant.py", "controller.py", "dataflow.yml"),
 )
 FMI = Tool(
