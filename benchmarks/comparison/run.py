@@ -194,7 +194,22 @@ def _helics_difference(folder: Path) -> float:
     return max(abs(x - y) for old, new in pairs for x, y in zip(old, new, strict=True))
 
 
-_CHECKS = {"helics": {"replay_difference": _helics_difference}}
+def _loop_difference(folder: Path) -> float:
+    """Return the largest difference of a joint's position to that in the plain loop [rad]."""
+
+    def positions(path: Path) -> list[list[float]]:
+        rows = [line.split() for line in path.read_text().splitlines()]
+        return [[float.fromhex(cell) for cell in row[1:3]] for row in rows]
+
+    loop = folder.parents[1] / "loop/trace.txt"
+    pairs = zip(positions(loop), positions(_traces(folder) / "trace.txt"), strict=True)
+    return max(abs(x - y) for old, new in pairs for x, y in zip(old, new, strict=True))
+
+
+_CHECKS = {
+    "helics": {"replay_difference": _helics_difference},
+    "pybullet_gymnasium": {"loop_difference": _loop_difference},
+}
 
 
 def plain_loop(out: Path) -> str:

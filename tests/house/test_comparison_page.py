@@ -3,6 +3,7 @@
 import hashlib
 import json
 import os
+import re
 import subprocess
 import sys
 
@@ -30,6 +31,18 @@ def test_every_tool_is_measured_and_its_files_are_those_that_were_counted():
         now = {name: count_lines(HERE / tool.name / name) for name in files}
         assert tools[tool.name]["lines"] == now, f"make comparison: {tool.name} has changed"
         assert set(tools[tool.name]["versions"]) == set(tool.shows)
+
+
+def test_what_the_page_says_of_replays_is_so():
+    tools = page.read_results()["tools"]
+    assert tools["stepbus"]["replay_says"][0] == "controller: equal to the recording over 400 steps"
+    assert tools["helics"]["replay_difference"] <= 2e-14
+    assert tools["pybullet_gymnasium"]["loop_difference"] <= 1e-6
+    rows, difference = re.findall(
+        r"(\d+) rows, largest difference (\S+)", tools["fmi"]["replay_says"][-1]
+    )[0]
+    assert int(rows) == 401
+    assert float(difference) <= 1e-4
 
 
 def test_the_plain_loop_gives_the_trace_of_the_results(tmp_path):
