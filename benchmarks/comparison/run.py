@@ -130,7 +130,7 @@ def _short(text: str, folder: Path) -> str:
 def _text(text: str, folder: Path) -> list[str]:
     """Return the lines of a text, without colours and folders of this machine."""
     text = re.sub(r"\x1b\[[0-9;]*m", "", text).replace(str(folder), ".")
-    text = re.sub(r"/\S*/(?=[\w.-]+)", "", text)
+    text = re.sub(r"(?<![\w.])/\S*/(?=[\w.-]+)", "", text)
     return [line.rstrip()[:200] for line in text.splitlines() if line.strip()]
 
 
@@ -249,9 +249,10 @@ def main() -> None:
             sys.stderr.write(f"{tool.name}: does not install here; left out\n")
             continue
         results["tools"][tool.name] = measured = measure(tool, out, args.runs)
-        sys.stderr.write(
-            f"{tool.name}: {measured['kill']['ended']}, {measured['sleep']['ended']}\n"
-        )
+        ends = [
+            measured[kind]["ended"] for kind in ("kill", "sleep", "guarded") if kind in measured
+        ]
+        sys.stderr.write(f"{tool.name}: {', '.join(ends)}\n")
         args.results.write_text(json.dumps(results, indent=1, ensure_ascii=False) + "\n")
 
 
