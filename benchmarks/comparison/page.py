@@ -83,7 +83,10 @@ def strikes(results: dict[str, Any], kind: str) -> str:
     """Return what becomes of each tool whose controller is killed, or sleeps."""
     rows = []
     for name, tool in results["tools"].items():
-        rows.append([NAMES[name], *_struck(tool[kind], results["waited_s"])])
+        row = [NAMES[name], *_struck(tool[kind], results["waited_s"])]
+        if kind == "kill" and name in ONE_PROCESS:
+            row[1] = "at once: it is the process that was killed"
+        rows.append(row)
         if kind == "sleep" and "guarded" in tool:
             title = f"{NAMES[name]}, {tool['guarded']['guard']}"
             rows.append([title, *_struck(tool["guarded"], results["waited_s"])])
