@@ -153,6 +153,10 @@ def measure(tool: Tool, out: Path, runs: int) -> dict[str, Any]:
     )
     folders = [workshop.folder(f"whole{number}") for number in range(runs)]
     whole = [workshop.do(tool.command, folder, "run") for folder in folders]
+    for folder, run in zip(folders, whole, strict=True):
+        if run["exit_code"] != 0 or not (_traces(folder) / "trace.txt").exists():
+            log = folder.with_suffix(".run.log")
+            raise RuntimeError(f"{tool.name}: ended with {run['exit_code']}; see {log}")
     traces = [_sha256(_traces(folder) / "trace.txt") for folder in folders]
     files = [next(iter(sorted(f.glob(tool.recording))), None) for f in folders if tool.recording]
     result = {
@@ -248,7 +252,10 @@ def main() -> None:
         if not install(tool, out / "environments"):
             sys.stderr.write(f"{tool.name}: does not install here; left out\n")
             continue
-        results["tools"][tool.name] = measured = measure(tool, out, args.runs)
+        try:
+            results["tools"][tool.name] = measured = measure(tool, out, args.runs)
+        except RuntimeError as exc:
+            raise SystemExit(f"comparison: {exc}") from exc
         ends = [
             measured[kind]["ended"] for kind in ("kill", "sleep", "guarded") if kind in measured
         ]

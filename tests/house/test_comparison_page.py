@@ -10,7 +10,7 @@ import sys
 import pytest
 from benchmarks.comparison import page, processes
 from benchmarks.comparison.lines import count_lines
-from benchmarks.comparison.tools import HERE, TOOLS
+from benchmarks.comparison.tools import CHECKOUT, HERE, TOOLS
 
 
 def test_the_tables_of_the_page_are_those_of_the_results():
@@ -86,3 +86,19 @@ def test_a_stalled_controller_is_struck_and_what_it_leaves_is_found_and_killed(t
     assert (found["ended"], found["exit_code"]) == ("by itself", -9)
     assert len(found["left"]) == len(found["left_later"]) == 1
     assert processes.alive(mark) == {}
+
+
+@pytest.mark.slow
+def test_the_task_runs_in_stepbus_as_the_results_say(tmp_path):
+    module = [sys.executable, "-m", "benchmarks.comparison.run"]
+    where = ["--out", str(tmp_path), "--results", str(tmp_path / "results.json")]
+    command = [*module, "--only", "stepbus", "--runs", "2", *where]
+    subprocess.run(command, check=True, cwd=CHECKOUT, timeout=500)
+    now = json.loads((tmp_path / "results.json").read_text())["tools"]["stepbus"]
+    published = page.read_results()
+    assert set(now["traces"]) == {published["loop"]}
+    assert len(set(now["recordings"])) == 1
+    for kind in ("kill", "sleep"):
+        then = published["tools"]["stepbus"][kind]
+        for key in ("ended", "exit_code", "left", "plant_steps"):
+            assert now[kind][key] == then[key]
