@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -23,6 +23,7 @@ help:
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
 	@echo "make campaign   judge real runs with 66 external faults, 2,000 damaged recordings, 64 sales (1 h)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
+	@echo "make comparison run one small task in stepbus and in its peers, each in its own environment (10 min)"
 	@echo "make soak       run a million steps: checks that memory stays constant and reports stay fast (5 min)"
 	@echo "make clean      remove .venv and caches; keep runs/"
 
@@ -97,6 +98,9 @@ pictures: robots
 
 gallery: robots
 	@$(PYTHON) scripts/gallery.py $(GALLERY)
+
+comparison: setup
+	@$(PYTHON) -m benchmarks.comparison.run $(COMPARISON)
 
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)

@@ -1,0 +1,1 @@
+"""The same small task in stepbus and its peers: `make comparison`."""
