@@ -1,4 +1,4 @@
-.PHONY: help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo release-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -21,6 +21,7 @@ help:
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
 	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
 	@echo "make campaign   66 faults from outside, 2,000 damaged recordings, 64 sales, judged (1 h)"
+	@echo "make release-check build the wheel three times, compare, try each extra from it (20 min)"
 	@echo "make bench      measure steps/s and processor time, beside HELICS, mosaik and chains by hand"
 	@echo "make soak       a million steps: no process grows, the report is quick (5 min)"
 	@echo "make clean      remove .venv and caches; runs/ stays"
@@ -80,6 +81,7 @@ check: setup
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) -m stepbus_orchestrator.scenario --check
 	@$(PYTHON) scripts/check_changelog.py
+	@$(MAKE) --no-print-directory lint-workflows
 
 coverage: setup
 	@$(PYTHON) -m coverage erase
@@ -90,6 +92,19 @@ docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
 	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs/site -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
+
+# What is committed, as a release; `make release-check RELEASE=--help` has the parts.
+release-check: setup
+	@$(PYTHON) -m scripts.release_check $(RELEASE)
+
+# The workflows, the forms and the citation, against schemas in the linters' own wheels: no network.
+SCHEMA := .venv/bin/check-jsonschema -q --builtin-schema
+lint-workflows: setup
+	@$(SCHEMA) vendor.github-workflows .github/workflows/*.yml
+	@$(SCHEMA) vendor.github-issue-forms $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
+	@$(SCHEMA) vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	@$(SCHEMA) vendor.citation-file-format CITATION.cff
+	@.venv/bin/zizmor --offline --quiet --pedantic .github/workflows
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)

@@ -34,7 +34,8 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
     assert rows["messages"][0] == "241 of 4 ports, 803/s"
     assert rows["types"][0].startswith("61 JointState/1 (plant/joint_state), ")
     assert rows["events"] == ["none; faults injected: none"]
-    assert re.search(r", stepbus 0\.1\.0, \d+ libraries \(--json\), ", rows["versions"][0])
+    own = re.escape(installed_version("stepbus"))
+    assert re.search(rf", stepbus {own}, \d+ libraries \(--json\), ", rows["versions"][0])
     assert len(rows["hash"][0]) == 64
 
 
