@@ -1,4 +1,4 @@
-"""Check what a wheel and an sdist hold against what git has: nothing is missing, nothing is more."""
+"""Check what a wheel and an sdist hold against what git has: nothing less, nothing more."""
 
 import re
 import tarfile

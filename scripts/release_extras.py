@@ -148,7 +148,7 @@ EXTRAS: Mapping[str, tuple[str, Use]] = {
 
 
 def try_extra(name: str, place: Path, wheel: Path, python: str, cache: Path) -> str:
-    """Install an extra into an empty environment and use it; return what it did, or raise Failed."""
+    """Install an extra into an empty environment and use it; return what it did; raises Failed."""
     extras, use = EXTRAS[name]
     environment = installed(place, wheel, extras, python, cache)
     folder = environment.work("work")

@@ -69,7 +69,7 @@ class Environment:
 
     @contextmanager
     def started(self, *command: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
-        """Start a program, and end it with Ctrl-C; raises Failed where that does not end it well."""
+        """Start a program, and end it with Ctrl-C; raises Failed where that does not work."""
         process = subprocess.Popen(
             ["env", "-i", *self._variables(), str(self.programs / command[0]), *command[1:]],
             cwd=cwd,
