@@ -130,7 +130,7 @@ def check_contents(release: Release) -> list[str]:
 
 
 def wanted_hash(python: tuple[int, int], *, any_arithmetic: bool, engine: str) -> str | None:
-    """Return the hash of two_link's messages that README.md shows; None where it is not that one."""
+    """Return the hash of two_link's messages that README.md shows; None: any will do."""
     if any_arithmetic or python != PYTHON_OF_THE_HASH or engine != "pybullet":
         return None
     match = re.search(r"^messages  ([0-9a-f]{64})$", (ROOT / "README.md").read_text(), re.MULTILINE)

@@ -65,7 +65,7 @@ def use_run(environment: Environment, folder: Path) -> str:
     said = environment.run("stepbus", "run", "scenario.yaml", "--out", "a", cwd=folder)
     environment.run("stepbus", "rerun", "a", "--out", "b", cwd=folder)
     environment.run("stepbus", "diff", "a", "b", cwd=folder)
-    environment.run("stepbus", "validate", "two_link", cwd=folder)
+    environment.run("stepbus", "validate", "scenario.yaml", cwd=folder)
     return f"run, rerun, diff, validate; messages {hash_of(said)[:12]}…"
 
 

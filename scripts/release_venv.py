@@ -50,7 +50,8 @@ class Environment:
         except Failed as exc:
             if wanted_to_fail and re.search(r"ends with exit code [12]:", str(exc)):
                 return str(exc)
-            raise Failed(f"in {place}: {exc}") from None
+            own = f"{' '.join(clean)} {self.programs}/"
+            raise Failed(f"in {place}: {str(exc).replace(own, '')}") from None
         if wanted_to_fail:
             raise Failed(f"in {place}: `{program} {' '.join(words)}` should fail, but does not")
         return output
