@@ -1,4 +1,4 @@
-.PHONY: help demo release-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo release-check container-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -96,6 +96,10 @@ docs: setup
 # What is committed, as a release; `make release-check RELEASE=--help` has the parts.
 release-check: setup
 	@$(PYTHON) -m scripts.release_check $(RELEASE)
+
+# The Containerfile, without a container engine; root only.
+container-check: setup
+	@$(PYTHON) -m scripts.release_container
 
 # The workflows, the forms and the citation, against schemas in the linters' own wheels: no network.
 SCHEMA := .venv/bin/check-jsonschema -q --builtin-schema

@@ -2,6 +2,7 @@
 
     make release-check                              all parts, in this order (about 20 min)
     make release-check RELEASE='--only build'       only a part; may be repeated
+    make release-check RELEASE=--quick              build, metadata, contents and demo (1 min)
     make release-check RELEASE='--only extras --extra view'   only one of the extras
     make release-check RELEASE='--tag v0.2.0 --out dist'      also: the tag fits; keep the files
 
@@ -44,6 +45,7 @@ from scripts.release_extras import EXTRAS, try_extra
 from scripts.release_venv import Environment, borrowed, removed, try_demo
 
 PARTS = ("build", "metadata", "contents", "demo", "extras", "docs")
+QUICK = PARTS[:4]
 PROJECTS = {"stepbus": ".", "stepbus-store": "store"}
 PYTHON_OF_THE_HASH = (3, 11)
 DOCS_PATIENCE_S = 1800.0
@@ -241,6 +243,8 @@ def options_of(words: Sequence[str]) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--only", action="append", choices=PARTS, help="this part; may be repeated")
+    text = f"the same as --only for {', '.join(QUICK)}"
+    parser.add_argument("--quick", dest="only", action="store_const", const=QUICK, help=text)
     parser.add_argument("--extra", action="append", choices=list(EXTRAS), help="of these extras")
     parser.add_argument("--python", default=sys.executable, help="for the empty environments")
     parser.add_argument("--tag", metavar="vX.Y.Z", help="check that the tag fits the version")
