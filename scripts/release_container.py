@@ -43,7 +43,7 @@ class Stage:
 
 
 def stages(text: str) -> list[Stage]:
-    """Return the stages of a Containerfile; raises Failed for an instruction that we do not know."""
+    """Return the stages of a Containerfile; raises Failed for what we cannot carry out."""
     parsed: list[Stage] = []
     for line in re.sub(r"\\\n\s*", " ", text).splitlines():
         instruction, _, rest = line.strip().partition(" ")
@@ -76,7 +76,9 @@ class View:
         layers = f"lowerdir=/,upperdir={folder / 'upper'},workdir={folder / 'work'}"
         command = ["mount", "-t", "overlay", "overlay", "-o", layers, str(self.root)]
         _checked(subprocess.run(command, check=False, capture_output=True, text=True), command)
-        for place in ("dev", "proc", "sys", "etc/resolv.conf", "etc/hosts"):
+        proc = ["mount", "-t", "proc", "proc", str(self.root / "proc")]
+        _checked(subprocess.run(proc, check=False, capture_output=True, text=True), proc)
+        for place in ("dev", "sys", "etc/resolv.conf", "etc/hosts"):
             target = self.root / place
             if Path("/", place).exists():
                 command = ["mount", "--rbind", f"/{place}", str(target)]
