@@ -88,8 +88,11 @@ class View:
     def _give_python(self) -> None:
         """Make `python` this Python, in a folder that every user of the view may enter."""
         python = Path(sys.executable).resolve()
-        (self.root / "usr/local/bin/python").unlink(missing_ok=True)
-        (self.root / "usr/local/bin/python").symlink_to(python)
+        program = self.root / "usr/local/bin/python"
+        program.unlink(missing_ok=True)
+        # No link: an environment that is made with one takes the folder of the link for its base.
+        program.write_text(f'#!/bin/sh\nexec {python} "$@"\n')
+        program.chmod(0o755)
         for folder in python.parents:
             place = self.root / folder.relative_to("/")
             place.chmod(place.stat().st_mode | 0o055)
