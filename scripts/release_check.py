@@ -172,7 +172,7 @@ def check_extras(release: Release, options: argparse.Namespace) -> list[str]:
     return problems
 
 
-def check_docs(release: Release, _options: argparse.Namespace) -> list[str]:
+def check_docs(release: Release, options: argparse.Namespace) -> list[str]:
     """Run the tests of the pages' examples in a checkout, where `stepbus` is the wheel."""
     place = release.folder / "docs"
     place.mkdir()
@@ -180,7 +180,8 @@ def check_docs(release: Release, _options: argparse.Namespace) -> list[str]:
     clone = check_out(release.files, place / "clone", is_littered=False)
     program = "import stepbus, sys; sys.exit(not stepbus.__file__.startswith(sys.prefix))"
     environment.run("python", "-c", program, cwd=clone)
-    words = ("-m", "pytest", "tests/docs/test_examples.py", "-k", "page", "-n", "2")
+    wanted = f"page and {options.page}" if options.page else "page"
+    words = ("-m", "pytest", "tests/docs/test_examples.py", "-k", wanted, "-n", "2")
     said = environment.run("python", *words, cwd=clone, patience_s=DOCS_PATIENCE_S)
     say(f"docs: {said.strip().splitlines()[-1].strip('= ')}")
     return []
@@ -246,6 +247,7 @@ def options_of(words: Sequence[str]) -> argparse.Namespace:
     text = f"the same as --only for {', '.join(QUICK)}"
     parser.add_argument("--quick", dest="only", action="store_const", const=QUICK, help=text)
     parser.add_argument("--extra", action="append", choices=list(EXTRAS), help="of these extras")
+    parser.add_argument("--page", metavar="NAME", help="of the pages, those with this in the name")
     parser.add_argument("--python", default=sys.executable, help="for the empty environments")
     parser.add_argument("--tag", metavar="vX.Y.Z", help="check that the tag fits the version")
     parser.add_argument("--out", type=Path, metavar="FOLDER", help="keep the files that passed")
