@@ -1,4 +1,4 @@
-.PHONY: help demo release-check container-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures check docs bench soak campaign simulate clean setup
+.PHONY: help demo release-check container-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -17,6 +17,7 @@ help:
 	@echo "make check      formatting, lint, types, imports, generated files, changelog, workflows"
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make pictures   make every picture of the docs from real runs (Chromium; 4 min)"
+	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes, once)"
 	@echo "make robots     install stepbus-store: the robots of store and baxter (414 MB)"
 	@echo "make simulate   10,000 runs in simulated time, each with faults of its own (4 min)"
@@ -103,17 +104,21 @@ release-check: setup
 container-check: setup
 	@$(PYTHON) -m scripts.release_container
 
-# The workflows, the forms and the citation, against schemas in the linters' own wheels: no network.
+# Workflows, action, forms and citation, against schemas in the linters' own wheels: no network.
 SCHEMA := .venv/bin/check-jsonschema -q --builtin-schema
 lint-workflows: setup
 	@$(SCHEMA) vendor.github-workflows .github/workflows/*.yml
-	@$(SCHEMA) vendor.github-issue-forms $(filter-out %/config.yml,$(wildcard .github/ISSUE_TEMPLATE/*.yml))
+	@$(SCHEMA) vendor.github-actions action.yml
+	@$(SCHEMA) vendor.github-issue-forms .github/ISSUE_TEMPLATE/bug.yml .github/ISSUE_TEMPLATE/feature.yml
 	@$(SCHEMA) vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
 	@$(SCHEMA) vendor.citation-file-format CITATION.cff
 	@.venv/bin/zizmor --offline --quiet --pedantic .github/workflows
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)
+
+gallery: robots
+	@$(PYTHON) scripts/gallery.py $(GALLERY)
 
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)

@@ -15,15 +15,19 @@ _HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. --
 _INTRODUCTION = """\
 # Messages
 
-Every message is a MessagePack map with the fields below. Units are SI. A vector of shape (n,) has
-one entry per name of its port's description, in that order. Optional fields may be left out.
-Unknown fields are ignored; a missing or mistyped one is refused. Integers are MessagePack integers;
-a float may also come as a float32 or as an integer.
+This page lists the fields of every message type: type, unit, shape, default and meaning. Every
+message is a MessagePack map with these fields.
 
-A scenario may bring [types of its own](../guide/writing/message_types.md).
+- Units are SI.
+- A vector of shape (n,) has one entry per name of its port's description, in that order.
+- Optional fields may be left out.
+- Unknown fields are ignored. A missing or mistyped field is refused.
+- Integers are MessagePack integers. A float may also be a float32 or an integer.
 
-Machine-readable: JSON Schema in `schemas/json/`, byte vectors for your codec in
-`schemas/vectors.json` (its `notation` says how to read it).
+A scenario may declare [its own types](../guide/writing/message_types.md).
+
+Machine-readable files: JSON Schema in `schemas/json/`, byte vectors for your codec in
+`schemas/vectors.json` (its `notation` explains how to read them).
 """
 
 

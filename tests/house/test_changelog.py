@@ -1,3 +1,4 @@
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -7,6 +8,16 @@ from support.paths import CHECKOUT
 from support.tools import needs
 
 SCRIPT = CHECKOUT / "scripts/check_changelog.py"
+SECTIONS = {"Added", "Changed", "Deprecated", "Removed", "Fixed", "Security"}
+"""Those of Keep a Changelog."""
+LONGEST = 130
+
+
+def _releases() -> dict[str, str]:
+    """Return the text below the heading of each version, the newest first."""
+    text = (CHECKOUT / "CHANGELOG.md").read_text(encoding="utf-8")
+    _, *parts = re.split(r"^## ", text, flags=re.MULTILINE)
+    return {heading: body for heading, _, body in (part.partition("\n") for part in parts)}
 
 
 def _git(folder: Path, *arguments: str) -> None:
@@ -65,3 +76,21 @@ def test_a_changelog_line_settles_it(checkout: Path) -> None:
 
 def test_files_without_history_are_not_compared(tmp_path: Path) -> None:
     assert _check(tmp_path).returncode == 0
+
+
+def test_each_release_has_a_version_and_a_date() -> None:
+    first, *released = _releases()
+    assert first == "Unreleased"
+    form = re.compile(r"\d+\.\d+\.\d+ - \d{4}-\d\d-\d\d")
+    assert [heading for heading in released if not form.fullmatch(heading)] == []
+
+
+def test_a_release_lists_short_entries_in_the_usual_sections() -> None:
+    _, *released = _releases().items()
+    for version, body in released:
+        sections = re.findall(r"^### (.+)$", body, re.MULTILINE)
+        assert sections, version
+        assert set(sections) <= SECTIONS, version
+        below = body[body.index("### ") :].splitlines()
+        entries = [line for line in below if line and not line.startswith("### ")]
+        assert [e for e in entries if not e.startswith("- ") or len(e) > LONGEST] == []

@@ -54,13 +54,13 @@ class BridgeSpec(Settings, omit_defaults=True):
 
 
 class BusSpec(Settings):
-    """How participants reach each other. Changes no result."""
+    """How participants connect to each other. Changes no result."""
 
     transport: Transport = "unix"
     """Unix sockets in a private folder, or TCP on loopback."""
     port: Annotated[int, msgspec.Meta(ge=1, le=LAST_TCP_PORT)] | None = None
-    """First TCP port: the orchestrator has it, the participants have those after it; only with
-    `tcp`. Default: any free ones."""
+    """First TCP port: the orchestrator uses it, the participants use the ports after it; only with
+    `tcp`. Default: any free ports."""
     low_latency: bool | None = None
     """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB; never
     over TCP. Default: the orchestrator chooses."""
@@ -81,25 +81,26 @@ class ParticipantRow(Settings, dict=True):
     """A participant."""
 
     template: str | None = None
-    """The one of `templates` it is made from."""
+    """Template in `templates` that it is made from."""
     with_: dict[str, Any] = {}
     """Parameter of the template → its value."""
     participant: str = ""
-    """The class that it is, in Python: `my_controller.py:Controller` of a file beside the scenario,
-    `my_arm.controller:Controller` of a module; or else `exec`."""
+    """Its Python class: `my_controller.py:Controller` in a file next to the scenario,
+    `my_arm.controller:Controller` in a module. For other programs, `exec`
+    ([participant](#participant))."""
     exec: tuple[str, ...] = ()
-    """The command that starts it, for a program in any language; see below."""
+    """Command that starts it, for a program in any language ([exec](#exec))."""
     every: Count = 1
     """It fires at steps 0, `every`, 2 · `every` …"""
     publishes: Literal["first", "last"] = "last"
     """Whether it publishes before it reads its inputs (a plant: its state) or after (a controller).
     """
     inputs: dict[Name, InputSpec] = {}
-    """Port → what it reads."""
+    """Port → the output that it reads ([inputs](#inputs))."""
     outputs: dict[Name, OutputSpec] = {}
-    """Port → what it publishes."""
+    """Port → the message type that it publishes ([outputs](#outputs))."""
     params: dict[str, Any] = {}
-    """For the participant alone; checked where it declares them
+    """Parameters of the participant; checked where it declares them
     ([parameters.md](parameters.md))."""
     start: Literal["child", "external"] = "child"
     """Who starts it: the orchestrator, or you, with `stepbus join`
@@ -110,25 +111,26 @@ class ParticipantRow(Settings, dict=True):
     on_late: Annotated[Literal["count", "fail"], when(real_time=True)] = "count"
     """Whether the run counts its late steps, or fails at the first."""
     spawn_timeout_ns: Duration | None = None
-    """Until its process is on the bus. Default: 20s, with `start: external` 2min."""
+    """Time until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
-    """From there until it has joined."""
+    """Time from there until it has joined."""
     ready_timeout_ns: Duration = round(Deadlines.ready_s * 1e9)
-    """From there until its model is loaded and it is connected to its sources."""
+    """Time from there until its model is loaded and it is connected to its sources."""
     step_timeout_ns: Duration = round(Deadlines.step_s * 1e9)
     """How long it may hold a step."""
     stop_timeout_ns: Duration = round(Deadlines.stop_s * 1e9)
-    """From the request to stop until its process has ended."""
+    """Time from the request to stop until its process has ended."""
     on_fault: Literal["stop", "hold"] | HoldSpec = "stop"
-    """What happens when it fails: the run ends, or everything is first brought to rest
+    """What happens when it fails: the run ends, or the orchestrator first brings everything to rest
     ([faults.md](../faults.md))."""
     bridge: BridgeSpec | None = None
     """`exec` is a program in any language that reads descriptor 3 and writes descriptor 4
     ([bridge.md](../guide/writing/bridge.md))."""
 
     files: tuple[str, ...] = ()
-    """What it loads beside [what is recorded anyway](#files): patterns and folders, such as
-    `[build/, "../data/*.csv"]`, so that a run can be repeated from its recording."""
+    """Files that it loads in addition to [those that are recorded anyway](#files): patterns and
+    folders, such as `[build/, "../data/*.csv"]`, so that a run can be repeated from its
+    recording."""
 
     @property
     def program(self) -> tuple[str, ...]:
@@ -242,29 +244,31 @@ class ScenarioFile(Settings):
     seed: Whole = 0
     """Every participant derives its own seed from this and its name."""
     faults: tuple[str, ...] = ()
-    """Faults on purpose: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
+    """Injected faults: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
     participants: dict[Name, ParticipantRow]
-    """Name → participant, at least one; where several could go first within a step, they go in
-    this order."""
+    """Name → participant, at least one. Where several could be first within a step, this order
+    decides."""
     window: Count = 64
-    """Steps in flight; 1: no participant starts a step before all have finished the one before.
+    """Steps in flight; 1: no participant starts a step before all have finished the previous one.
     Changes no result."""
     batch: Count | None = None
-    """Outputs of a participant per message to the recording; at most half the window. Changes no
-    result. Default: half the window."""
+    """Number of outputs of a participant in one message to the recording; at most half the window.
+    Changes no result. Default: half the window."""
     checkpoint_ns: Duration | None = None
     """How often participants save their state, in whole steps, so that a branch need not start at
     step 0 ([branch.md](../guide/testing/branch.md#checkpoints)). Changes no result. Default:
     never."""
     bus: BusSpec = BusSpec()
-    """How participants reach each other. Changes no result."""
+    """How participants connect to each other. Changes no result."""
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
-    """Message types of your own: declared here, in YAML files, or as classes in installed Python
+    """Your own message types: declared here, in YAML files, or as classes in installed Python
     modules; also a list of these ([message_types.md](../guide/writing/message_types.md))."""
     templates: dict[Name, dict[str, Any]] = {}
-    """Participants to be: name → keys of a participant, with parameters `${…}`; see below."""
+    """Name → keys of a participant, with parameters `${…}`
+    ([templates](#participants-from-a-template))."""
     extends: str | None = None
-    """Scenario that this one changes: a file or folder, or one that ships; see below."""
+    """Scenario that this one extends: a file or folder, or one that ships
+    ([extends](#one-scenario-on-top-of-another))."""
 
     @classmethod
     def elsewhere(cls, key: str) -> str:

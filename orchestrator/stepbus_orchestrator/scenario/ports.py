@@ -20,9 +20,9 @@ class InputSpec(Settings, dict=True, omit_defaults=True):
     from_: str
     """`participant.output`; not an output of the participant itself."""
     delay: Whole = 0
-    """How many steps old it is at least."""
+    """Minimum age of the message [steps]."""
     type: str | None = None
-    """A message type this participant insists on; it is checked against the output's."""
+    """Message type that this participant requires; it is checked against the output's."""
 
     @cached_property
     def source(self) -> str:
@@ -49,10 +49,9 @@ class OutputSpec(Settings, omit_defaults=True):
     type: str
     """`Name/major`, one of [messages.md](messages.md) or of the scenario's `types`."""
     bulk: bool = False
-    """Large content, which travels on a key of its own."""
+    """Whether the content is large, and travels on a separate key."""
     record: str = RECORD_ALL
-    """What the recording has of it: `all`, `every 10` (of ten steps of the participant the first),
-    or `off`."""
+    """What is recorded: `all`, `every 10` (of ten steps of the participant the first), or `off`."""
 
     @property
     def record_every(self) -> int:

@@ -107,9 +107,9 @@ class Goal(Message, frozen=True):
     type: Annotated[
         GoalType,
         meta(
-            "what to do; `go_together`: as go_to, and a goal of the arm follows, before whose path "
-            "is known the base stays; `back_to_rest`: bring the arm from any pose to where it "
-            "rests; `stop`: come to rest and cancel the current goal"
+            "what to do; `go_together`: as go_to, with a goal of the arm to follow: the base waits "
+            "until the path of the arm is known; `back_to_rest`: move the arm from any pose to "
+            "its rest pose; `stop`: come to rest and cancel the current goal"
         ),
     ]
     joints: Annotated[list[str], meta("move_joints: names of the joints to move")] = []
@@ -142,8 +142,8 @@ class Goal(Message, frozen=True):
     base: Annotated[
         Point | None,
         meta(
-            "go_to, go_together: target x, y, yaw of the base in the odometry frame; of the arm "
-            "and the gripper: they move beside a base that goes there",
+            "go_to, go_together: target x, y, yaw of the base in the odometry frame; in a "
+            "goal of the arm or the gripper: it moves while the base goes there",
             "m, m, rad",
         ),
     ] = None
@@ -217,16 +217,16 @@ class CameraTrigger(Message, frozen=True):
     id: Annotated[int, meta("id of the request; a new id is a new request", ge=0)]
     frame: Annotated[str, meta("reference link of `position`")] = ""
     position: Annotated[
-        Point | None, meta("where something is expected, and looked for: x, y, z", "m")
+        Point | None, meta("position at which to look for an object: x, y, z", "m")
     ] = None
 
 
 class EmergencyStop(Message, frozen=True):
     """Whether a plant brakes all its joints and bases, whatever is commanded."""
 
-    active: Annotated[bool, meta("whether it brakes; false: it runs")]
-    by: Annotated[str, meta("who stopped or released it; empty: it has run from the start")] = ""
-    since: Annotated[float, meta("simulation time of that", "s")] = 0.0
+    active: Annotated[bool, meta("whether the stop is active; false: normal operation")]
+    by: Annotated[str, meta("who activated or released the stop; empty: never activated")] = ""
+    since: Annotated[float, meta("simulation time of the activation or release", "s")] = 0.0
 
     def __str__(self) -> str:
         """Return who has stopped the plant, and when."""
@@ -250,12 +250,12 @@ class Contacts(Message, frozen=True):
     peak_force: Annotated[
         list[float],
         meta(
-            "largest normal force of each pair since the message before; empty: unknown", "N", "k"
+            "largest normal force of each pair since the previous message; empty: unknown", "N", "k"
         ),
     ] = []
     impulse: Annotated[
         list[float],
-        meta("normal impulse of each pair since the message before; empty: unknown", "N·s", "k"),
+        meta("normal impulse of each pair since the previous message; empty: unknown", "N·s", "k"),
     ] = []
 
     @property
@@ -300,9 +300,9 @@ class Detections(Message, frozen=True):
     confidence: Annotated[
         list[float], meta("share of the expected surface that was seen, 0 to 1", "-", "k")
     ]
-    hidden: Annotated[
-        float, meta("share of where something was looked for that other things hide, 0 to 1")
-    ] = 0.0
+    hidden: Annotated[float, meta("share of the searched area that other objects hide, 0 to 1")] = (
+        0.0
+    )
 
 
 class PlanRequest(Message, frozen=True):

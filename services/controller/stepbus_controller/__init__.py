@@ -26,19 +26,19 @@ class Params(SmoothingParams):
     """Parameters of `stepbus_controller`."""
 
     law: Literal["computed_torque", "pd", "pd_gravity", "pid"] | Plugin
-    """Control law; a class of yours has `__init__(robot, params)` and `torque(q, v, reference, dt)`
+    """Control law; your own class has `__init__(robot, params)` and `torque(q, v, reference, dt)`
     that returns torques, shape (n,) [N·m]."""
     model: ModelFile | None = None
-    """URDF, xacro, SDF or MJCF of the robot; a law that needs no model can do with `joints`."""
+    """URDF, xacro, SDF or MJCF of the robot; a law that needs no model can use `joints` instead."""
     joints: Names | None = None
     """Joints under control, in the order of every vector. Default: all of the model."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
-    one URDF share a world. All other parameters name joints as the URDF does."""
+    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
+    URDF share a world. All other parameters name joints as the URDF does."""
     gravity: Vector3 = (0.0, 0.0, -9.81)
-    """In the frame of the robot's base [m/s²]."""
+    """Gravity in the frame of the robot's base [m/s²]."""
     effort_limit: PositivePerJoint | None = None
-    """Largest torques [N·m]. Default: those of the model."""
+    """Torque limits [N·m]. Default: those of the model."""
     kp: Gain
     """Proportional gain [N·m/rad], of computed_torque [1/s²]."""
     kd: Gain
@@ -46,15 +46,14 @@ class Params(SmoothingParams):
     ki: Annotated[NonNegativePerJoint, when(law="pid")]
     """Integral gain [N·m/(rad·s)]."""
     feed_forward: Annotated[NonNegativePerJoint, when(law="pid")] = each(0.0)
-    """Torque for each acceleration of the reference [N·m·s²/rad]: the inertia that the joint
-    moves."""
+    """Torque per acceleration of the reference [N·m·s²/rad]: the inertia that the joint moves."""
     anti_windup: Annotated[Literal["conditional_integration", "none"], when(law="pid")] = (
         "conditional_integration"
     )
-    """What the integral does while a torque is at its limit; conditional_integration: it stands
-    still (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
+    """Behaviour of the integral while a torque is at its limit; conditional_integration: the
+    integral is frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
     velocity: Literal["measured", "finite_difference", "filtered"] = "measured"
-    """Where joint velocities come from."""
+    """Source of the joint velocities."""
     cutoff_hz: Annotated[Positive, when(velocity="filtered")]
     """Corner frequency of the filter [Hz]."""
     own: Own = {}

@@ -11,12 +11,12 @@ class Params(Settings):
     joints: Names
     """Joints under control, in the order of the commands."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
-    one URDF share a world. All other parameters name joints without it."""
+    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
+    URDF share a world. All other parameters name joints without it."""
     feed_forward: bool = True
-    """Whether velocities are commanded; without them the joints lag behind."""
+    """Whether to command velocities; without them the joints lag behind."""
     effort_limit: NonNegativePerJoint | None = None
-    """Largest torques of the motors [N·m]. Default: the plant's."""
+    """Torque limits of the motors [N·m]. Default: the plant's."""
 
 
 if TYPE_CHECKING:

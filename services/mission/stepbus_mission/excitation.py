@@ -30,9 +30,9 @@ class ChirpParams(Settings):
     omega: Positive = 1.0
     """dφ/dt at the start [rad/s]."""
     omega_end: Positive = 20.0
-    """dφ/dt from `sweep` on; in between it grows, or falls, evenly [rad/s]."""
+    """dφ/dt from `sweep` on; before that it changes linearly [rad/s]."""
     sweep: Positive = 10.0
-    """How long the sweep takes [s]."""
+    """Duration of the sweep [s]."""
 
 
 class Chirp:
@@ -67,9 +67,9 @@ class RampParams(Settings):
     target: PerJoint
     """Position at the end [rad]."""
     time: NonNegative = 0.0
-    """When the ramp begins [s]."""
+    """Start time of the ramp [s]."""
     rise: Positive = 1.0
-    """How long it takes [s]."""
+    """Duration of the ramp [s]."""
 
 
 class Ramp:
@@ -103,11 +103,11 @@ class ImpulseParams(Settings):
     initial: PerJoint = each(0.0)
     """Position before and after the pulse [rad]."""
     height: PerJoint = each(0.1)
-    """By how much the position jumps during the pulse [rad]."""
+    """Change of the position during the pulse [rad]."""
     time: NonNegative = 0.0
-    """When the pulse begins [s]."""
+    """Start time of the pulse [s]."""
     width: Positive = 0.05
-    """How long it lasts; give a step of the run for the shortest [s]."""
+    """Duration of the pulse; the shortest is one step of the run [s]."""
 
 
 class Impulse:
@@ -136,11 +136,12 @@ class NoiseParams(Settings):
     amplitude: PerJoint = each(0.1)
     """The position is `offset` ± this [rad]."""
     offset: PerJoint = each(0.0)
-    """The middle [rad]."""
+    """Mean position [rad]."""
     hold: Positive = 0.1
-    """How long each bit lasts [s]."""
+    """Duration of each bit [s]."""
     seed: Whole = 0
-    """Where in the sequence the first joint begins; the others begin evenly spread behind it."""
+    """Place in the sequence at which the first joint begins; the others begin evenly spread after
+    it."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the length of a bit."""

@@ -41,42 +41,42 @@ class SpiralSettings(Settings):
     centre: Vector3
     """Point of the axis at the starting height [m]."""
     radius: tuple[Positive, Positive]
-    """At the start and at the end [m]."""
+    """Radius at the start and at the end [m]."""
     turns: Finite
-    """Counter-clockwise [-]."""
+    """Number of turns, counter-clockwise [-]."""
     rise: Finite = 0.0
-    """In all [m]."""
+    """Total rise [m]."""
 
 
 class GoalSettings(Settings):
     """A goal; see `Goal/1`."""
 
     type: GoalType
-    """What to do."""
+    """Type of the goal."""
     joints: dict[str, Finite] = {}
-    """Of `move_joints`, and of `back_to_rest` unless it has a pose: joint → position [rad]."""
+    """With `move_joints`, and with `back_to_rest` unless it has a pose: joint → position [rad]."""
     tip: str = ""
     """Frame of the robot to move."""
     frame: str = ""
-    """Of the pose: a link, `odometry`, or the robot's base if empty."""
+    """Frame of the pose: a link, `odometry`, or the robot's base if empty."""
     position: Vector3 | None = None
-    """Of the tip [m]."""
+    """Position of the tip [m]."""
     rpy: Vector3 = (0.0, 0.0, 0.0)
     """Roll, pitch and yaw of the tip about fixed axes [rad]."""
     spiral: SpiralSettings | None = None
-    """Of `spiral`."""
+    """With `spiral`: the spiral."""
     duration: NonNegative = 0.0
-    """[s]; 0: as fast as the limits allow."""
+    """Duration of the motion [s]; 0: as fast as the limits allow."""
     touches: tuple[Text, ...] = ()
     """Links of the world that the robot may touch."""
     by: Finite = 0.0
-    """Of `drive` and `turn` [m, rad]."""
+    """With `drive` and `turn`: distance or angle [m, rad]."""
     base: Vector3 | None = None
-    """Of `go_to`: x, y, yaw [m, m, rad]."""
+    """With `go_to`: x, y, yaw [m, m, rad]."""
     width: NonNegative = 0.0
-    """Of `grip` [m]."""
+    """With `grip`: width [m]."""
     force: NonNegative = 0.0
-    """Of `grip` [N]."""
+    """With `grip`: force [N]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what a goal of its type lacks, and the type that no sequence can carry out."""
@@ -125,7 +125,7 @@ class Params(Settings):
     """Parameters of `stepbus_mission.goals`."""
 
     goals: Annotated[tuple[GoalSettings, ...], msgspec.Meta(min_length=1)]
-    """Goals in their order; the run ends after the last one, or the first that fails."""
+    """Goals in their order; the run ends after the last goal, or after the first that fails."""
 
 
 def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:

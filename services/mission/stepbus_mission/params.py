@@ -25,7 +25,7 @@ class Waypoint(Settings):
     time: NonNegative | None = None
     """Simulation time [s]. Default for the first waypoint: 0."""
     duration: Positive | None = None
-    """Time since the waypoint before, instead of `time` [s]."""
+    """Time since the previous waypoint, instead of `time` [s]."""
     position: PerJoint
     """Position of each joint [rad]."""
 
@@ -34,12 +34,12 @@ class Params(Settings):
     """Parameters of `stepbus_mission`."""
 
     task: Literal["csv", "sine", "step", "waypoints"] | Plugin
-    """What the reference does; a class of yours has `__init__(joints, params)` and `at(t)`."""
+    """What the reference does; your own class has `__init__(joints, params)` and `at(t)`."""
     joints: Names
-    """Joints of the reference, in its order."""
+    """Joints of the reference, in the order of its vectors."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints: `left/` where two bodies of
-    one URDF share a world. All other parameters name joints without it."""
+    """Prefix that the plant adds to the joint names of this robot: `left/` where two bodies of one
+    URDF share a world. All other parameters name joints without it."""
     end_when_done: bool = False
     """Whether the run ends when the task is done."""
     amplitude: Annotated[PerJoint, when(task="sine")] = each(1.0)
@@ -55,7 +55,7 @@ class Params(Settings):
     initial: Annotated[PerJoint, when(task="step")] = each(0.0)
     """Position before `time` [rad]."""
     time: Annotated[Finite, when(task="step")] = 0.0
-    """When the position changes [s]."""
+    """Time at which the position changes [s]."""
     waypoints: Annotated[tuple[Waypoint, ...], when(task="waypoints")]
     """At least two: `{time: 2, position: [0.5, 0]}`, or `{duration: 2, position: …}` from the
     second on. The joints come to rest at each, with minimum jerk in between."""

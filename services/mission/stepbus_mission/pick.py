@@ -70,28 +70,28 @@ class Params(Settings):
     joints: Names
     """Shoulder, elbow, lift and wrist."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's joints and links: `left/` where two
+    """Prefix that the plant adds to the joint and link names of this robot: `left/` where two
     bodies of one URDF share a world."""
     base: Text
-    """Link of the arm that stands upright; the goal is given in its frame."""
+    """Upright link of the arm; the goal is given in its frame."""
     tip: Text
-    """Link between the pads; they open along its y."""
+    """Link between the pads; the pads open along its y axis."""
     cube: Text
     """Link of the cube, with its origin in the middle of the bottom."""
     goal: Vector3
-    """Where the cube shall stand: x, y, yaw [m, m, rad]; it may be turned by quarters."""
+    """Target pose of the cube: x, y, yaw [m, m, rad]; it may be rotated by multiples of 90°."""
     grip_height: Positive = 0.025
-    """Of the tip over the bottom of the cube when it grips [m]."""
+    """Height of the tip above the bottom of the cube when it grips [m]."""
     clearance: Positive = 0.1
-    """How far the cube is lifted [m]."""
+    """Height to which the cube is lifted [m]."""
     opening: Positive = 0.08
     """Width of the open gripper [m]."""
     force: Positive = 10.0
-    """Of each finger on the cube [N]."""
+    """Force of each finger on the cube [N]."""
     speed: Annotated[float, msgspec.Meta(gt=0, le=1)] = 0.8
-    """Share of the velocity limits of the joints that motions use [-]."""
+    """Fraction of the joints' velocity limits that motions use [-]."""
     patience: Positive = 2.0
-    """For so long the gripper may take to grip, and to open [s]."""
+    """Maximum time that the gripper takes to grip, and to open [s]."""
     tolerance: Positive = 0.005
     """Distance from the goal from which the cube counts as misplaced [m]."""
 

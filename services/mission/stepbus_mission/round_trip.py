@@ -22,12 +22,12 @@ class Params(Settings):
     model: ModelFile
     """URDF from which to draw poses."""
     prefix: str = ""
-    """What the plant puts before the names of this robot's links: `left/` where two bodies of one
+    """Prefix that the plant adds to the link names of this robot: `left/` where two bodies of one
     URDF share a world."""
     frame: Text
-    """Link that poses are given in."""
+    """Link that is the reference frame of the poses."""
     arms: dict[str, Text]
-    """Arm → its tip, the link to move to the poses."""
+    """Arm → its tip: the link that moves to the poses."""
     poses: Count
     """Number of poses per arm."""
     position_tolerance: Positive = 0.01
@@ -35,8 +35,8 @@ class Params(Settings):
     orientation_tolerance: Positive = 0.02
     """Orientation error from which a pose counts as missed [rad]."""
     home: dict[str, dict[str, Finite]] = {}
-    """Arm → joint → position to return to after a missed pose, at which its motors are
-    overloaded [rad]."""
+    """Arm → joint → position to return to after a missed pose, at which the motors are overloaded
+    [rad]."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield contradictions between arms and homes."""

@@ -49,12 +49,12 @@ class Resolution(Settings):
 
 
 class OdometryErrors(Settings):
-    """What odometry of every base does not notice."""
+    """Errors of the odometry of every base."""
 
     wheel: NonNegative = 0.0
-    """Standard deviation of the radius of each wheel, relative to the one that is assumed [-]."""
+    """Standard deviation of the radius of each wheel, relative to the assumed radius [-]."""
     slip: NonNegative = 0.0
-    """Standard deviation of how far each wheel slips, after 1 m; it grows with the root of the
+    """Standard deviation of the slip of each wheel after 1 m; it grows with the square root of the
     distance [m]."""
 
 
@@ -64,16 +64,16 @@ class ProximityErrors(Settings):
     gain: Share = 0.0
     """Standard deviation of the calibration of each link's skin, which each run draws [-]."""
     noise: Share = 0.0
-    """Standard deviation of a distance, relative to it, in each step [-]."""
+    """Standard deviation of a distance in each step, relative to the distance [-]."""
 
 
 class FixedPoint(Settings):
     """A point of a link that has a pose of its own, such as the tip of a tool."""
 
     link: Text
-    """The link it is fixed to."""
+    """Link that the point is fixed to."""
     position: Vector3
-    """In the frame of the link [m]; it has the link's orientation."""
+    """Position in the frame of the link [m]; the point has the link's orientation."""
 
 
 class CameraErrors(Settings):
@@ -82,7 +82,7 @@ class CameraErrors(Settings):
     depth: NonNegative = 0.0
     """Standard deviation of depth at 1 m; it grows with the square of the distance [m]."""
     depth_floor: NonNegative = 0.0
-    """The same at any distance, besides [m]."""
+    """Additional standard deviation of depth, the same at any distance [m]."""
     depth_bias: NonNegative = 0.0
     """Standard deviation of the constant offset of all depths of a camera that each run draws
     [m]."""
@@ -92,7 +92,7 @@ class CameraErrors(Settings):
     """Standard deviation of the blur of colours [pixel]."""
     light: Literal["even", "lamp"] = "even"
     """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the seed,
-    which makes shadows and highlights; images then take twice as long."""
+    with shadows and highlights; images then take twice as long."""
 
 
 class ItemTypeChange(Settings):
@@ -107,14 +107,14 @@ class StockParams(Settings):
     """`params.stock` of the plant."""
 
     seed: Whole | Literal["run"] = 0
-    """Of the type in each slot, and of the variation among items; `run`: one that
-    the seed of the run determines, so that each has other ones."""
+    """Seed of the type in each slot, and of the variation among items; `run`: derived from the seed
+    of the run, so that each run has other items."""
     types: dict[str, ItemTypeChange] = {}
     """Item type → its changes in this run."""
     fill: Share = 1.0
     """Share of the slots that have an item [-]."""
     missing: tuple[str, ...] = ()
-    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to leave out."""
+    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to omit."""
 
     @property
     def number(self) -> int:
@@ -145,9 +145,10 @@ class Action(Settings):
     position: Vector3 | None = None
     """New position of the body's frame in the world frame [m]."""
     to: Vector3 | None = None
-    """Where the body moves in a straight line, whatever is in its way [m]; needs `over`."""
+    """Target to which the body moves in a straight line, whatever is in its way [m]; needs
+    `over`."""
     over_ns: Duration | None = None
-    """How long it takes there, at a constant velocity."""
+    """Duration of this motion, at a constant velocity."""
     orientation_rpy: Vector3 | None = None
     """Its roll, pitch, yaw about fixed axes [rad]. Default: unchanged."""
     jam: str | None = None
@@ -188,7 +189,7 @@ class Params(Settings):
     """Physics engine, see [Engines](../guide/running/engines.md); overrides the world file.
     Default: the world's."""
     joints: Names | None = None
-    """Joints to sense, in this order. The others are simulated, driven and commanded all the same.
+    """Joints to sense, in this order. The other joints are still simulated, driven and commanded.
     Default: all movable ones, in the order of the bodies and their models."""
     sense: tuple[Quantity, ...] = ("position", "velocity", "effort")
     """Quantities to sense; the others are absent from the `JointState`."""
@@ -198,36 +199,37 @@ class Params(Settings):
     """Resolution of the sensor [rad, rad/s, N·m]; readings are rounded to its multiples, after
     adding noise. Default: exact."""
     odometry: OdometryErrors = OdometryErrors()
-    """What odometry does not notice. Default: nothing."""
+    """Errors of the odometry. Default: nothing."""
     camera: CameraErrors = CameraErrors()
-    """What images are disturbed by. Default: nothing."""
+    """Errors of the images. Default: nothing."""
     proximity: ProximityErrors = ProximityErrors()
-    """How contact sensors measure distances. Default: exactly."""
+    """Errors of the distances that contact sensors measure. Default: exactly."""
     actuation: Actuation = "direct"
-    """How to apply torques, unless the world file says so for a joint."""
+    """How to apply torques, unless the world file sets it for a joint."""
     effort: dict[str, NonNegative] = {}
     """Torque limit of a motor [N·m]; overrides the world file and the URDF."""
     poses: tuple[Text, ...] | None = None
     """Links and `points` of a `Poses/1`, in this order; links are named as in the URDF, or
     `body/link` if bodies share a name. Default: all."""
     points: dict[str, FixedPoint] = {}
-    """Points that are fixed to links, by a name of their own."""
+    """Name → point that is fixed to a link."""
     watchdog_ns: Duration | None = None
-    """How long after its latest command an input that has brought one brakes what it drives, as in
-    an emergency stop; its next command ends that. Default: a command holds until the next one."""
+    """Maximum age of a command. After that, the plant brakes what the input drives, as in an
+    emergency stop, until its next command. It starts with the first command. Default: a command
+    holds until the next one."""
     poses_period_ns: Duration | None = None
-    """Between two `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of
-    a millisecond. Default: each step."""
+    """Period of `Poses/1`, a multiple of the plant's step; measuring 54 links takes a quarter of a
+    millisecond. Default: each step."""
     physics_step_ns: Duration | None = None
     """Length of a physics substep; overrides the world file. Longer ones are faster and less
     accurate. Default: the world's."""
     dynamics: Literal["on", "off"] = "on"
     """`off`: joints and bases follow their commands at once, nothing falls, slips or pushes, and a
-    gripper holds what it closes on. To debug missions quickly; every report says so."""
+    gripper holds what it closes on. Use it to debug missions quickly; every report mentions it."""
     cameras: bool = True
     """Whether cameras render images; without them a run is much faster."""
     stock: StockParams | None = None
-    """What is on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all slots
+    """Items on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all slots
     filled."""
     script: tuple[Action, ...] = ()
     """Scripted changes of the world, see [Script](world.md#script)."""

@@ -41,20 +41,20 @@ class JointSettings(Settings):
     """Settings of a joint that override its URDF; absent: the URDF's."""
 
     mode: OwnMode | None = None
-    """The mode its commands must have; `teleport` and `brake` are always accepted. Default:
+    """Mode that its commands must have; `teleport` and `brake` are always accepted. Default:
     torque."""
     motor: bool | None = None
     """A joint without a motor swings freely; the plant warns about commands to it. Default:
     true."""
     mimic: bool | None = None
-    """Whether a joint with `<mimic>` in its URDF follows the other one; false: it moves on its
-    own. Default: true."""
+    """Whether a joint with `<mimic>` in its URDF follows the other joint; false: it is independent.
+    Default: true."""
     actuation: Actuation | None = None
     """How to apply torques. Default: the plant's `actuation`, or direct."""
     position: Finite | None = None
-    """Position at the start [rad]. Default: the one nearest to 0 within the limits."""
+    """Initial position [rad]. Default: the one nearest to 0 within the limits."""
     velocity: Finite | None = None
-    """Velocity at the start [rad/s]. Default: 0."""
+    """Initial velocity [rad/s]. Default: 0."""
     lower: Finite | None = None
     """Lower stop [rad]; a joint without stops in its URDF needs both or none. Default: the
     URDF's."""
@@ -65,13 +65,14 @@ class JointSettings(Settings):
     max_velocity: NonNegative | None = None
     """Velocity limit in modes velocity and position [rad/s]; 0: none. Default: the URDF's."""
     brake: Positive | None = None
-    """Deceleration in an emergency stop, in modes velocity and position [rad/s²]; what stops harder
-    than its grip loses what it holds, and wheels that lock slide. Default: as fast as its torque
-    allows."""
+    """Deceleration in an emergency stop, in modes velocity and position [rad/s²]. A gripper that
+    stops harder than it grips loses its object, and wheels that lock slide. Default: as fast as its
+    torque allows."""
     damping: NonNegative | None = None
     """Viscous friction [N·m·s/rad]. Default: 0, whatever the URDF says."""
     friction: NonNegative | None = None
-    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0, likewise."""
+    """Coulomb friction [N·m]; only with mode torque and actuation direct. Default: 0, whatever the
+    URDF says."""
 
     def over(self, defaults: JointSettings) -> JointSettings:
         """Return these settings, with those of `defaults` where they are absent."""
@@ -83,11 +84,11 @@ class Friction(Settings):
     """Contact friction of all links of a body [-]; absent: PyBullet's or the URDF's."""
 
     lateral: NonNegative | None = None
-    """Against sliding [-]."""
+    """Friction against sliding [-]."""
     rolling: NonNegative | None = None
-    """Against rolling [m]."""
+    """Friction against rolling [m]."""
     spinning: NonNegative | None = None
-    """Against turning on the spot [m]."""
+    """Friction against turning on the spot [m]."""
 
 
 class Body(Settings):
@@ -97,9 +98,9 @@ class Body(Settings):
     """Relative to the world file, absolute, or `package://<package>/<path>`: an installed Python
     package such as `pybullet_data`, or a model package such as `example-robot-data`."""
     srdf: File | None = None
-    """Names the pairs of links that never collide (`disable_collisions`); all other pairs of the
-    body then do. Without it, the links of a body do not collide with each other. Resolved like
-    `urdf`."""
+    """File with the pairs of links that never collide (`disable_collisions`); all other pairs of
+    the body then collide. Without it, the links of a body do not collide with each other. Resolved
+    like `urdf`."""
     visuals: bool = True
     """Whether to load the shapes that only cameras see; for Baxter this takes 3.5 s."""
     position: Vector3 = (0.0, 0.0, 0.0)
@@ -111,16 +112,16 @@ class Body(Settings):
     friction: Friction = Friction()
     """Contact friction of all its links."""
     joint_defaults: JointSettings = JointSettings()
-    """For every joint of the body."""
+    """Settings for every joint of the body."""
     joints: dict[str, JointSettings] = {}
-    """Over `joint_defaults`, joint by joint."""
+    """Joint → settings that override `joint_defaults`."""
 
 
 class BaseSettings(Settings):
     """A mobile base with two driven wheels on one axle."""
 
     left: str
-    """Joint of the left wheel; it has mode velocity, and turns forward by positive angles."""
+    """Joint of the left wheel; it has mode velocity, and positive angles drive forward."""
     right: str
     """Joint of the right wheel, likewise."""
     wheel_radius: Positive
@@ -133,7 +134,7 @@ class GripperSettings(Settings):
     """A gripper with two prismatic fingers, which are coupled."""
 
     left: str
-    """Joint of one finger; it has mode velocity, and opens by positive positions."""
+    """Joint of one finger; it has mode velocity, and positive positions open the gripper."""
     right: str
     """Joint of the other finger, likewise."""
     speed: Positive = 0.1
@@ -144,7 +145,7 @@ class ContactSensorSettings(Settings):
     """A sensor of contacts."""
 
     links: tuple[str, ...] | None = None
-    """Whose contacts it reports, named as in `poses`; `<body>/*` means all links of a body.
+    """Links whose contacts it reports, named as in `poses`; `<body>/*` means all links of a body.
     Default: all."""
     within: NonNegative = 0.0
     """It also reports links of other bodies closer to `links` than this, with force 0 [m]; needs
@@ -160,14 +161,14 @@ class CameraSettings(Settings):
     """An RGB-D camera."""
 
     link: str
-    """Its optical frame: z forward, x right, y down."""
+    """Link with its optical frame: z forward, x right, y down."""
     period_ns: Duration | None = None
-    """Between two images, a multiple of the plant's step. Default: each step. An input of the plant
-    that triggers the camera takes its place."""
+    """Period of the images, a multiple of the plant's step. Default: each step. An input of the
+    plant that triggers the camera replaces it."""
     latency_ns: Duration | None = None
-    """Between an image and its message, a multiple of the plant's step, as real cameras have it for
-    exposure and transfer; the image is then drawn beside the steps, on another core. Default:
-    none."""
+    """Time from an image to its message, a multiple of the plant's step; real cameras need it for
+    exposure and transfer. The image is then drawn concurrently with the steps, on another core.
+    Default: none."""
     width: Pixels = 320
     """[pixel]"""
     height: Pixels = 240
@@ -179,7 +180,7 @@ class CameraSettings(Settings):
     far: Positive = 3.0
     """Far clipping distance [m]."""
     stride: Count = 1
-    """A point cloud has every n-th pixel of every n-th row."""
+    """A point cloud has every n-th pixel of every n-th row; this is n."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no camera can have."""
@@ -194,11 +195,12 @@ class ItemTypeSettings(Settings):
     """A type of item."""
 
     urdf: ModelFile
-    """Resolved like that of a body; one link, with its origin in the middle of the bottom."""
+    """File, resolved like the URDF of a body; one link, with its origin in the middle of the
+    bottom."""
     mass: Positive
-    """[kg]; scales the inertia of the URDF."""
+    """Mass [kg]; scales the inertia of the URDF."""
     friction: NonNegative = 0.8
-    """Lateral friction [-]; multiplied by that of whatever touches the item."""
+    """Lateral friction [-]; multiplied by that of the body that touches the item."""
     spinning_friction: NonNegative = 0.002
     """[-]"""
 
@@ -211,7 +213,7 @@ class RowSettings(Settings):
     count: Annotated[int, msgspec.Meta(ge=1, le=1000)]
     """Number of slots."""
     pitch: Positive
-    """Between two slots [m]."""
+    """Distance between two slots [m]."""
     yaw: Finite = 0.0
     """Heading that faces the row from the front; also the yaw of the items [rad]."""
 
@@ -220,7 +222,7 @@ class SpreadSettings(Settings):
     """Variation among items: half the width of each uniform distribution."""
 
     position: NonNegative = 0.003
-    """Along and across the row [m]."""
+    """Position along and across the row [m]."""
     yaw: NonNegative = 0.05
     """[rad]"""
     mass: Share = 0.03
@@ -250,7 +252,7 @@ class WorldFile(Settings):
     """The content of a world file."""
 
     bodies: dict[str, Body]
-    """At least one."""
+    """Bodies, at least one."""
     bases: dict[str, BaseSettings] = {}
     """Mobile bases on two wheels."""
     grippers: dict[str, GripperSettings] = {}
@@ -260,7 +262,7 @@ class WorldFile(Settings):
     cameras: dict[str, CameraSettings] = {}
     """Cameras."""
     imus: dict[str, ImuSettings] = {}
-    """Inertial units."""
+    """Inertial measurement units."""
     wrenches: dict[str, WrenchSettings] = {}
     """Force-torque sensors."""
     lidars: dict[str, LidarSettings] = {}
@@ -278,7 +280,7 @@ class WorldFile(Settings):
     """Physics engine, see [Engines](../guide/running/engines.md). Default: pybullet, or mujoco
     where PyBullet is not installed."""
     solver_iterations: Count = 50
-    """Of the engine's constraint solver."""
+    """Iterations of the engine's constraint solver."""
     sleeping: bool = False
     """Whether the physics skips bodies without joints that have been at rest for 2 s, until
     something moves them. 42 cans on shelves then take a third of the time."""

@@ -31,9 +31,9 @@ class ImuSettings(Settings):
     """An inertial unit."""
 
     link: str
-    """Link that it is on; it measures in the frame of that link."""
+    """Link that carries it; it measures in the frame of that link."""
     period_ns: Duration | None = None
-    """Between two readings, a multiple of the plant's step. Default: each step."""
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
     orientation: bool = True
     """Whether it also measures its orientation."""
     noise: ImuErrors = ImuErrors()
@@ -55,9 +55,9 @@ class WrenchSettings(Settings):
     """A force-torque sensor."""
 
     joint: str
-    """Joint that it is at, of any type, fixed ones included."""
+    """Joint that carries it, of any type, fixed ones included."""
     period_ns: Duration | None = None
-    """Between two readings, a multiple of the plant's step. Default: each step."""
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
     noise: WrenchErrors = WrenchErrors()
     """Standard deviation of Gaussian noise."""
     bias: WrenchErrors = WrenchErrors()
@@ -68,9 +68,9 @@ class LidarSettings(Settings):
     """A planar lidar."""
 
     link: str
-    """Link that it is on; its rays lie in the x-y plane of that link's frame."""
+    """Link that carries it; its rays are in the x-y plane of that link's frame."""
     period_ns: Duration | None = None
-    """Between two scans, a multiple of the plant's step. Default: each step."""
+    """Period of the scans, a multiple of the plant's step. Default: each step."""
     rays: Annotated[int, msgspec.Meta(ge=1, le=_MOST_RAYS)] = 181
     """Number of rays."""
     angle_min: Finite = -1.5707963267948966
@@ -111,7 +111,7 @@ class TransformSettings(Settings):
     parent: str = WORLD
     """Frame in which it measures them: `world` or a link."""
     period_ns: Duration | None = None
-    """Between two readings, a multiple of the plant's step. Default: each step."""
+    """Period of the readings, a multiple of the plant's step. Default: each step."""
     noise: TransformErrors = TransformErrors()
     """Standard deviation of Gaussian noise."""
     bias: TransformErrors = TransformErrors()

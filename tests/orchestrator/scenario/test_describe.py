@@ -45,7 +45,7 @@ def test_a_stale_page_is_named(tmp_path):
         "<!-- parameters: stepbus_mission.goals:Params -->\nold\n<!-- /parameters -->\n"
     )
     text = generated_files(tmp_path)[page]
-    assert "| `turns` | number | required | Counter-clockwise [-]. |" in text
+    assert "| `turns` | number | required | Number of turns, counter-clockwise [-]. |" in text
     assert "old" not in text
 
 

@@ -232,6 +232,24 @@ def test_the_camera_refits_until_somebody_moves_it(page, recordings):
 @pytest.mark.slow
 @needs_chromium
 @pytest.mark.timeout(900)
+def test_a_button_that_appears_has_a_name_before_the_next_frame(page, recordings):
+    with visited(page, recordings) as (watched, wait):
+        watched.page.get_by_role("tab", name="Curves").click()
+        chart = watched.page.locator(".uplot").first
+        wait(chart.is_visible, "a chart")
+        chart.hover()
+        wait(lambda: watched.page.get_by_role("button", name="enlarge the chart").count() > 0)
+        appended = """async () => {
+            const button = document.body.appendChild(document.createElement("button"))
+            await Promise.resolve()
+            return button.getAttribute("aria-label")
+        }"""
+        assert watched.page.evaluate(appended) == "settings"
+
+
+@pytest.mark.slow
+@needs_chromium
+@pytest.mark.timeout(900)
 @pytest.mark.parametrize(("width", "scheme"), [(1280, "light"), (390, "dark")])
 def test_axe_finds_nothing_serious(page, recordings, width, scheme):
     axe = pytest.importorskip("axe_playwright_python.sync_playwright").Axe()

@@ -34,7 +34,11 @@ addEventListener("DOMContentLoaded", () => {
         if (keys.includes(event.key)) event.stopPropagation()
     })
     document.documentElement.lang = "en"
-    new MutationObserver(() => { waiting ??= requestAnimationFrame(name) })
+    new MutationObserver(() => {
+        // Now: on a busy page the next frame comes late, and a screen reader may read before it.
+        nameControls()
+        waiting ??= requestAnimationFrame(name)
+    })
         .observe(document.body, {childList: true, subtree: true, characterData: true})
 })
 
@@ -55,14 +59,20 @@ setInterval(() => {
     }
 }, 200)
 
-let waiting = null
-function name() {
-    waiting = null
-    const set = (node, key, value) => {
-        if (node && node.getAttribute(key) !== value) node.setAttribute(key, value)
-    }
-    set(document.getElementById("root"), "role", "main")
-    const all = (query, work) => document.querySelectorAll(query).forEach(work)
+const all = (query, work) => document.querySelectorAll(query).forEach(work)
+const set = (node, key, value) => {
+    if (node && node.getAttribute(key) !== value) node.setAttribute(key, value)
+}
+
+// A button with an icon only is named by it: `tabler-icon-maximize` enlarges a chart.
+const actions = {maximize: "enlarge the chart", adjustments: "settings"}
+function nameControls() {
+    all("button:not([aria-label])", button => {
+        if (button.textContent.trim()) return
+        const icon = [...button.querySelector("svg")?.classList ?? []].find(one => one.startsWith("tabler-icon-"))
+        const action = icon?.slice("tabler-icon-".length)
+        set(button, "aria-label", button.title || actions[action] || action || "settings")
+    })
     // A slider and its field share a label, which is for neither.
     all(".mantine-Slider-root", slider => {
         const label = document.querySelector(`label[for="${slider.id}"]`)?.textContent
@@ -70,6 +80,12 @@ function name() {
         set(slider.querySelector("[role=slider]"), "aria-label", label)
         set(slider.parentNode.querySelector("input:not([type=hidden])"), "aria-label", label)
     })
+}
+
+let waiting = null
+function name() {
+    waiting = null
+    set(document.getElementById("root"), "role", "main")
     all(".mantine-Slider-markLabel", mark => set(mark, "data-mark", mark.textContent))
     // The heads of folders and of the panel are clicked at: they are buttons.
     all("[style*='cursor: pointer']", head => {
@@ -82,9 +98,6 @@ function name() {
                 head.click()
             }
         }
-    })
-    all("button:not([aria-label])", button => {
-        if (!button.textContent.trim()) set(button, "aria-label", button.title || "settings")
     })
     // Limits, marks and the playhead have no place in a legend; others look as they are drawn.
     all(".u-series", row => {
