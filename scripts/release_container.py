@@ -176,6 +176,7 @@ def copy(text: str, view: View, folder: str, clone: Path, earlier: Mapping[str, 
         if source.is_dir():
             shutil.copytree(source, end, symlinks=True, dirs_exist_ok=True)
         else:
+            end.parent.mkdir(parents=True, exist_ok=True)
             shutil.copy(source, end)
 
 

@@ -114,6 +114,11 @@ def problems_of_wheel(path: Path, layout: Layout) -> list[str]:
             for pattern in NEEDED
             if not any(fnmatch(name, pattern) for name in held)
         ]
+        metadata = held.get(f"{info}METADATA", b"").decode()
+        problems += [
+            f"the page of the package has the relative link {link}"
+            for link in re.findall(r"\]\((?![a-z]+:|#)([^)\s]+)\)", metadata)
+        ]
     packages = {name.partition("/")[0] for name in own}
     problems += [
         f"{package}/py.typed is missing, so type checkers ignore the package"

@@ -11,6 +11,7 @@ from jsonschema import Draft202012Validator
 from scripts.release_build import Failed
 from scripts.release_container import sources, stages
 from scripts.release_contents import NEEDED, Layout
+from scripts.release_readme import with_addresses
 from support.paths import CHECKOUT
 
 from stepbus_orchestrator.scenario.load import load
@@ -32,6 +33,15 @@ def test_every_file_that_names_the_version_names_the_same():
     ours = re.compile(r"^stepbus\[sim\]>=(\d+\.\d+),<(\d+\.\d+)$")
     (match,) = filter(None, map(ours.match, PROJECTS[1]["project"]["dependencies"]))
     assert VERSION.startswith(f"{match[1]}.")
+
+
+def test_the_page_of_the_package_leads_to_the_tag_of_its_version():
+    page = "[a](docs/x.md#b) ![c](p/d.gif) [e](https://f) [g](#h) [![i](j.png)](k.md)"
+    assert with_addresses(page, "1.2.0") == (
+        f"[a]({ADDRESS}/blob/v1.2.0/docs/x.md#b) "
+        f"![c]({RAW.replace('main', 'v1.2.0')}p/d.gif) [e](https://f) [g](#h) "
+        f"[![i]({RAW.replace('main', 'v1.2.0')}j.png)]({ADDRESS}/blob/v1.2.0/k.md)"
+    )
 
 
 def test_both_projects_name_the_same_repository():
