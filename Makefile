@@ -1,4 +1,4 @@
-.PHONY: comparison help demo test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check container-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -14,7 +14,7 @@ help:
 	@echo "make test-slow  run the slow tests"
 	@echo "make coverage   run the fast tests and show which lines they execute"
 	@echo "make chaos      inject two hundred faults (part of test-slow)"
-	@echo "make check      check formatting, lint, types, imports, generated files, changelog"
+	@echo "make check      check formatting, lint, types, imports, generated files, changelog, workflows"
 	@echo "make docs       build the documentation site into build/docs"
 	@echo "make pictures   make every picture in the docs from real runs (Chromium; 4 min)"
 	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
@@ -22,6 +22,9 @@ help:
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
 	@echo "make campaign   judge real runs with 66 external faults, 2,000 damaged recordings, 64 sales (1 h)"
+	@echo "make release-check try the release as its users will: build, install, run (20 min)"
+	@echo "make container-check carry out the Containerfile without a container engine (as root)"
+	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
 	@echo "make comparison run one small task in stepbus and in its peers, each in its own environment (10 min)"
 	@echo "make soak       run a million steps: checks that memory stays constant and reports stay fast (5 min)"
@@ -82,6 +85,7 @@ check: setup
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) -m stepbus_orchestrator.scenario --check
 	@$(PYTHON) scripts/check_changelog.py
+	@$(MAKE) --no-print-directory lint-workflows
 
 coverage: setup
 	@$(PYTHON) -m coverage erase
@@ -92,6 +96,24 @@ docs: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,docs]'
 	@$(PYTHON) -m sphinx -q -W -E --keep-going -c docs/site -d build/doctrees . build/docs
 	@echo "build/docs/index.html"
+
+# What is committed, as a release; `make release-check RELEASE=--help` has the parts.
+release-check: setup
+	@$(PYTHON) -m scripts.release_check $(RELEASE)
+
+# The Containerfile, without a container engine; root only.
+container-check: setup
+	@$(PYTHON) -m scripts.release_container
+
+# Workflows, action, forms and citation, against schemas in the linters' own wheels: no network.
+SCHEMA := .venv/bin/check-jsonschema -q --builtin-schema
+lint-workflows: setup
+	@$(SCHEMA) vendor.github-workflows .github/workflows/*.yml
+	@$(SCHEMA) vendor.github-actions action.yml
+	@$(SCHEMA) vendor.github-issue-forms .github/ISSUE_TEMPLATE/bug.yml .github/ISSUE_TEMPLATE/feature.yml
+	@$(SCHEMA) vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
+	@$(SCHEMA) vendor.citation-file-format CITATION.cff
+	@.venv/bin/zizmor --offline --quiet --pedantic .github/workflows
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)

@@ -44,6 +44,8 @@ include_patterns = [
     "benchmarks/README.md",
     "CONTRIBUTING.md",
     "CHANGELOG.md",
+    "SECURITY.md",
+    "CODE_OF_CONDUCT.md",
 ]
 exclude_patterns = [".*", "build", "runs"]
 

@@ -12,6 +12,7 @@ from support.runs.joints import write_scenario
 
 from stepbus import run
 from stepbus_orchestrator.cli import main
+from stepbus_participant import installed_version
 
 
 def info(path, capsys):
@@ -33,7 +34,8 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
     assert rows["messages"][0] == "241 of 4 ports, 803/s"
     assert rows["types"][0].startswith("61 JointState/1 (plant/joint_state), ")
     assert rows["events"] == ["none; faults injected: none"]
-    assert re.search(r", stepbus 0\.1\.0, \d+ libraries \(--json\), ", rows["versions"][0])
+    own = re.escape(installed_version("stepbus"))
+    assert re.search(rf", stepbus {own}, \d+ libraries \(--json\), ", rows["versions"][0])
     assert len(rows["hash"][0]) == 64
 
 
@@ -102,7 +104,7 @@ def test_json_has_the_same_and_more(two_link_recording, capsys):
     assert (value["steps"], value["planned_steps"], value["step_ns"]) == (60, 60, 5_000_000)
     assert value["duration_s"] == pytest.approx(0.3)
     assert {row["type"]: row["messages"] for row in value["ports"]}["JointCommand/1"] == 60
-    assert value["versions"]["orchestrator"]["stepbus"] == "0.1.0"
+    assert value["versions"]["orchestrator"]["stepbus"] == installed_version("stepbus")
 
 
 @pytest.mark.parametrize("content", [b"", b"no mcap at all", None])
