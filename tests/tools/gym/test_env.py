@@ -94,7 +94,10 @@ def test_spaces_have_the_limits_names_and_units_of_the_ports(make):
             {"limits": {"command.values": (1, -1)}},
             r"limits: 'command.values' must be \(lowest, highest\), not \(1.0, -1.0\)",
         ),
-        ({"limits": {"command.values": 3}}, r"limits.command.values: must be a list of 2 values, not 3"),
+        (
+            {"limits": {"command.values": 3}},
+            r"limits.command.values: must be a list of 2 values, not 3",
+        ),
         ({"mode": "tork"}, "mode.*must be .*torque.*'tork'; did you mean 'torque'"),
     ],
 )
