@@ -1,7 +1,7 @@
-"""What a process imports to take part in a run.
+"""What a participant imports.
 
-What only some participants need, such as models of robots, is imported when it is first used:
-each is a process, and loads this at every start.
+Modules that only some participants need, such as robot models, are imported on first use: each
+participant is a process and loads this package at every start.
 """
 
 from typing import TYPE_CHECKING

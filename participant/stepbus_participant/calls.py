@@ -1,4 +1,4 @@
-"""What a participant offers to be called between two steps."""
+"""Methods of a participant that users can call between two steps."""
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
@@ -13,16 +13,16 @@ from .parameters.settings import Settings
 
 
 class CallError(StepbusError, ValueError):
-    """A call cannot be answered; nothing was done."""
+    """A call failed; it changed nothing."""
 
 
 @dataclass(frozen=True)
 class Method:
     """One method of a participant that `stepbus call` can call.
 
-    function: takes the arguments as given (numbers, strings, lists, maps) and returns anything
-    MessagePack has; raises CallError, before it changes anything, when it cannot. help: arguments
-    and answer in one line. changes: whether a later step may depend on it.
+    function: takes the arguments as given (numbers, strings, lists, maps) and returns any
+    MessagePack value. On failure it must raise CallError before it changes anything. help:
+    arguments and answer in one line. changes: whether a later step may depend on it.
     """
 
     function: Callable[..., Any]
@@ -39,11 +39,11 @@ _S = TypeVar("_S", bound=Settings)
 
 
 class Steering(Generic[_S]):
-    """The calls `get` and `set` of a participant, for some of its parameters.
+    """The methods `get` and `set` of a participant, for some of its parameters.
 
-    settings: the class that declares its parameters. keys: those that may change, with their units.
-    apply: takes all parameters, with the change; raises SettingsError, before it changes anything,
-    for what does not fit. A call that is refused changes nothing.
+    settings: the class that declares its parameters. keys: those that may change, with their
+    units. apply: receives all parameters, including the change; must raise SettingsError for
+    invalid values before it changes anything. A rejected call changes nothing.
     """
 
     def __init__(
@@ -60,7 +60,7 @@ class Steering(Generic[_S]):
         self._params = dict(config.params)
 
     def methods(self) -> Mapping[str, Method]:
-        """Return both calls; none where nothing may change."""
+        """Return both methods, or none if no parameter may change."""
         if not self._keys:
             return {}
         listed = ", ".join(f"{key} [{unit}]" if unit else key for key, unit in self._keys.items())
@@ -81,19 +81,19 @@ class Steering(Generic[_S]):
         return dict(self._params)
 
     def restore(self, params: Mapping[str, Any]) -> _S:
-        """Take parameters that `save` returned, without applying them; return them as settings."""
+        """Restore the parameters from `save` without applying them; return them as settings."""
         self._params = dict(params)
         return dataclasses.replace(self._config, params=self._params).read(self._settings)
 
     def get(self, key: str | None = None) -> Any:
-        """Return a parameter as it was given, None where it was not; without a key, all."""
+        """Return a parameter as given, None if it is not set; without a key, return all."""
         if key is None:
             return {name: self._params.get(name) for name in self._keys}
         self._check(key)
         return self._params.get(key)
 
     def set(self, key: str, value: Any) -> Any:
-        """Set a parameter; returns what it was. Raises CallError with all that is wrong."""
+        """Set a parameter; return its previous value. Raises CallError that lists every problem."""
         self._check(key)
         params = {**self._params, key: value}
         try:

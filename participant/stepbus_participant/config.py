@@ -26,13 +26,13 @@ _S = TypeVar("_S", bound=Settings)
 
 @dataclass(frozen=True, kw_only=True)
 class Config:
-    """The part of the scenario that concerns one participant.
+    """The configuration of one participant, from the scenario.
 
     name: its name. params: its `params`, as written in the scenario. step_ns: length of a step
-    [ns]. every: it fires at multiples of this [steps]. seed: seed of its own, derived from the
-    run's seed and its name. folder: what relative file names are relative to. publishes: `first`
-    or `last`, before or after it reads its inputs. types: message types by name, such as
-    `config.types["Thruster/1"]`, with those of the scenario.
+    [ns]. every: it fires at multiples of this [steps]. seed: the participant's seed, derived from
+    the run's seed and its name. folder: base of relative file names. publishes: `first` or `last`,
+    before or after it reads its inputs. types: message types by name, such as
+    `config.types["Thruster/1"]`, including those of the scenario.
     """
 
     name: str
@@ -63,15 +63,15 @@ class Config:
         )
 
     def param(self, name: str, default: Any = None) -> Any:
-        """Return one parameter, or `default` where the scenario does not set it."""
+        """Return one parameter, or `default` if the scenario does not set it."""
         return self.params.get(name, default)
 
     def path(self, name: str) -> Path:
-        """Return the file a parameter names.
+        """Return the path of the file that a parameter names.
 
         name: absolute, relative to the scenario's folder, or `package://<package>/<path>`, where
         the package is an installed Python package or a folder of `cmeel.prefix/share`.
-        Raises WiringError when there is no such file.
+        Raises WiringError if the file does not exist.
         """
         try:
             return find_file(name, self.folder)
@@ -79,10 +79,10 @@ class Config:
             raise WiringError(f"participants.{self.name}.params: {exc}") from exc
 
     def read(self, settings: type[_S], problems: Problems | None = None) -> _S:
-        """Return `params` as the settings that declare them.
+        """Return `params` as an instance of the settings class that declares them.
 
-        problems: what is wrong besides, with the ports say. Raises SettingsError that lists it,
-        and everything that is wrong with the params.
+        problems: further problems, for example with ports. Raises SettingsError that lists them
+        and every problem with the params.
         """
         problems = self.problems() if problems is None else problems
         params = read(settings, self.params, problems.below(("params",)), folder=self.folder)
@@ -95,10 +95,10 @@ class Config:
 
 
 class Ports:
-    """Finds ports by message type, where the scenario is free to name them.
+    """Finds ports by message type, for participants whose ports can have any name.
 
-    problems: what does not fit is added there, and an empty name returned; give them to
-    `Config.read`, which refuses with all that is wrong.
+    problems: collects missing and ambiguous ports; their names are then empty. Pass them to
+    `Config.read`, which raises an error that lists them all.
     """
 
     def __init__(self, config: Config) -> None:
@@ -115,22 +115,22 @@ class Ports:
         return self._only("outputs", self._outputs, type_name)
 
     def optional_input_of(self, type_name: str) -> str | None:
-        """Return the one input of a message type, or None where the scenario has none."""
+        """Return the one input of a message type, or None if there is none."""
         return self.input_of(type_name) if type_name in self._inputs.values() else None
 
     def optional_output_of(self, type_name: str) -> str | None:
-        """Return the one output of a message type, or None where the scenario has none."""
+        """Return the one output of a message type, or None if there is none."""
         return self.output_of(type_name) if type_name in self._outputs.values() else None
 
     def input_beside(self, type_name: str, name: str) -> tuple[str, str]:
-        """Return the input of a message type, and the other one of that type, which has a name.
+        """Return the inputs of a message type: the main one, and the one with a given name.
 
         They are the same unless there are two, one of them called `name`.
         """
         return _pair(self._inputs, type_name, name) or (self.input_of(type_name),) * 2
 
     def event_outputs(self) -> tuple[str, str]:
-        """Return the output of Event/1 for what happens, and that for the summary.
+        """Return the outputs of type Event/1: for events, and for the summary.
 
         They are the same unless there are two, one of them called `summary`.
         """
@@ -138,7 +138,7 @@ class Ports:
         return pair or (self.output_of("Event/1"),) * 2
 
     def outputs_are(self, *types: str) -> None:
-        """Refuse every output that is of none of these message types."""
+        """Report every output whose type is not one of these."""
         for name, type_name in self._outputs.items():
             if type_name not in types:
                 text = f"type {type_name} cannot be published here; use {', '.join(types)}"

@@ -46,7 +46,7 @@ _MISSING = re.compile(r"No module named '([\w.]+)'")
 
 
 class ExtraMissing(WiringError, ImportError):
-    """A module of an extra is not installed here."""
+    """A module of an optional extra is not installed."""
 
 
 def install_command(extra: str) -> str:

@@ -1,4 +1,4 @@
-"""The class that every participant derives from, and the step that it is given."""
+"""The base class of participants, and the step that it receives."""
 
 from __future__ import annotations
 
@@ -17,20 +17,20 @@ _M = TypeVar("_M", bound=Message)
 
 
 class InputAbsent(RunError, LookupError):
-    """An input was read before its source published for the first time."""
+    """An input was read before its source published anything."""
 
 
 class StepsOver(RunError):
-    """Raised by an `update` that takes no further step: the participant waits for the run's end.
+    """Raised by an `update` that takes no further step and waits for the end of the run.
 
-    It has published nothing for this step.
+    It publishes nothing for this step.
     """
 
 
 class InvalidInput(RunError):
-    """What an input carries cannot be used: the run ends, and its source is to blame.
+    """The content of an input cannot be used: the run ends and blames its source.
 
-    port: name of the input. text: what is wrong with it.
+    port: name of the input. text: the problem.
     """
 
     def __init__(self, port: str, text: str) -> None:
@@ -40,7 +40,7 @@ class InvalidInput(RunError):
 
 
 class UnknownInput(WiringError, KeyError):
-    """A participant asks for an input that it does not have."""
+    """The participant has no such input."""
 
     __str__ = Exception.__str__
 
@@ -53,7 +53,7 @@ class _Inputs(dict[str, "Input"]):
 
 
 class Step:
-    """The inputs of one step, and its time.
+    """The time and inputs of one step.
 
     index: number of the step. t_ns: simulation time [ns].
     """
@@ -81,9 +81,9 @@ class Step:
     def read(self, port: str, cls: type[Message] | None = None) -> Any:
         """Return the newest message of an input.
 
-        Raises InputAbsent when its source has not published yet, WiringError when the scenario
-        connects another type than `cls`, InvalidInput for a message without a field that `cls`
-        requires, such as `SensedJoints`.
+        Raises InputAbsent if its source has not published yet, WiringError if the scenario
+        connects a type other than `cls`, InvalidInput if the message lacks a field that `cls`,
+        such as `SensedJoints`, requires.
         """
         value: Any = self._inputs[port].value
         if cls is not None and type(value) is not cls:
@@ -100,9 +100,9 @@ class Step:
     @overload
     def get(self, port: str, cls: type[_M]) -> _M | None: ...
     def get(self, port: str, cls: type[Message] | None = None) -> Any:
-        """Return the newest message of an input, or None while it is absent.
+        """Return the newest message of an input, or None if there is none yet.
 
-        Raises as `read`.
+        Raises WiringError and InvalidInput like `read`.
         """
         value = self._inputs[port].value
         if cls is None or value is None or type(value) is cls:
@@ -113,13 +113,13 @@ class Step:
             raise InvalidInput(port, str(exc)) from exc
 
     def is_new(self, port: str) -> bool:
-        """Return whether the input has a message that was not there at the previous step."""
+        """Return whether the input has a new message since the previous step."""
         return self._inputs[port].fresh
 
     def end(self, reason: str) -> None:
-        """Ask for the run to end once every participant has finished this step (P7.4).
+        """Request the end of the run once every participant has finished this step (P7.4).
 
-        With `publishes: first`, the request goes out with the next outputs: from `update`, the run
+        With `publishes: first`, a request from `update` is sent with the next outputs: the run
         ends after the next step of this participant.
         """
         self.end_reason = reason
@@ -130,14 +130,14 @@ PortType = str | type[Message]
 
 
 class Participant:
-    """Base class of your participants; override what you need.
+    """Base class of your participants. Override the methods that you need.
 
-    Called in this order: `__init__`, `describe`, `start`, then at every step `output` (only with
-    `publishes: first` in the scenario) and `update`, and finally `close`, on every path.
+    Order of the calls: `__init__`, `describe`, `start`; at every step `output` (only with
+    `publishes: first` in the scenario) and `update`; finally, in every case, `close`.
 
     inputs, outputs: port → message type, as a class or a name such as `JointState/1`, for a
-    program that only works with certain ports; the orchestrator refuses it where the scenario
-    differs. None: it takes what the scenario says.
+    program that requires certain ports; the orchestrator rejects a scenario with others. None: any
+    ports.
     """
 
     inputs: ClassVar[Mapping[str, PortType] | None] = None
@@ -151,48 +151,48 @@ class Participant:
         return {}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Use the descriptions of the inputs, before the first step."""
+        """Receive the descriptions of the inputs, before the first step."""
 
     def output(self, step: Step) -> Mapping[str, Message]:
         """Return output port → message, published before the inputs of this step are read.
 
-        Called once more after the last step, so that the recording ends with its result.
+        Called once more after the last step, so that the recording contains its result.
         """
         return {}
 
     def update(self, step: Step) -> Mapping[str, Message] | None:
         """Read the inputs of this step, and return output port → message.
 
-        With `publishes: first` the outputs of this step are already out: compute the state of the
-        next step and return nothing; a message returned here ends the run with an error.
+        With `publishes: first`, the outputs of this step are already published: compute the state
+        of the next step and return nothing. Returning a message ends the run with an error.
         """
         return None
 
     def calls(self) -> Mapping[str, Method]:
-        """Return name → method that can be called between two steps.
+        """Return name → method that users can call between two steps.
 
-        `stepbus call RUN NAME METHOD` calls it. Declare a method that changes anything a later
-        step reads: `Method(function, help, changes=True)`.
+        `stepbus call RUN NAME METHOD` calls it. For a method that changes anything a later step
+        reads, use `Method(function, help, changes=True)`.
         """
         return {}
 
     def save(self) -> bytes | None:
-        """Return all that the next step depends on, beside its inputs; None where that is unknown.
+        """Return the state that the next step depends on, apart from its inputs; None if unknown.
 
-        Called between two steps, where the scenario asks for checkpoints. What cannot be restored
-        so that every later output is equal to the bit is None: a branch then starts at step 0.
+        Called between two steps if the scenario requests checkpoints. Return None for a state that
+        cannot be restored bit-exactly: a branch then starts at step 0.
         """
         return None
 
     def restore(self, state: bytes) -> None:
-        """Take a state that `save` returned in another process; called once, after `start`.
+        """Restore a state that `save` returned in another process; called once, after `start`.
 
-        Raises RunError for one that does not fit.
+        Raises RunError for an incompatible state.
         """
         raise RunError(f"{self.config.name} does not save its state, so it cannot restore one")
 
     def versions(self) -> Mapping[str, str]:
-        """Return library → version, of those that shape the result; the recording keeps them."""
+        """Return library → version for the recording, for libraries that affect the result."""
         return {}
 
     def close(self) -> None:

@@ -36,10 +36,10 @@ HOST: ContextVar[Host | None] = ContextVar("HOST", default=None)
 
 
 def main(factory: Factory) -> int:
-    """Take part in the run of this process's ticket; return the exit code.
+    """Join the run of this process's ticket and take part in it; return the exit code.
 
-    factory: makes the participant from its configuration; usually its class. Exit code 0: the
-    run ended; 1: this participant could not continue, its log says why; 2: there is no ticket.
+    factory: creates the participant from its configuration; usually its class. Exit code 0: the
+    run ended; 1: this participant could not continue, see its log; 2: no ticket.
     """
     hosted = HOST.get()
     try:

@@ -13,10 +13,10 @@ from .messages import MESSAGE_TYPES, Message
 
 
 class Types:
-    """Message types by name: `types["Thruster/1"]` is a class; those that ship are in all.
+    """Message types by name: `types["Thruster/1"]` is a class; built-in types are always included.
 
-    declarations: of the types that do not ship, by name. classes: of some of them, if not those
-    that the declarations say. Immutable. Two are equal where their declarations are.
+    declarations: of the user-defined types, by name. classes: for some of them, in place of the
+    classes made from their declarations. Immutable. Two are equal if their declarations are.
     """
 
     def __init__(
@@ -32,9 +32,9 @@ class Types:
 
     @classmethod
     def of(cls, classes: Iterable[type[Message]]) -> Types:
-        """Return the types of message classes, which then are those of the catalogue.
+        """Return a catalogue with the types of message classes, and these classes.
 
-        Raises WiringError for a class that no declaration can say.
+        Raises WiringError for a class that a declaration cannot express.
         """
         own = {type_name(item): item for item in classes if not _ships(item)}
         return cls({name: class_declaration(item) for name, item in own.items()}, own)
@@ -72,7 +72,7 @@ class Types:
         return f"Types({', '.join(self.declarations)})"
 
     def only(self, names: Iterable[str]) -> Types:
-        """Return some of them; those that ship are in it anyway."""
+        """Return a catalogue with only some types, and the built-in ones."""
         kept = [name for name in dict.fromkeys(names) if name in self._own]
         return Types(
             {name: self.declarations[name] for name in kept},
@@ -80,9 +80,9 @@ class Types:
         )
 
     def misfits(self, other: Types, mine: str, others: str) -> list[str]:
-        """Return a sentence for each type that both declare, but differently.
+        """Return a message for each type whose two declarations differ.
 
-        mine, others: who says what, such as "the program".
+        mine, others: names of the two sides, such as "the program".
         """
         return [
             f"{name} differs: {field} is {one} in {mine}, {two} in {others}; use the same "

@@ -14,11 +14,11 @@ class StepbusError(Exception):
 
 
 class MessageError(StepbusError, ValueError):
-    """A message, or its bytes on the wire, is not of its type."""
+    """A message, or its bytes on the wire, does not match its type."""
 
 
 class WiringError(StepbusError, ValueError):
-    """A scenario, a port or a message type cannot work as it is written."""
+    """A scenario, a port or a message type is invalid."""
 
 
 class RunError(StepbusError, RuntimeError):

@@ -18,7 +18,7 @@ use zenoh::{Config, Session, Wait};
 
 use crate::ticket::{Endpoint, Ticket};
 
-/// What comes from Zenoh's threads.
+/// An event from Zenoh's threads.
 pub enum Event {
     /// A payload of the source with this index.
     Output(usize, Vec<u8>),
@@ -85,7 +85,7 @@ impl Bus {
         })
     }
 
-    /// Subscribes to the sources, by index, and to what the orchestrator says (P4.4).
+    /// Subscribes to the sources, by index, and to the orchestrator (P4.4).
     pub fn subscribe<'a>(&mut self, sources: impl Iterator<Item = &'a str>) -> zenoh::Result<()> {
         for (index, source) in sources.enumerate() {
             self.on(&format!("out/{source}"), move |bytes| Event::Output(index, bytes))?;

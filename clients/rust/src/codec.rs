@@ -7,7 +7,7 @@ use std::num::NonZeroU64;
 pub use rmpv::Value;
 use serde::Deserialize;
 
-/// A message that is not what its type says, or no MessagePack at all.
+/// A message that does not match its type, or invalid MessagePack.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Malformed {
     path: String,
@@ -37,7 +37,7 @@ impl fmt::Display for Malformed {
 
 /// A value that a field can hold.
 pub trait Field: Sized {
-    /// Reads the value, or says what is wrong with it.
+    /// Reads the value, or returns what is wrong with it.
     fn read(value: &Value) -> Result<Self, Malformed>;
 
     /// Makes the MessagePack value.
@@ -49,7 +49,7 @@ pub trait Field: Sized {
     }
 }
 
-/// A map with a type of its own, `Name/major`. Made by the macro `message!`.
+/// A message type, `Name/major`. Made by the macro `message!`.
 pub trait Message: Field {
     /// Name and major version, as in the scenario: `JointState/1`.
     const TYPE: &'static str;
@@ -63,7 +63,7 @@ pub trait Message: Field {
 /// A message type as a scenario declares it: field → its row.
 pub type Declaration = BTreeMap<String, Value>;
 
-/// Returns a message type of a program's own with its declaration, for `Participant::TYPES`.
+/// Returns a program's own message type with its declaration, for `Participant::TYPES`.
 ///
 /// Panics where a field lacks its form.
 pub fn declared<T: Message>() -> (String, Declaration) {
@@ -216,8 +216,8 @@ impl<T: Field> Field for BTreeMap<String, T> {
 
 /// Declares a map with its fields: `message! { "Trigger/1", struct Trigger { step_limit: u64 } }`.
 ///
-/// `= default` behind a field gives its default. Fields that hold it are left out when writing.
-/// `as "float[n]" in "N"` is the form and unit of a field of a type of your own, as the scenario
+/// `= default` after a field gives its default. Fields that hold it are left out when writing.
+/// `as "float[n]" in "N"` is the form and unit of a field of your own type, as the scenario
 /// declares them (`as "off | on"`: words); with them, `Participant::TYPES` may name the type.
 #[macro_export]
 macro_rules! message {

@@ -1,4 +1,4 @@
-//! What participant and orchestrator send each other (clause P3.1).
+//! The envelopes between participant and orchestrator (clause P3.1).
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -20,9 +20,9 @@ message! {
         token: String,
         /// Process id.
         pid: i64,
-        /// What the program is written in.
+        /// Programming language of the program.
         language: String = String::new(),
-        /// Library it takes part with.
+        /// Client library of the program.
         sdk: String = String::new(),
         /// Input ports the program knows, with their types; none: any.
         inputs: Option<Map<String>>,
@@ -38,7 +38,7 @@ message! {
 }
 
 message! {
-    /// The orchestrator admits a participant and sends it all it needs.
+    /// The orchestrator admits a participant and sends its configuration.
     "Welcome/1",
     struct Welcome {
         /// Version of the protocol that both speak.
@@ -53,19 +53,19 @@ message! {
         every: NonZeroU64,
         /// Whether it publishes before or after it reads.
         publishes: Publishes,
-        /// How many steps may be in flight.
+        /// Maximum number of steps in flight.
         window: NonZeroU64,
-        /// How many `Outputs` at most go into one `Log`.
+        /// Maximum number of `Outputs` in one `Log`.
         batch: NonZeroU64,
-        /// Seed of the participant's own.
+        /// The participant's own seed.
         seed: u64,
-        /// Input → where it comes from.
+        /// Input → its source.
         inputs: Map<InputConfig>,
-        /// Output → what it publishes.
+        /// Output → its type.
         outputs: Map<OutputConfig>,
         /// The participant's `params`, as written in the scenario.
         params: Map<Value>,
-        /// The folder that relative file names in `params` are relative to.
+        /// Folder for relative file names in `params`.
         folder: String,
         /// Largest `Outputs` the bus carries [bytes].
         max_outputs_bytes: NonZeroU64 = NonZeroU64::new(60_000).expect("not zero"),
@@ -74,12 +74,12 @@ message! {
     }
 }
 
-/// Whether outputs of a step come before or after its inputs are read.
+/// Whether the outputs of a step are published before or after its inputs are read.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Publishes {
-    /// Before: the state, as of a plant.
+    /// Before: the state, for example of a plant.
     First,
-    /// After: an answer, as of a controller.
+    /// After: a response, for example of a controller.
     Last,
 }
 
@@ -98,51 +98,51 @@ impl Field for Publishes {
 }
 
 message! {
-    /// Where one input comes from and when.
+    /// Source and timing of one input.
     "InputConfig",
     struct InputConfig {
-        /// Participant it comes from.
+        /// Name of the source.
         source: String,
-        /// That participant's output.
+        /// Name of the source's output.
         port: String,
         /// Message type, `Name/major`.
         r#type: String,
-        /// How old the source's output has to be at least [steps].
+        /// Minimum age of the source's output [steps].
         delay: u64 = 0,
         /// The source fires at multiples of this [steps].
         every: NonZeroU64 = NonZeroU64::MIN,
-        /// Whether the content travels on a key of its own.
+        /// Whether the content travels on its own key.
         bulk: bool = false,
     }
 }
 
 message! {
-    /// What one output publishes.
+    /// Type and transport of one output.
     "OutputConfig",
     struct OutputConfig {
         /// Message type, `Name/major`.
         r#type: String,
-        /// Whether the content travels on a key of its own.
+        /// Whether the content travels on its own key.
         bulk: bool = false,
     }
 }
 
 message! {
-    /// The orchestrator does not take a participant in.
+    /// The orchestrator refuses a participant.
     "Refusal/1",
     struct Refusal {
-        /// One sentence for the user.
+        /// Message for the user.
         reason: String,
     }
 }
 
 message! {
-    /// What one output carries, in which order, within which limits.
+    /// Description of one output: names, order and limits of its vectors.
     "Description",
     struct Description {
         /// Names of joints, wheels or cameras, in the order of every vector of the port.
         names: Vec<String> = Vec::new(),
-        /// An input whose names hold for this output too.
+        /// Input whose names apply to this output too.
         like: Option<String>,
         /// Unit of each field, where it differs from the type's.
         units: Map<String> = Map::new(),
@@ -150,7 +150,7 @@ message! {
         limits: Map<Vec<f64>> = Map::new(),
         /// Shape of bulk data.
         shape: Vec<i64> = Vec::new(),
-        /// Anything else worth telling per name.
+        /// Further properties per name.
         details: Map<Vec<String>> = Map::new(),
     }
 }
@@ -178,22 +178,22 @@ message! {
         token: String,
         /// Output → its description.
         outputs: Map<Description> = Map::new(),
-        /// Versions of the libraries that shape the result.
+        /// Versions of the libraries that affect the result.
         versions: Map<String> = Map::new(),
-        /// Name → what the participant can be asked; this crate answers nothing.
+        /// Name → method that can be called; this crate offers none.
         calls: Map<CallDescription> = Map::new(),
-        /// Bulk outputs whose file of slots it has opened; this crate opens none.
+        /// Bulk outputs whose slot file it has opened; this crate opens none.
         slots: Vec<String> = Vec::new(),
     }
 }
 
 message! {
-    /// Something a participant can be asked between two steps.
+    /// A method of a participant that can be called between two steps.
     "CallDescription",
     struct CallDescription {
         /// Arguments and answer in one line.
         help: String,
-        /// Whether it changes the result.
+        /// Whether it may change the result.
         changes: bool = false,
     }
 }
@@ -206,9 +206,9 @@ message! {
         token: String,
         /// Participant → its input → description.
         inputs: Map<Map<Description>>,
-        /// Participant → how many `Outputs` it may publish in one `Batch`.
+        /// Participant → maximum number of `Outputs` in one `Batch`.
         batches: Map<NonZeroU64> = Map::new(),
-        /// Bulk output whose content goes through slots → their number.
+        /// Bulk output that uses slots → number of slots.
         slots: Map<NonZeroU64> = Map::new(),
     }
 }
@@ -219,7 +219,7 @@ message! {
     struct Trigger {
         /// The run's secret.
         token: String,
-        /// First step that is not yet allowed.
+        /// First step not released yet.
         step_limit: u64,
     }
 }
@@ -230,7 +230,7 @@ message! {
     struct Stop {
         /// The run's secret.
         token: String,
-        /// Why, one sentence.
+        /// Why the run ends.
         reason: String,
         /// The step to end at; negative: now.
         at_step: i64,
@@ -238,7 +238,7 @@ message! {
 }
 
 message! {
-    /// All a participant publishes at one step.
+    /// All outputs of a participant at one step.
     "Outputs/1",
     struct Outputs {
         /// The run's secret.
@@ -251,7 +251,7 @@ message! {
         ports: Map<Value> = Map::new(),
         /// Bulk ports, with the length of their content [bytes].
         bulk: Map<u64> = Map::new(),
-        /// Bulk ports whose content is in a slot → where that begins in the file [bytes].
+        /// Bulk ports whose content is in a slot → offset of the slot in the file [bytes].
         slots: Map<u64> = Map::new(),
         /// Why the run should end after this step.
         end: Option<String>,
@@ -288,11 +288,11 @@ message! {
         name: String,
         /// The run's secret.
         token: String,
-        /// The step it was at; negative: before the first.
+        /// The step it was executing; negative: before the first.
         step: i64,
         /// `raised`, `message`, `wiring` or `bus`.
         r#type: String,
-        /// One sentence for the user.
+        /// Message for the user.
         message: String,
         /// Where in the program it happened.
         traceback: String = String::new(),

@@ -115,7 +115,7 @@ impl Answer {
             match messages::check(r#type, &value) {
                 Ok(()) => Ok((port, value)),
                 Err(error) => Err(Error::Message {
-                    text: format!("output {port} is no {type}: {error}"),
+                    text: format!("output {port} is not a {type}: {error}"),
                     blames: None,
                 }),
             }

@@ -34,7 +34,7 @@ static value mp_open(value v, char *type, uint64_t *count) {
     return v + width;
 }
 
-/* Return the value behind this one. */
+/* Return the value after this one. */
 static value mp_next(value v) {
     char type;
     uint64_t count;
@@ -66,7 +66,7 @@ static int mp_is(value v, const char *text) {
     return type == 's' && count == strlen(text) && !memcmp(v, text, count);
 }
 
-/* Return an entry of a map; NULL: there is none, it is nil, or this is no map. */
+/* Return an entry of a map; NULL: no such entry, nil, or not a map. */
 static value mp_get(value v, const char *key) {
     char type;
     uint64_t count;
@@ -128,7 +128,7 @@ static void fail(const char *why) {
     exit(1);
 }
 
-/* Read so many bytes; return 0 when the run is over. */
+/* Read so many bytes; return 0 when the run has ended. */
 static int receive(void *to, size_t size) {
     for (size_t got = 0; got < size;) {
         ssize_t n = read(3, (char *)to + got, size - got);
@@ -139,7 +139,7 @@ static int receive(void *to, size_t size) {
     return 1;
 }
 
-/* Return the next message; NULL: the run is over. */
+/* Return the next message; NULL: the run has ended. */
 static value next_message(void) {
     unsigned char size[4];
     if (!receive(size, 4)) return NULL;

@@ -8,7 +8,7 @@
 
 enum { JOINTS = 16 };
 static double kp, kd, limit[JOINTS];
-static int joints, at_reference[JOINTS]; /* where each joint stands in the vectors of reference */
+static int joints, at_reference[JOINTS]; /* index of each joint in reference */
 
 static double required(value map, const char *key) {
     value v = mp_get(map, key);
@@ -36,7 +36,7 @@ static void update(value inputs) {
     value state = mp_get(inputs, "joint_state"), reference = mp_get(inputs, "reference");
     value q = mp_get(state, "position"), v = mp_get(state, "velocity");
     value qd = mp_get(reference, "position"), vd = mp_get(reference, "velocity");
-    if (!q || !v || !qd || !vd) { /* an input has not come yet */
+    if (!q || !v || !qd || !vd) { /* an input has no message yet */
         answer(mp_map(out + 4, 0));
         return;
     }
@@ -56,7 +56,7 @@ int main(void) {
         if ((message = mp_get(got, "welcome"))) {
             kp = required(mp_get(message, "params"), "kp");
             kd = required(mp_get(message, "params"), "kd");
-            /* Load your model here: the clock stands still until we are ready. */
+            /* Load your model here: the run starts when the program is ready. */
             answer(mp_map(mp_text(mp_map(out + 4, 1), "ready"), 0));
         } else if ((message = mp_get(got, "start"))) {
             start(mp_get(message, "inputs"));

@@ -8,7 +8,7 @@ import static java.nio.charset.StandardCharsets.UTF_8;
 /** A PD controller of a two-link arm: torque = kp (q_d - q) + kd (v_d - v), cut at its limits. */
 public class Controller {
     private final double kp, kd;
-    private int[] atReference;             // where each joint stands in the vectors of reference
+    private int[] atReference;             // index of each joint in reference
     private double[] limit;                // N·m
 
     Controller(Map<?, ?> params) {
@@ -139,7 +139,7 @@ class MessagePack {
         if (value instanceof Map<?, ?> map) {
             out.writeByte(0xde);
             out.writeShort(map.size());
-            // Sorted: Map.of has another order each time, and equal runs must have equal bytes.
+            // Sorted: the order of Map.of changes between runs, but equal runs need equal bytes.
             for (var entry : new TreeMap<Object, Object>(map).entrySet()) {
                 write(out, entry.getKey());
                 write(out, entry.getValue());

@@ -7,7 +7,7 @@ import { readSync, writeSync } from "node:fs";
 const chunk = Buffer.alloc(1 << 16);
 let received = "";
 
-/** Return the next message; undefined: the run is over. */
+/** Return the next message; undefined: the run has ended. */
 function read() {
   let end = received.indexOf("\n");
   while (end < 0) {
@@ -27,7 +27,7 @@ function write(message) {
 }
 
 let gains;
-let referenceOrder; // index of each joint of joint_state in the vectors of reference
+let referenceOrder; // index of each joint in reference
 let limits; // N·m
 
 function start(inputs) {
@@ -39,7 +39,7 @@ function start(inputs) {
 }
 
 function torques({ joint_state: state, reference }) {
-  if (state === null || reference === null) return {}; // it has not come yet
+  if (state === null || reference === null) return {}; // no message yet
   const { kp, kd } = gains;
   const values = state.position.map((q, i) => {
     const k = referenceOrder[i];
@@ -51,7 +51,7 @@ function torques({ joint_state: state, reference }) {
 
 for (let message = read(); message !== undefined; message = read()) {
   if (message.welcome) {
-    gains = message.welcome.params; // load your model here: the clock stands still until ready
+    gains = message.welcome.params; // load your model here: the run starts when it is ready
     write({ ready: {} });
   } else if (message.start) {
     start(message.start.inputs);

@@ -11,25 +11,25 @@ end
 
 % fwrite of Octave keeps what it gets until fflush. MATLAB's writes at once and has no fflush.
 is_octave = exist('OCTAVE_VERSION', 'builtin') ~= 0;
-if is_octave                                    % leave no file behind when the run is cut off
+if is_octave                                    % leave no file behind if the run is killed
   sigterm_dumps_octave_core(false);
   sighup_dumps_octave_core(false);
 end
 
-% Load your model here: the clock stands still until this 1 is out.
+% Load your model here: the run starts when this 1 is written.
 fwrite(to_bus, 1, 'double');
 if is_octave
   fflush(to_bus);
 end
 
-% The header: what the scenario says.
+% The header: settings of the scenario.
 header = fread(from_bus, 8, 'double');
 if numel(header) < 8
-  exit(0);                                      % the run was over before it began
+  exit(0);                                      % the run ended before it started
 end
 dt = header(2);                                 % length of a step [s]
-n_in = header(5);                               % how many numbers come at each step ...
-n_out = header(6);                              % ... and how many are wanted
+n_in = header(5);                               % numbers received at each step ...
+n_out = header(6);                              % ... and numbers to return
 params = fread(from_bus, header(8), 'double');
 kp = params(1);                                 % N·m/rad
 kd = params(2);                                 % N·m·s/rad
@@ -38,7 +38,7 @@ if n_in ~= 2 + 2 * (1 + 3 * n)
   error('%d numbers for %d joints: the inputs are joint_state and reference of all', n_in, n);
 end
 
-% Where the fields stand: step, t, then each input: present (0 or 1) and its fields.
+% Index of the fields: step, t, then for each input: present (0 or 1) and its fields.
 joint_state = 3;                                % position, velocity, effort
 reference = joint_state + 1 + 3 * n;            % position, velocity, acceleration
 field = @(input, k) input + 1 + (k - 1) * n + (0:n - 1);
@@ -59,7 +59,7 @@ while true
   if in(joint_state) && in(reference)
     tau = kp * (in(at_qd) - in(at_q)) + kd * (in(at_vd) - in(at_v));
   else
-    tau = zeros(n, 1);                          % an input has not come yet
+    tau = zeros(n, 1);                          % an input has no message yet
   end
   fwrite(to_bus, [TORQUE; tau], 'double');
   if is_octave

@@ -1,4 +1,4 @@
-"""What is wrong with a configuration: all of it, each with file, line and path.
+"""All problems of a configuration, each with file, line and path.
 
 WiringError
 └─ SettingsError      lists every problem, one a line
@@ -48,7 +48,7 @@ class Problem:
 
 
 class SettingsError(WiringError):
-    """A configuration cannot be used; `problems` has every reason, its text one a line."""
+    """A configuration is invalid; `problems` has every reason, the text one per line."""
 
     def __init__(self, problems: Iterable[Problem]) -> None:
         different = dict.fromkeys(problems)
@@ -61,11 +61,11 @@ class SettingsError(WiringError):
 
 
 class TooManyProblems(SettingsError):
-    """A configuration has so many problems that no more are looked for."""
+    """A configuration has too many problems; the search stopped."""
 
 
 def refuse_many(problems: Sequence[Problem]) -> None:
-    """Raise TooManyProblems where that is what they are."""
+    """Raise TooManyProblems if there are too many."""
     if len(problems) >= _MOST:
         raise TooManyProblems(problems[:_MOST])
 
@@ -96,7 +96,7 @@ class Problems:
         return len(self._problems)
 
     def has(self, keys: Keys) -> bool:
-        """Return whether something at or below `keys` is wrong."""
+        """Return whether there is a problem at or below `keys`."""
         path = dotted(self.path(keys))
         return any(
             problem.path == path or problem.path.startswith((f"{path}.", f"{path}["))
@@ -104,7 +104,7 @@ class Problems:
         )
 
     def add(self, keys: Keys, message: str) -> None:
-        """Add that the value at `keys` is wrong; raises TooManyProblems at the hundredth."""
+        """Add a problem of the value at `keys`; raises TooManyProblems at the hundredth."""
         keys = self.path(keys)
         self.plain.append((keys, message))
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
@@ -124,7 +124,7 @@ class Problems:
             self.add(keys, line)
 
     def attempt(self, keys: Keys, make: Callable[[], _T]) -> _T | None:
-        """Return what is made, or None where that raises WiringError, which is added at `keys`."""
+        """Return the result of a call; on WiringError, add it at `keys` and return None."""
         try:
             return make()
         except TooManyProblems:
@@ -138,7 +138,7 @@ class Problems:
         return (*self._above, *keys)
 
     def below(self, above: Keys) -> Problems:
-        """Return a collector for the part below some keys; what it finds counts here too."""
+        """Return a collector for the part below some keys; its problems are added here too."""
         part = Problems(self._file_place.file, self._places, above=(*self._above, *above))
         part._problems, part.plain = self._problems, self.plain
         return part
@@ -154,13 +154,13 @@ class Problems:
 
 
 def dotted(keys: Keys) -> str:
-    """Return a path as people write it: `participants.plant.exec[2]`."""
+    """Return a path as text: `participants.plant.exec[2]`."""
     text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
     return text.removeprefix(".")
 
 
 def show(value: object) -> str:
-    """Return a value as an error message shows it."""
+    """Return a value as shown in error messages."""
     if isinstance(value, Mapping | list | tuple):
         return "a map" if isinstance(value, Mapping) else "a list"
     if value is None or isinstance(value, bool):

@@ -69,32 +69,32 @@ class _SettingsMeta(msgspec.StructMeta):
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(msgspec.field,))
 class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
-    """A set of parameters: one field for each key; see `read` of this package for what is checked.
+    """A set of parameters, with one field per key; `read.py` of this package documents the checks.
 
-    short: key that a text stands for, where the scenario has a text and no map in this place.
+    short: key that gets the value if the scenario has a string instead of a map.
     """
 
     short: ClassVar[str] = ""
 
     @classmethod
     def elsewhere(cls, key: str) -> str:  # noqa: ARG003
-        """Return where a key belongs that is none of these; empty: unknown."""
+        """Return where an unknown key belongs; empty: nowhere."""
         return ""
 
     def problems(self) -> Iterable[tuple[Keys, str]]:
-        """Yield what is wrong among values that are fine one by one: keys and a sentence."""
+        """Yield problems of valid values that do not fit together: keys and a message."""
         return ()
 
     def file_problems(self) -> Iterable[tuple[Keys, str]]:
-        """Yield what is wrong in files, for `stepbus validate`; called where all else is fine."""
+        """Yield problems in files, for `stepbus validate`; called if there are no others."""
         return ()
 
     @classmethod
     def of(cls, data: Mapping[str, Any], folder: Path | None = None) -> Self:
-        """Return plain data as these settings.
+        """Return plain data as an instance of this class.
 
-        folder: what relative file names are relative to; None: files are not checked.
-        Raises SettingsError that lists every problem.
+        folder: base of relative file names; None: files are not checked. Raises SettingsError that
+        lists every problem.
         """
         from .read import read  # noqa: PLC0415  `read` needs this class
 
@@ -105,9 +105,9 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
 
 
 class PerName:
-    """One number for all joints, one each, or a map by joint; `of` gives one for each joint.
+    """One number for all joints, a list with one per joint, or a map by joint; see `of`.
 
-    value: a number, a list or a map. keys: where it stands, for messages.
+    value: a number, a list or a map. keys: its path, for error messages.
     """
 
     def __init__(
@@ -117,7 +117,7 @@ class PerName:
         self._keys = keys
 
     def of(self, names: Sequence[str]) -> list[float]:
-        """Return one number for each name; raises SettingsError where that does not fit."""
+        """Return one number per name; raises SettingsError if the value does not fit the names."""
         problems = Problems()
         for keys, text in self.misfits(names):
             problems.add((*self._keys, *keys), text)
@@ -156,17 +156,17 @@ def each(value: float) -> PerName:
 
 
 def when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
-    """Return a mark: a key means something only where others have these values.
+    """Return a mark: the key applies only if other keys have these values.
 
-    `Annotated[Positive, when(smoothing="low_pass")]` is required then, unless it has a default,
-    and refused otherwise.
+    `Annotated[Positive, when(smoothing="low_pass")]` is then required, unless it has a default,
+    and rejected otherwise.
     """
     wanted = {key: value if isinstance(value, tuple) else (value,) for key, value in values.items()}
     return msgspec.Meta(extra={"when": wanted})
 
 
 def needed_when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
-    """Return a mark like `when`, for a key that is ignored beside other values, not refused."""
+    """Return a mark like `when`, for a key that is ignored with other values, not rejected."""
     marked = when(**values)
     return msgspec.Meta(extra={**(marked.extra or {}), "ignored": True})
 

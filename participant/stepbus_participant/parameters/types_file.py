@@ -1,4 +1,4 @@
-"""Message types of one's own, from a YAML file or an installed Python package."""
+"""User-defined message types, from a YAML file or an installed Python package."""
 
 import importlib
 from collections.abc import Iterator, Mapping
@@ -26,9 +26,9 @@ Declarations = dict[str, Mapping[str, Any]]
 
 
 def load_types(*sources: str | Path) -> Types:
-    """Return the message types of YAML files, by path, or of installed modules, by name.
+    """Return the message types in YAML files, by path, or in installed modules, by name.
 
-    `types = load_types("thruster.yaml")`; `types["Thruster/1"]` then is a class.
+    After `types = load_types("thruster.yaml")`, `types["Thruster/1"]` is a class.
     Raises WiringError that lists every problem.
     """
     declarations: Declarations = {}

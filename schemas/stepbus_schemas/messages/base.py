@@ -37,10 +37,10 @@ def meta(
 class Message(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True, gc=False):
     """Base of every port message: an immutable, typed MessagePack map.
 
-    TYPE: name of a type of your own, `Name/major`; default: version 1 of the class's name. A
-    subclass of a type that ships, with the same name, requires fields that are optional there: an
-    input can be read as one, and its source is to blame where a field is missing.
-    Raises MessageError where a field that holds one of some words is given another one.
+    TYPE: name of your own type, `Name/major`; default: version 1 of the class's name. A subclass
+    of a built-in type with the same name can require optional fields: an input can be read as the
+    subclass, and a missing field is blamed on its source. Raises MessageError if a field that
+    takes one of several words gets another one.
     """
 
     TYPE: ClassVar[str] = ""
@@ -86,13 +86,13 @@ class Scalars(Message, frozen=True):
 
 
 class TextMessage(Message, frozen=True):
-    """A text, of type `Text/1`."""
+    """A text."""
 
     text: Annotated[str, meta("the text")]
 
 
 class BytesMessage(Message, frozen=True):
-    """Bytes that stepbus does not read, of type `Bytes/1`; large ones belong on a bulk port."""
+    """Bytes that stepbus does not read; for large ones, use a bulk port."""
 
     data: Annotated[bytes, meta("the bytes")]
     format: Annotated[

@@ -69,7 +69,7 @@ class ControllerStatus(Message, frozen=True):
 
 
 class Event(Message, frozen=True):
-    """A sentence for the user, shown during the run."""
+    """A message for the user, shown during the run."""
 
     level: Annotated[Literal["info", "warning", "error"], meta("severity")]
     text: Annotated[str, meta("one sentence")]
@@ -218,7 +218,7 @@ class GripperCommand(Message, frozen=True):
 
 
 class CameraTrigger(Message, frozen=True):
-    """Asks a camera for one image, which it takes at the plant's next step."""
+    """Request for one image of a camera, taken at the plant's next step."""
 
     id: Annotated[int, meta("id of the request; a new id is a new request", ge=0)]
     frame: Annotated[str, meta("reference link of `position`")] = ""
@@ -226,7 +226,7 @@ class CameraTrigger(Message, frozen=True):
 
 
 class EmergencyStop(Message, frozen=True):
-    """Whether a plant brakes all its joints and bases, whatever is commanded."""
+    """Emergency stop of a plant: whether it brakes all joints and bases and ignores commands."""
 
     active: Annotated[bool, meta("whether the plant brakes; false: it runs")]
     by: Annotated[str, meta("who stopped or released it; empty: never stopped")] = ""

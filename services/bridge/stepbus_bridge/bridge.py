@@ -25,7 +25,7 @@ Described = Mapping[str, Mapping[str, Any]]
 class Bridge(Participant):
     """Owns the program and describes its outputs.
 
-    Raises WiringError when there is no such program, or when it is described wrongly.
+    Raises WiringError if the program does not exist or a description is invalid.
     """
 
     def __init__(

@@ -1,7 +1,7 @@
 """The program behind the bridge: a process that reads descriptor 3 and writes descriptor 4.
 
 OutputError (of stepbus)
-└─ BridgeError      the program ended, or wrote something that is no answer
+└─ BridgeError      the program ended or gave an invalid answer
 """
 
 import errno
@@ -39,7 +39,7 @@ _SHOWN = 60
 
 
 class BridgeError(OutputError):
-    """The program ended, or wrote something that is no answer; the text names it."""
+    """The program ended or gave an invalid answer; the message names it."""
 
 
 class Framing(Protocol):

@@ -73,10 +73,10 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 class Controller(Participant):
     """Commands joint torques by a control law, clipped at the effort limits.
 
-    Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, where the
-    scenario wires it, one ControllerStatus/1. The scenario names the ports. Nothing is published
-    until both inputs have come once. Its gains can be read and set by calls. The status reports the
-    delay of `smoothing` once. Parameters: see `Params`.
+    Inputs: one JointState/1 and one JointReference/1. Outputs: one JointCommand/1 and, optionally,
+    one ControllerStatus/1. Ports can have any name. Publishes nothing until both inputs have a
+    message. Calls read and set its gains. The status reports the delay of `smoothing` once.
+    Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

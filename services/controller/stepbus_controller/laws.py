@@ -1,4 +1,4 @@
-"""Control laws, and what they know about the robot that they control."""
+"""Control laws, and the robot data that they use."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,9 +14,9 @@ from stepbus_schemas import WiringError
 
 @dataclass(frozen=True, kw_only=True)
 class Robot:
-    """The joints under control, in the order of every vector.
+    """The controlled joints, in the order of every vector.
 
-    effort_limit: largest torques, shape (n,) [N·m]. model: None where the scenario names no URDF.
+    effort_limit: torque limits, shape (n,) [N·m]. model: None if the scenario gives no model.
     """
 
     joints: tuple[str, ...]
@@ -24,7 +24,7 @@ class Robot:
     model: RobotModel | None = None
 
     def require_model(self) -> RobotModel:
-        """Return the model; raises WiringError where the scenario names no URDF."""
+        """Return the model; raises WiringError if the scenario gives none."""
         if self.model is None:
             raise WiringError("this law needs 'model', the robot's URDF")
         return self.model
@@ -33,7 +33,7 @@ class Robot:
 def make_robot(config: Config, params: Params) -> Robot:
     """Return the robot that the parameters describe.
 
-    Raises SettingsError with what is wrong with the URDF, the joints or the effort limits.
+    Raises SettingsError that lists the problems of the URDF, the joints and the effort limits.
     """
     problems = config.problems().below(("params",))
     model, joints = None, params.joints
@@ -72,8 +72,8 @@ class Reference(NamedTuple):
 class Law(Protocol):
     """A control law, also one of your own.
 
-    It is made with the robot and its parameters: those of this package, or for a class of your own
-    what its `Params` declares, else a map. Every vector has shape (n,) and the order of
+    The constructor takes the robot and the parameters: those of this package, or for your own
+    class an instance of its `Params`, or else a map. Every vector has shape (n,), in the order of
     `robot.joints`.
     """
 
@@ -88,10 +88,10 @@ class Law(Protocol):
 
 
 class PD:
-    """τ = Kp (q_d − q) + Kd (v_d − v); what all laws of this package build on.
+    """τ = Kp (q_d − q) + Kd (v_d − v); the base of all laws of this package.
 
-    kp [N·m/rad], kd [N·m·s/rad]. integral: what the law has integrated, shape (n,) [N·m]; empty
-    where it integrates nothing.
+    kp [N·m/rad], kd [N·m·s/rad]. integral: state of the integrator, shape (n,) [N·m]; empty
+    without one.
     """
 
     gains: ClassVar[Mapping[str, str]] = {"kp": "N·m/rad", "kd": "N·m·s/rad"}
@@ -119,10 +119,10 @@ class PD:
 class PID(PD):
     """PD with an integral term, Ki ∫ (q_d − q) dt, and a feed-forward of acceleration, J a_d.
 
-    ki [N·m/(rad·s)], feed_forward J [kg·m²]: the torque that the reference takes is commanded
-    before there is an error. anti_windup: `conditional_integration` (the integral stands still
-    while the torque exceeds its limit and the error would push it further; Åström and Hägglund, PID
-    Controllers, 2nd ed. 1995, section 3.5) or `none`.
+    ki [N·m/(rad·s)], feed_forward J [kg·m²]: commands the torque for the reference before an error
+    builds up. anti_windup: `conditional_integration` (the integral stands still while the torque
+    exceeds its limit and the error would push it further; Åström and Hägglund, PID Controllers,
+    2nd ed. 1995, section 3.5) or `none`.
     """
 
     gains: ClassVar[Mapping[str, str]] = {
@@ -202,7 +202,7 @@ LAWS: dict[str, type[PD]] = {
 
 
 def make_law(config: Config, params: Params, robot: Robot) -> Law:
-    """Return the law that the parameters name; raises SettingsError with all that is wrong."""
+    """Return the law of the parameters; raises SettingsError that lists every problem."""
     if params.law not in LAWS:
         law: Law = make_plugin(config, "law", params.law, params.own, "torque", robot)
         return law

@@ -21,10 +21,10 @@ from stepbus_schemas import (
 class PositionController(Participant):
     """Turns a reference into position targets with a feed-forward velocity.
 
-    Inputs: one JointReference/1 and one JointState/1. Outputs: one JointCommand/1 and, where the
-    scenario wires it, one ControllerStatus/1. A reference that is older than the step is moved on
-    by its own derivatives. The velocity takes each target to the next in exactly one period.
-    Parameters: see `Params`.
+    Inputs: one JointReference/1 and one JointState/1. Outputs: one JointCommand/1 and, optionally,
+    one ControllerStatus/1. A reference that is older than the step is extrapolated with its
+    derivatives. The velocity leads from each target to the next in exactly one period. Parameters:
+    see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -15,7 +15,7 @@ class JointOrder:
     """Picks joints by name from the vectors of one port.
 
     port: its name, for messages. given: the port's joints, in its order. wanted: yours, in yours.
-    Raises WiringError that lists the joints that are missing or there more than once.
+    Raises WiringError that lists joints that are missing or duplicated.
     """
 
     def __init__(self, port: str, given: Sequence[str], wanted: Sequence[str]) -> None:

@@ -37,19 +37,19 @@ class Overload:
 
 
 class RobotModel:
-    """A robot with a fixed base of which some joints move, and all others stand still.
+    """A robot with a fixed base. Some of its joints move; all others are locked.
 
     path: URDF, `.xacro`, SDF or MJCF. joints: those that move, in the order of every vector of
-    shape (n,); None: all, in Pinocchio's order. posture: where other joints stand [rad or m]; those
-    not named are at neutral; those with `<mimic>` follow theirs. gravity: in the base, shape (3,)
-    [m/s²].
+    shape (n,); None: all, in Pinocchio's order. posture: positions of other joints [rad or m];
+    joints not named are neutral; joints with `<mimic>` follow theirs. gravity: in the base, shape
+    (3,) [m/s²].
     bounded: every joint needs position limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
     prismatic ones, here and everywhere, [m, m/s, N]. load: what it carries [kg].
     model, data: Pinocchio's, of the joints that move. full, stance: its model of all joints, and
     their positions when those that move are at neutral.
-    Raises WiringError that lists all that is wrong with the file, the joints or the links.
+    Raises WiringError that lists every problem of the file, the joints and the links.
     """
 
     def __init__(

@@ -21,8 +21,8 @@ from stepbus_schemas import JointReference
 class Generator(Protocol):
     """The interface of a reference generator, built-in or your own.
 
-    The constructor takes the joints and the parameters: those of the mission, or those that its own
-    class `Params` declares. A generator that ends has an attribute `duration` [s]; after it, the
+    The constructor takes the joints and the parameters: those of the mission, or an instance of
+    its own class `Params`. A generator that ends has an attribute `duration` [s]; after that, the
     reference is at rest.
     """
 

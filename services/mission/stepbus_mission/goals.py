@@ -145,8 +145,8 @@ def _quaternion(rpy: tuple[float, float, float]) -> Quaternion:
 class GoalSequence(Participant):
     """Sends the next goal when the one before has succeeded, and ends the run after the last one.
 
-    Input: one GoalStatus/1. Outputs: one Goal/1, and an Event/1 with a sentence for every goal that
-    is accepted or over. Raises RunError where one fails. `Params` has the parameters.
+    Input: one GoalStatus/1. Outputs: one Goal/1, and an Event/1 for every goal that is accepted or
+    ends. Raises RunError if a goal fails. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -1,4 +1,4 @@
-"""The mission: publishes references of a task, unless a call has sent a joint elsewhere."""
+"""The mission: publishes the reference of a task, unless a call moved a joint elsewhere."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -139,9 +139,9 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 class Mission(Participant):
     """Publishes a reference at every step.
 
-    Outputs: one JointReference/1 and, if the scenario wires it, one Event/1 that reports the start
-    and the end. The scenario names the ports. There are no inputs. Calls send a joint to a position
-    and set parameters of the task; another `omega` keeps the angle that the sine has come to.
+    Outputs: one JointReference/1 and, optionally, one Event/1 that reports the start and the end.
+    Ports can have any name. There are no inputs. Calls move a joint to a position and set
+    parameters of the task; a change of `omega` keeps the phase of the sine continuous.
     """
 
     def __init__(self, config: Config) -> None:

@@ -128,9 +128,9 @@ class Pick(Participant):
 
     Inputs: one Poses/1 with the base of the arm and the cube, one JointState/1 and one
     GripperState/1. Outputs: one JointCommand/1 in mode position, one GripperCommand/1, and an
-    Event/1 with a sentence for each stage; an output of type Event/1 named `summary` carries how
-    far from the goal the cube came to stand. Raises RunError where it is out of reach, not gripped,
-    lost or misplaced. `Params` has the parameters.
+    Event/1 for each stage; an output of type Event/1 named `summary` reports the final distance of
+    the cube from its goal. Raises RunError if the cube is out of reach, not gripped, lost or
+    misplaced. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

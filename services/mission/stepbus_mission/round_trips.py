@@ -1,4 +1,4 @@
-"""The round trip: sends arms to random poses that they can reach, and measures their errors."""
+"""The round trip: sends arms to random reachable poses and measures their errors."""
 
 import math
 from collections import Counter
@@ -109,12 +109,12 @@ def summary(arm: str, trips: Sequence[Trip], refused: Counter[str], tolerance: s
 
 
 class RoundTrip(Participant):
-    """Sends each arm to random poses, in turn, until it has reached as many as the scenario asks.
+    """Sends each arm to random poses, in turn, until it has reached the number in the scenario.
 
     Inputs: one Poses/1, the true poses from the plant, and one GoalStatus/1. Outputs: one Goal/1
-    and an Event/1 with one sentence per pose and, at the end, one per arm; then the run ends. An
-    output of type Event/1 named `summary` carries the latter. A pose that the controller rejects is
-    reported, counted and replaced. `Params` has the parameters.
+    and an Event/1 with one message per pose and, at the end, one per arm; then the run ends. An
+    output of type Event/1 named `summary` carries the latter. A pose that the controller rejects
+    is reported, counted and replaced. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -1,4 +1,4 @@
-"""The plant's parameters in a scenario, with the goods and the script of a run."""
+"""The plant's parameters in a scenario, with the stock and the script of a run."""
 
 from collections.abc import Iterator
 from functools import partial
@@ -59,7 +59,7 @@ class OdometryErrors(Settings):
 
 
 class ProximityErrors(Settings):
-    """How contact sensors measure distances."""
+    """Errors of the distances from contact sensors."""
 
     gain: Share = 0.0
     """Standard deviation of the gain error of each link's skin, drawn once per run [-]."""
@@ -68,7 +68,7 @@ class ProximityErrors(Settings):
 
 
 class FixedPoint(Settings):
-    """A point of a link that has a pose of its own, such as the tip of a tool."""
+    """A named point on a link, such as the tip of a tool."""
 
     link: Text
     """Link that the point is fixed to."""
@@ -77,7 +77,7 @@ class FixedPoint(Settings):
 
 
 class CameraErrors(Settings):
-    """What all cameras disturb."""
+    """Errors of the images of all cameras."""
 
     depth: NonNegative = 0.0
     """Standard deviation of depth at 1 m; it grows with the square of the distance [m]."""
@@ -182,7 +182,7 @@ class Action(Settings):
 
 
 class Params(Settings):
-    """What `params` of the plant may say."""
+    """Parameters of `stepbus_plant`."""
 
     world: File
     """World file: absolute, relative to the scenario, or `package://<package>/<path>`."""

@@ -1,4 +1,4 @@
-"""The plant as a participant: ports on one side, the world on the other."""
+"""The plant as a participant: connects the world to ports."""
 
 import logging
 from collections.abc import Mapping, Sequence
@@ -62,11 +62,11 @@ class _Saved(msgspec.Struct, forbid_unknown_fields=True):
 class Plant(Participant):
     """Publishes a JointState on each of its outputs and executes a JointCommand from each input.
 
-    Bases, grippers and sensors have ports of their own types, named after the device. Each
-    output of type Poses/1 carries the true poses of the links in `params.poses`, or once, if it is
-    called `planogram`, where they belong. Warnings about commands go to outputs of type Event/1, or
-    to the log if there is none. Until its first command, a joint swings freely in mode torque and
-    holds its position in modes velocity and position.
+    Bases, grippers and sensors have ports of their own types, named after the device. Each output
+    of type Poses/1 carries the true poses of the links in `params.poses`; one called `planogram`
+    carries their nominal poses, once. Warnings about commands go to outputs of type Event/1, or to
+    the log without one. Until its first command, a joint swings freely in mode torque and holds
+    its position in modes velocity and position.
 
     With `publishes: first`, it publishes the state of a step, then reads the command of that step
     and advances. With `publishes: last`, it reads the command, advances to the step, and publishes
@@ -135,7 +135,7 @@ class Plant(Participant):
         ]
 
     def describe(self) -> Mapping[str, Description]:
-        """Return what the vectors of each output belong to, with their constant properties."""
+        """Return the names and constant properties of each output's vectors."""
         return {**dict.fromkeys(self._event_ports, Description()), **self._descriptions}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
@@ -209,7 +209,7 @@ class Plant(Participant):
             _log.log(level, text)
 
     def save(self) -> bytes | None:
-        """Return the state of the world and of the drivers; None where it cannot be had."""
+        """Return the state of the world and of the drivers; None if it cannot be saved."""
         plant = self.plant.save()
         if plant is None:
             return None

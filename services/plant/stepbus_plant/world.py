@@ -1,4 +1,4 @@
-"""What a world file says: bodies and their joints, devices, sensors, and goods on shelves."""
+"""The content of a world file: bodies and their joints, devices, sensors and stock."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class BaseSettings(Settings):
 
 
 class GripperSettings(Settings):
-    """A gripper with two prismatic fingers, which are coupled."""
+    """A gripper with two coupled prismatic fingers."""
 
     left: str
     """Joint of one finger; it needs mode velocity, and positive positions open the gripper."""
@@ -297,7 +297,7 @@ class WorldFile(Settings):
 def read_world(path: Path) -> tuple[parameters.YamlFile, WorldFile, Problems]:
     """Return a world file, its content, and its problems.
 
-    Raises SettingsError when it is no YAML map.
+    Raises SettingsError if it is not a YAML map.
     """
     source = parameters.read_yaml(path, "a world needs at least 'bodies'", file=str(path))
     problems = source.problems()

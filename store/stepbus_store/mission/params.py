@@ -1,4 +1,4 @@
-"""The parameters of the mission of a store: goods, shelves, outlet, tolerances."""
+"""The parameters of the mission of a store: orders, shelves, outlet, tolerances."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -57,7 +57,7 @@ class Shelf(Settings):
 
 
 class Outlet(Settings):
-    """Where the robot puts sold items: a spot per order, from left to right, the back row first."""
+    """Place for sold items: one spot per order, from left to right, the back row first."""
 
     position: Vector3
     """Centre of the rows, on top of the outlet [m]."""
@@ -76,7 +76,7 @@ class Outlet(Settings):
 
 
 class Tolerances(Settings):
-    """Largest errors."""
+    """Tolerances."""
 
     found: Positive = 0.06
     """Largest distance of a detection from the expected position [m]."""
@@ -186,7 +186,7 @@ class Params(Settings):
     views: Count = 3
     """Number of views without the item before it counts as missing."""
     tolerances: Tolerances = Tolerances()
-    """Largest errors."""
+    """Tolerances."""
     waits: Waits = Waits()
     """Durations and timeouts."""
 

@@ -66,16 +66,16 @@ _LEVELS: Sequence[Level] = ("info", "warning", "error")
 class StoreMission(Participant):
     """Fulfils one order after the other; any failure triggers an emergency stop and fails the run.
 
-    Inputs: Poses/1, where items are as far as the mission may know: true poses from the plant, or
-    those of a world model, with its planogram beside it; for the inventory at the first step, and
-    where `verification` is `truth`, for that of each sale; Detections/1, GripperState/1,
-    GoalStatus/1; BaseState/1, odometry, and another one called `pose`, where the base is on the
-    map, if odometry drifts; where the scenario wires it, Contacts/1, to tell what the robot moved
-    from what others moved; and one EmergencyStop/1, during which nothing is commanded;
-    and one Imu/1 with orientation, of the base, which must not tilt.
+    Inputs: Poses/1, the known poses of the items: true ones from the plant, or those of a world
+    model, together with its planogram; used for the inventory at the first step and, with
+    `verification: truth`, to verify each sale; Detections/1, GripperState/1, GoalStatus/1;
+    BaseState/1, odometry, and, if odometry drifts, another one called `pose`, the pose of the base
+    on the map. Optional inputs: Contacts/1, to distinguish items that the robot moved from items
+    that others moved; EmergencyStop/1, during which the mission sends no commands; Imu/1 with the
+    orientation of the base, which must not tilt.
     Outputs: Goal/1; CameraTrigger/1, if the camera takes images on request; Event/1 with the log;
-    an output of type Event/1 named `summary` carries the report.
-    `Params` has the parameters; `store/docs/mission.md` lists them.
+    an output of type Event/1 named `summary` carries the report. Parameters: see `Params`;
+    `store/docs/mission.md` lists them.
 
     Raises RunError after a failed sale, at the step after the last event.
     """

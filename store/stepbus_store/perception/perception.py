@@ -84,11 +84,11 @@ class Perception(Participant):
     """Publishes the type, pose and confidence of each item it detects.
 
     Inputs: two Image/1 of one camera, colour and depth; one JointState/1; one Poses/1, whose
-    description lists the types of items, their shapes and colours; where the scenario wires it,
-    CameraTrigger/1, which says where something is looked for. Output: one Detections/1.
-    Source camera: for each new pair of images, with the joints at the time when the camera took
-    them, as its description tells its latency; the true poses are not used. Source truth: all
-    items, once per period; needs the poses only. Parameters: see `read_settings`.
+    description lists the types of items, their shapes and colours; optionally, CameraTrigger/1,
+    with the position to look at. Output: one Detections/1. Source camera: for each new pair of
+    images, with the joint positions at the time of exposure, which the latency in the camera's
+    description determines; the true poses are not used. Source truth: all items, once per period;
+    only needs the poses. Parameters: see `read_settings`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -134,16 +134,16 @@ class Planner(Participant):
     """Plans collision-free paths of a robot's joints.
 
     Inputs: one PlanRequest/1, and one Poses/1 of all links of the world, which the sender
-    describes with `details` `shape` and `body`; if there are two, the one called `planogram` has
-    the description, and the other one the poses; any number of LaserScan/1, of lidars of the base,
-    and then one BaseState/1, odometry. Outputs: one Plan/1 and, if the scenario wires it,
-    one Event/1 that reports every answer.
+    describes with `details` `shape` and `body`; if there are two, the one called `planogram`
+    provides the description and the other one the poses; any number of LaserScan/1 from lidars on
+    the base, together with one BaseState/1, odometry. Outputs: one Plan/1 and, optionally, one
+    Event/1 that reports every answer.
 
     The answer to a request comes exactly `latency` later, however long the computation takes: it
-    runs beside the steps, and the step of the answer waits for it. A newer request cancels the one
-    before. Planning uses the poses at the step of the request; if an object then blocks the path
-    while the robot follows it, a second answer with the same id has cause `blocked`; so it has when
-    a lidar sees something come into the way of the base.
+    runs in parallel with the steps, and the step of the answer waits for it. A newer request
+    cancels the previous one. Planning uses the poses at the step of the request. If an object
+    blocks the path while the robot follows it, or a lidar sees an obstacle on the route of the
+    base, a second answer with the same id has cause `blocked`.
     """
 
     def __init__(self, config: Config) -> None:

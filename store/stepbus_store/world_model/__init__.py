@@ -6,7 +6,7 @@ from stepbus_participant import Duration, ModelFile, Names, Positive, Settings, 
 
 
 class Drift(Settings):
-    """Standard deviations of what odometry does not notice."""
+    """Standard deviations of the errors of odometry."""
 
     distance: Positive = 0.02
     """Standard deviation of the position after 1 m; it grows with the square root of the

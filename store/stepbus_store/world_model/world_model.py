@@ -1,4 +1,4 @@
-"""Where the items are: as the planogram says, until they are seen or carried."""
+"""Poses of the items: from the planogram until they are seen or carried."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -130,13 +130,13 @@ class _PortNames:
 
 
 class WorldModel(Participant):
-    """Publishes where the base is on the map, and where everything must be that the map lists.
+    """Publishes the pose of the base on the map, and the estimated poses of all links on the map.
 
     Inputs: Poses/1, the planogram, once; BaseState/1, odometry; JointState/1, GripperState/1; and
     Detections/1, with `delay: 1`. Outputs: one BaseState/1, the pose of the base on the map with
     the velocities of odometry, at every step; one Poses/1 of the links of the planogram, once per
-    period. The robot's own links come from its joints; what is fixed, from the map; items from the
-    planogram, from where the camera has seen them, or from the gripper that holds them.
+    period. The poses of the robot's links follow from its joints, those of fixed links from the
+    map, and those of items from the planogram, the latest detection or the gripper that holds them.
     """
 
     def __init__(self, config: Config) -> None:

@@ -13,7 +13,7 @@ struct Controller {
     kp: f64,
     /// Gain of the velocity error [N·m·s/rad].
     kd: f64,
-    /// Where each joint of the state stands in the reference.
+    /// Index of each joint in the reference.
     in_reference: Vec<usize>,
 }
 

@@ -65,15 +65,14 @@ def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmS
 
 
 class ArmController(Participant):
-    """Moves the joints or frames of a robot to where the newest goal wants them.
+    """Moves the joints or frames of a robot to the newest goal.
 
     Inputs: one JointState/1 and one Goal/1. Outputs: one JointCommand/1 of mode position with
-    feed-forward velocity at every step; one GoalStatus/1 whenever the status changes; where the
-    scenario wires them, one ControllerStatus/1, and one JointState/1 with the smoothed
-    measurements. A goal starts when its id differs from the one before.
+    feed-forward velocity at every step; one GoalStatus/1 whenever the status changes; optionally,
+    one ControllerStatus/1, and one JointState/1 with the smoothed measurements. A goal starts when
+    its id differs from the previous one.
 
-    Poses are judged by the effort limits that the plant describes. Parameters: see
-    `Params`.
+    The plant's effort limits decide whether a pose can be held. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:

@@ -38,14 +38,14 @@ from stepbus_store.motion.parts import Parts
 class MobileController(Participant):
     """Carries out the goals of an arm on a mobile base with a gripper, one at a time.
 
-    Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1; where the scenario wires them,
-    one Contacts/1, with which the robot is monitored for collisions, one Plan/1 of a planner, and
-    one EmergencyStop/1: while that is active, all goals fail, and nothing is commanded.
+    Inputs: one JointState/1, BaseState/1, GripperState/1, Goal/1. Optional inputs: one Contacts/1,
+    to monitor the robot for collisions; one Plan/1 of a planner; and one EmergencyStop/1: while it
+    is active, all goals fail, and the controller sends no commands.
     Outputs: one JointCommand/1 of mode position with feed-forward velocity, one BaseCommand/1 and
     one GripperCommand/1 at every step; one GoalStatus/1 whenever the status changes; one
-    PlanRequest/1 for the planner; where it is wired, one ControllerStatus/1.
+    PlanRequest/1 for the planner; optionally, one ControllerStatus/1.
 
-    A goal starts when its id differs from the one before. Parameters: see `Params`.
+    A goal starts when its id differs from the previous one. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:
