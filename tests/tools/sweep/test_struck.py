@@ -39,7 +39,7 @@ def test_a_sweep_that_is_killed_goes_on_and_gives_the_same_table(tmp_path: Path)
     before = {json.loads(line)["run"] for line in journal.read_bytes().splitlines(keepends=True)
               if line.endswith(b"\n")}  # fmt: skip
     done = sweep(tmp_path, *words)
-    assert f"{len(before)}resumed" in done.stdout
+    assert f"{len(before)} resumed" in done.stdout
     names = ("whole/sweep/results.parquet", "sweep/results.parquet")
     assert len({(tmp_path / name).read_bytes() for name in names}) == 1
     # What the killed one has left is gone, too.

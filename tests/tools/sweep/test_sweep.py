@@ -66,7 +66,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     before = (tmp_path / "sweep/results.parquet").read_bytes()
     more = sweep(tmp_path, *words, *metrics, "--vary", "faults=none,kill controller at 5")
     assert "0 runs" in more.stdout
-    assert "12resumed" in more.stdout
+    assert "12 resumed" in more.stdout
     assert (tmp_path / "sweep/results.parquet").read_bytes() == before
     other = sweep(tmp_path, "two_link", *AXES, check=False)
     assert other.returncode == 2
@@ -89,7 +89,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
         (["--vary", "seed=1,2", "--optimize", "rmse"], ["an optimizer needs a number of runs"]),
         (
             ["--vary", "controller.params.kp=1:5", "--optimize", "rmsee", "--trials", "4"],
-            ["unknown metric; did you mean 'rmse'?", "your own with --metric"],
+            ["rmsee: unknown metric", "your own: --metric", "did you mean 'rmse'?"],
         ),
         (
             [

@@ -36,7 +36,7 @@ def test_what_is_no_port_message_has_maps_too(tmp_path):
 
 @pytest.mark.parametrize("data", [b"", b"\xc1", b"\x93\x01", b"\x80\x80", b"\x81\xa1a", b"\x07", b"\x81\x90\x01"])  # fmt: skip
 def test_bytes_that_are_no_map_are_refused_in_a_sentence(data):
-    with pytest.raises(MessageError, match="not MessagePack"):
+    with pytest.raises(MessageError, match=r"not (a )?MessagePack"):
         raw_map(data)
 
 
