@@ -64,6 +64,7 @@ fn hello_carries_the_declarations() {
         outputs: None,
         types: [declared::<Probe>()].into(),
         batches: true,
+        lowest_protocol: None,
     };
     let again: Hello = decode(&encode(&hello)).unwrap();
     assert_eq!(again.types["Probe/1"]["thrust"], declared::<Probe>().1["thrust"]);
