@@ -32,7 +32,8 @@ def read_table(path: Path, joints: Sequence[str]) -> Table:
         reader = csv.reader(io.StringIO(read_text(path, "utf-8-sig")))
         lines = [(reader.line_num, row) for row in reader if any(row)]
     except (OSError, UnicodeDecodeError, csv.Error) as exc:
-        raise WiringError(f"cannot read {path} as CSV: {exc}") from exc
+        reason = exc.strerror if isinstance(exc, OSError) else exc
+        raise WiringError(f"cannot read {path} as CSV: {reason}") from exc
     if len(lines) < 3:
         raise WiringError(f"{path} has {len(lines)} lines; it needs a header and at least two rows")
     (first, names), *rows = lines

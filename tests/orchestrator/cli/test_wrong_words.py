@@ -27,9 +27,9 @@ from stepbus_orchestrator.cli import main
         (["run", "two_link", "--windw", "3"], "see stepbus run --help"),
         (
             ["sweep", "two_link", "--timeout", "60"],
-            "'60' is not a duration; write a number and one of",
+            "'60' is not a duration; write a number with a unit",
         ),
-        (["join", "ticket", "--wait", "1 year"], "'1 year' is not a duration; write a number and"),
+        (["join", "ticket", "--wait", "1 year"], "'1 year' is not a duration; write a number"),
         (["run", "two_link", "--join-timeout", "0s"], "'0s' must be longer than 0"),
         (["run", "two_link", "--pause-at", "soon"], "nor a time such as 6s"),
         (

@@ -228,7 +228,7 @@ def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
     assert result.messages_sha256 == plain.messages_sha256
     assert used.keys() == {"viewer"}
     result, _ = record(tmp_path / "3", camera="full", **kinds)
-    assert "no room for a slot of 0.0044 MB in " in result.reason
+    assert "cannot reserve a slot of 0.0044 MB in " in result.reason
 
 
 def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
@@ -240,4 +240,4 @@ def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
 def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):
     result, _ = record(tmp_path, camera="full")
     assert (result.exit_code, result.participant) == (7, "camera"), result.reason
-    assert "no room for 12 slots of 0.00102 MB in " in result.reason
+    assert "cannot reserve 12 slots of 0.00102 MB in " in result.reason

@@ -63,7 +63,7 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
 def test_what_cannot_be_expanded_is_refused_with_its_file(tmp_path, content, told):
     path = xacro(tmp_path, content)
     message = refusal(path)
-    assert message.startswith(str(tmp_path))
+    assert str(tmp_path) in message
     with pytest.raises(WiringError, match=told):
         read_urdf_text(path)
 

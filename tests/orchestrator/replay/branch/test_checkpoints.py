@@ -147,9 +147,12 @@ def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
 @pytest.mark.parametrize(
     ("change", "why"),
     [
-        (lambda _state: b"\xc1", "cannot be read"),
-        (lambda state: state.replace(b"has_reported_delay", b"has_reported_decay"), "does not fit"),
-        (lambda state: state.replace(b"joint_state", b"joint_stake"), "with other inputs"),
+        (lambda _state: b"\xc1", "cannot read the checkpoint"),
+        (
+            lambda state: state.replace(b"has_reported_delay", b"has_reported_decay"),
+            "cannot be restored",
+        ),
+        (lambda state: state.replace(b"joint_state", b"joint_stake"), "with different inputs"),
     ],
 )
 def test_a_state_that_nobody_can_take_is_one_sentence(copy, tmp_path, change, why):

@@ -126,7 +126,7 @@ def test_the_page_names_methods_that_there_are():
         ("{}:No", "No is not a stepbus.RunExtension"),
         ("{}:Asks", "cannot be created: TypeError"),
         ("{}:Nobody", "has no class 'Nobody'"),
-        ("missing.py:Limit", "file 'missing.py' not found"),
+        ("missing.py:Limit", "no file 'missing.py'"),
         ("{}", "is not of the form"),
         ("no_such_module:Limit", "module 'no_such_module'"),
     ],
