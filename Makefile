@@ -113,7 +113,7 @@ lint-workflows: setup
 	@$(SCHEMA) vendor.github-issue-forms .github/ISSUE_TEMPLATE/bug.yml .github/ISSUE_TEMPLATE/feature.yml
 	@$(SCHEMA) vendor.github-issue-config .github/ISSUE_TEMPLATE/config.yml
 	@$(SCHEMA) vendor.citation-file-format CITATION.cff
-	@.venv/bin/zizmor --offline --quiet --pedantic .github/workflows
+	@.venv/bin/zizmor --offline --quiet --pedantic .github/workflows action.yml
 
 pictures: robots
 	@$(PYTHON) scripts/pictures.py $(PICTURES)
