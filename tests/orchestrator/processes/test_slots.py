@@ -110,7 +110,7 @@ def test_all_that_use_an_output_have_to_have_its_file_open(tmp_path):
     assert slots.agree({"source": able, "reader": Ready(name="", token="")}) == {}
     assert slots.agree({"reader": able}) == {}
     outputs = Outputs(token="", step=0, t_ns=0, bulk={"state": 3}, slots={"state": 0})
-    assert "no slots were negotiated" in slots.take("source", outputs, Sink({}))
+    assert "no slots were agreed on" in slots.take("source", outputs, Sink({}))
     slots.close()
 
 
