@@ -141,7 +141,7 @@ def pytest_runtest_makereport(item):
     report = yield
     folder = getattr(item, "funcargs", {}).get("tmp_path")
     if report.failed and folder is not None:
-        for path in sorted(folder.rglob("result.json")):
+        for path in sorted(filter(Path.is_file, folder.rglob("result.json"))):
             report.sections.append((f"{path.relative_to(folder)}", path.read_text()))
     return report
 
