@@ -89,7 +89,9 @@ def test_it_closes_what_it_opened():
 
 
 def test_inputs_and_outputs_must_be_those_of_the_configuration(bench):
-    with pytest.raises(WiringError, match="unknown input 'joint_states'; did you mean 'joint_state'"):
+    with pytest.raises(
+        WiringError, match="unknown input 'joint_states'; did you mean 'joint_state'"
+    ):
         bench.step(joint_states=JointState(position=[0.5]))
     with pytest.raises(WiringError, match="input 'joint_state' takes JointState/1, got JointComm"):
         bench.step(joint_state=JointCommand(values=[0.5], mode="torque"))
