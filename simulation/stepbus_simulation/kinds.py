@@ -127,7 +127,7 @@ CRASHES = frozenset({"crash", "crash_at_call", "power"})
 
 KINDS: dict[str, Kind] = {
     "delay": Kind(
-        what="a message comes late, and all behind it",
+        what="a message comes late, and so do all behind it",
         draw=lambda d: Fault("delay", d.link(), d.message(), d.lasting()),
         arm=on_message("delay"), codes=_LATE | {_DIED}, lasts=True,
     ),
@@ -146,12 +146,12 @@ KINDS: dict[str, Kind] = {
         arm=on_message("duplicate"), codes=frozenset({_FAULT}),
     ),
     "late_link": Kind(
-        what="two processes are linked late; what is published before is lost",
+        what="the link between two processes comes up late; messages published before that are lost",
         draw=lambda d: Fault("late_link", d.link(), 0, d.lasting()),
         arm=late_link, codes=_LOST, lasts=True,
     ),
     "cut": Kind(
-        what="the link of two processes breaks for a time, or all links of one, healed one by one",
+        what="the link between two processes breaks for a time, or all links of a process, restored one by one",
         draw=lambda d: Fault("cut", d.link(), d.time(), d.lasting()), arm=cut, codes=_LOST,
     ),
     "kill": Kind(
@@ -160,7 +160,7 @@ KINDS: dict[str, Kind] = {
         arm=at_time(kill), codes=frozenset({_START, _DIED, _FAULT}), is_fatal=True,
     ),
     "freeze": Kind(
-        what="a participant is stopped, for a time or for good",
+        what="a participant is stopped, for a time or permanently",
         draw=lambda d: Fault("freeze", d.name(), d.time(), d.random.choice([0, d.lasting()])),
         arm=at_time(freeze), codes=_LATE, lasts=True,
     ),
@@ -180,7 +180,7 @@ KINDS: dict[str, Kind] = {
         arm=wall,
     ),
     "slow_start": Kind(
-        what="a process takes long to start",
+        what="a process is slow to start",
         draw=lambda d: Fault("slow_start", d.name(), 0, d.lasting()),
         arm=slow_start, codes=frozenset({_START}), lasts=True,
     ),
@@ -200,17 +200,17 @@ KINDS: dict[str, Kind] = {
         arm=in_step(end_process), codes=frozenset({_DIED}), is_fatal=True,
     ),
     "compute": Kind(
-        what="a participant takes long for a step",
+        what="a participant is slow to compute a step",
         draw=lambda d: Fault("compute", d.name(), d.step(), d.lasting()),
         arm=in_step(compute_long), codes=_LATE, lasts=True,
     ),
     "slow_ready": Kind(
-        what="a participant takes long to load",
+        what="a participant is slow to load",
         draw=lambda d: Fault("slow_ready", d.name(), -1, d.lasting()),
         arm=in_step(compute_long), codes=frozenset({_START}), lasts=True,
     ),
     "linger": Kind(
-        what="a process takes long to end",
+        what="a process is slow to end",
         draw=lambda d: Fault("linger", d.name(), 0, d.lasting()),
         arm=linger, codes=frozenset({_STOP}), lasts=True,
     ),
@@ -242,7 +242,7 @@ KINDS: dict[str, Kind] = {
         arm=on_key("join", wrong_hello), codes=frozenset({_START}),
     ),
     "other_order": Kind(
-        what="an order comes with the token of another run",
+        what="a trigger comes with the token of another run",
         draw=lambda d: Fault("other_order", ORCHESTRATOR, d.message()),
         arm=on_key("trigger", field("token", lambda token: token[::-1])),
     ),
@@ -253,7 +253,7 @@ KINDS: dict[str, Kind] = {
         needs="seen",
     ),
     "bulk_late": Kind(
-        what="bulk content comes late, behind all but other bulk content",
+        what="bulk content comes late: everything except other bulk content overtakes it",
         draw=lambda d: Fault("bulk_late", d.bulk_link(), d.message(), d.lasting()),
         arm=late_bulk, codes=_LATE, lasts=True, needs="seen",
     ),
@@ -299,7 +299,7 @@ KINDS: dict[str, Kind] = {
         arm=raising(errno.ENOSPC, None), codes=frozenset({_RECORDING}),
     ),
     "disk_error": Kind(
-        what="a call of the disk fails: open, write, cut, reserve, sync, close, rename",
+        what="a disk operation fails: open, write, truncate, reserve, sync, close, rename",
         draw=lambda d: Fault(
             "disk_error",
             d.random.choice(_DISK_CALLS),
@@ -308,7 +308,7 @@ KINDS: dict[str, Kind] = {
         arm=raising(errno.EIO, 1), codes=frozenset({_RECORDING}),
     ),
     "short": Kind(
-        what="the disk takes a part of a write",
+        what="the disk accepts only part of a write",
         draw=lambda d: Fault("short", "pwrite", d.random.randrange(30), d.random.randrange(1, 100)),
         arm=short,
     ),
@@ -323,12 +323,12 @@ KINDS: dict[str, Kind] = {
         codes=frozenset({ExitCode.INTERRUPTED}),
     ),
     "die": Kind(
-        what="a participant is killed between two of its calls of the machine",
+        what="a participant is killed between two of its system calls",
         draw=lambda d: Fault("die", d.name(), d.call(), d.random.choice(_SIGNALS)),
         arm=at_call(kill), codes=frozenset({_START, _DIED, _FAULT}), is_fatal=True,
     ),
     "hang": Kind(
-        what="a participant is stopped between two of its calls of the machine",
+        what="a participant is stopped between two of its system calls",
         draw=lambda d: Fault("hang", d.name(), d.call(), d.random.choice([0, d.lasting()])),
         arm=at_call(freeze), codes=_LATE, lasts=True,
     ),
@@ -347,7 +347,7 @@ KINDS: dict[str, Kind] = {
         arm=ignore_triggers, codes=_LATE,
     ),
     "lost_call": Kind(
-        what="a call of a user is lost on its way to the participant",
+        what="a user's call is lost on its way to the participant",
         draw=lambda d: Fault("lost_call", ORCHESTRATOR, d.few()),
         arm=on_key("call", lambda _data, _amount: []), codes=frozenset({_STEP}), needs="called",
     ),
@@ -370,7 +370,7 @@ KINDS: dict[str, Kind] = {
         arm=power,
     ),
     "crash_at_call": Kind(
-        what="the orchestrator is killed between two of its calls of the machine",
+        what="the orchestrator is killed between two of its system calls",
         draw=lambda d: Fault("crash_at_call", ORCHESTRATOR, 2 * d.call(), signal.SIGKILL),
         arm=at_call(kill),
     ),

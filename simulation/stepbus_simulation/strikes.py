@@ -82,7 +82,7 @@ def at_time(
 def at_call(
     act: Callable[[Execution, Fault, Process], None],
 ) -> Callable[[Execution, Fault], None]:
-    """Return what strikes a process between two of its calls of the machine."""
+    """Return what strikes a process between two of its system calls."""
 
     def arm(execution: Execution, fault: Fault) -> None:
         def on_started(process: Process) -> None:

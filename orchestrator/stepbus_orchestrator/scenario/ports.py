@@ -51,7 +51,8 @@ class OutputSpec(Settings, omit_defaults=True):
     bulk: bool = False
     """Whether the content is large, and travels on a separate key."""
     record: str = RECORD_ALL
-    """What is recorded: `all`, `every 10` (of ten steps of the participant the first), or `off`."""
+    """What is recorded: `all`, `every 10` (the first of every ten steps of the participant),
+    or `off`."""
 
     @property
     def record_every(self) -> int:

@@ -29,7 +29,8 @@ class Params(SmoothingParams):
     """Control law. Your own class needs `__init__(robot, params)` and `torque(q, v, reference,
     dt)`, which returns torques, shape (n,) [N·m]."""
     model: ModelFile | None = None
-    """URDF, xacro, SDF or MJCF of the robot. A law without a model only needs `joints`."""
+    """URDF, xacro, SDF or MJCF of the robot. `pd`, `pid` and your own law also work without a
+    model; they then need `joints` and `effort_limit`."""
     joints: Names | None = None
     """Controlled joints, in the order of every vector. Default: all joints of the model."""
     prefix: str = ""
@@ -40,9 +41,9 @@ class Params(SmoothingParams):
     effort_limit: PositivePerJoint | None = None
     """Torque limits [N·m]. Default: those of the model."""
     kp: Gain
-    """Proportional gain [N·m/rad], of computed_torque [1/s²]."""
+    """Proportional gain [N·m/rad]; for computed_torque [1/s²]."""
     kd: Gain
-    """Derivative gain [N·m·s/rad], of computed_torque [1/s]."""
+    """Derivative gain [N·m·s/rad]; for computed_torque [1/s]."""
     ki: Annotated[NonNegativePerJoint, when(law="pid")]
     """Integral gain [N·m/(rad·s)]."""
     feed_forward: Annotated[NonNegativePerJoint, when(law="pid")] = each(0.0)

@@ -31,7 +31,7 @@ class Params(JointParams):
     time_constant: TimeConstant
     """Time constant τ of the low-pass filter [s]."""
     window: Window
-    """Window of the Savitzky-Golay filter, an odd number of samples from 5 [samples]."""
+    """Window of the Savitzky-Golay filter: an odd number of samples, at least 5."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the window."""
