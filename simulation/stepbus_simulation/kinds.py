@@ -146,12 +146,12 @@ KINDS: dict[str, Kind] = {
         arm=on_message("duplicate"), codes=frozenset({_FAULT}),
     ),
     "late_link": Kind(
-        what="the link between two processes comes up late; messages published before that are lost",
+        what="the link of two processes comes up late; messages published before are lost",
         draw=lambda d: Fault("late_link", d.link(), 0, d.lasting()),
         arm=late_link, codes=_LOST, lasts=True,
     ),
     "cut": Kind(
-        what="the link between two processes breaks for a time, or all links of a process, restored one by one",
+        what="a link breaks for a time, or all links of a process, restored one by one",
         draw=lambda d: Fault("cut", d.link(), d.time(), d.lasting()), arm=cut, codes=_LOST,
     ),
     "kill": Kind(
