@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import re
 import shutil
 import subprocess
 import sys
@@ -78,7 +79,8 @@ def run(entry: Entry, folder: Path) -> dict[str, Any]:
     words = [*STEPBUS, "run", entry.run, "--out", str(folder), "--no-report"]
     subprocess.run(words, cwd=ROOT, check=False, capture_output=True, timeout=900)
     result = json.loads((folder / "result.json").read_text())
-    reason = str(result["reason"])
+    # What the participant said, without process ids and paths, which differ in each run.
+    reason = re.sub(r"^.*?Error: |; its log: .*$", "", str(result["reason"]))
     return {
         "messages": result["messages_sha256"],
         "outcome": result["outcome"],
@@ -130,7 +132,7 @@ def paragraph(entry: Entry, facts: Mapping[str, Any]) -> str:
     ended = (
         ""
         if facts["outcome"] == "finished"
-        else f"; ends with an error, as meant: {facts['reason']}"
+        else f"; ends with the intended error: {facts['reason']}"
     )
     needs = f" Needs `{entry.needs}`." if entry.needs else ""
     return (

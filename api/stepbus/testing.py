@@ -150,7 +150,7 @@ def _deliver(inputs: Mapping[str, Input], messages: Mapping[str, Message], step:
     """Give inputs their messages as the bus delivers them; the others keep what they have."""
     for name, message in messages.items():
         if name not in inputs:
-            raise WiringError(f"no input {name!r}{suggest(name, inputs)}")
+            raise WiringError(f"unknown input {name!r}{suggest(name, inputs)}")
         wanted, got = inputs[name].config.type, type_name(type(message))
         if got != wanted:
             raise WiringError(f"input {name!r} takes {wanted}, got {got}")

@@ -81,7 +81,7 @@ def open_regular(path: str | os.PathLike[str], flags: int = 0) -> int:
         return file
     os.close(file)
     if stat.S_ISDIR(mode):
-        raise IsADirectoryError(errno.EISDIR, "it is a folder", str(path))
+        raise IsADirectoryError(errno.EISDIR, "is a folder, not a file", str(path))
     raise OSError(errno.EINVAL, "it is not a regular file", str(path))
 
 

@@ -313,7 +313,8 @@ def _with_policy(scenario: Scenario, name: str, params: Mapping[str, Any]) -> Sc
     )
     if not act:
         raise WiringError(
-            f"{name} has no numeric output that another participant reads; give `act`"
+            f"{name} has no numeric output that another participant reads; set `act` to the "
+            "outputs that the policy controls"
         )
     params = {**params, "act": act}
     ports.check(Params.of(params))

@@ -313,7 +313,7 @@ def _limits(described: Description, quantity: str, joint: int) -> tuple[float, f
 
 def _flat(value: Any, array: _Array, step: int) -> list[float]:
     if value is None or np.shape(value) != array.shape:
-        now = "is absent" if value is None else f"has the shape {np.shape(value)}"
+        now = "is absent" if value is None else f"has shape {np.shape(value)}"
         raise RunError(
             f"step {step}: {array.port}.{array.field} {now}, in the first observation it had "
             f"{array.shape}; leave it out with `observe`"

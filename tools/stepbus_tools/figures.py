@@ -168,7 +168,7 @@ class Comparison:
         """Return one by `participant.port.field`; raises WiringError when there is none."""
         by_name = {f"{error.port}.{error.field}": error for error in self.errors}
         if name not in by_name:
-            raise WiringError(f"no compared signal is called {name!r}{suggest(name, by_name)}")
+            raise WiringError(f"no compared signal is named {name!r}{suggest(name, by_name)}")
         return by_name[name]
 
     def frame(self) -> Any:

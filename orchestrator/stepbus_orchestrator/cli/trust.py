@@ -46,7 +46,7 @@ def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
         write(sys.stderr, f"{shown}\n{rows}\nStart them? [y/N] ")
         if sys.stdin.readline().strip().lower() in {"y", "yes"}:
             return
-        raise Untrusted("nothing was started")
+        raise Untrusted("cancelled: no program was started")
     raise Untrusted(
         f"{shown}\n{rows}\nnothing was started; if you trust these programs, use --trust"
     )

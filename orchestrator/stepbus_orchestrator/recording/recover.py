@@ -74,7 +74,7 @@ def recover(source: Path, target: Path, *, in_place: bool = False, disk: Disk = 
         )
     if target.exists() and not in_place:
         raise OutputExists(
-            f"{target} exists already; choose another name with {argument('--out', 'target')}"
+            f"{target} already exists; choose another name with {argument('--out', 'target')}"
         )
     file = RecordFile(source)
     is_live = is_locked(file.descriptor)

@@ -90,7 +90,9 @@ class Change:
         """Raise RecordingFailed where the recording does not have all that is below a step."""
         check_whole(recording, self._recorded, [s.name for s in self._recorded.participants])
         if holes := recording.holes():
-            raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
+            raise RecordingFailed(
+                f"{recording.path} has a hole: {'; '.join(holes)}; record the run again"
+            )
         end, at = recorded_end(recording), self.at
         planned, has_failed = self._recorded.steps, layout.INCOMPLETE_METADATA in recording.metadata
         if recording.cut_short or has_failed or planned is None or end < planned:

@@ -182,7 +182,9 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     check_whole(recording, scenario, [participant])
     holes = recording.holes()
     if holes:
-        raise RecordingFailed(f"{recording.path} has a hole: {'; '.join(holes)}")
+        raise RecordingFailed(
+            f"{recording.path} has a hole: {'; '.join(holes)}; record the run again"
+        )
     steps = replayable_steps(recording, scenario, participant)
     if not steps:
         cut = recording.cut_short

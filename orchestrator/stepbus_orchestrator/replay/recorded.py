@@ -113,8 +113,8 @@ def step_in(recording: Recording, record: str, key: str) -> int | None:
     text = recording.metadata.get(record, {}).get(key)
     if text is not None and not text.isdecimal():
         raise RecordingFailed(
-            f"{recording.path}: its metadata record {record!r} has {text!r} for {key}, "
-            "which is not a step; another program wrote or changed the file"
+            f"{recording.path}: metadata record {record!r}: {key} is {text!r}, not a step number; "
+            "another program has changed the file"
         )
     return None if text is None else int(text)
 

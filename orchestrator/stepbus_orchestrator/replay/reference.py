@@ -29,7 +29,7 @@ def new_reference(target: Path | None, old: Recording, prepared: Prepared) -> It
         return
     if irregular(target) or target.exists():
         raise OutputExists(
-            f"{target} exists already; choose another name with {argument('--update')}"
+            f"{target} already exists; choose another name with {argument('--update')}"
         )
     part = target.with_name(f".{target.name}.part")
     file = McapFile(part)

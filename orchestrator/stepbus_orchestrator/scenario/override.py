@@ -79,7 +79,7 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
         index = int(key) if key.isdecimal() else len(node)
         if index >= len(node):
             raise WiringError(
-                f"{here} is a list of {len(node)} values; {key!r} is not one of its indices"
+                f"{here}: no index {key!r}; the list has {len(node)} values, counted from 0"
             )
         new = _replaced(node[index], (*at, key), rest, value) if rest else value
         return [*node[:index], new, *node[index + 1 :]]

@@ -214,8 +214,8 @@ class Controller(Participant):
         vector = np.asarray(torque, dtype=np.float64)
         if vector.shape != (len(self._limit),):
             raise RunError(
-                f"{self.config.name}: step {step}: the law returned torques of shape "
-                f"{vector.shape}, not ({len(self._limit)},)"
+                f"{self.config.name}: step {step}: the control law returned torques of shape "
+                f"{vector.shape}, expected ({len(self._limit)},)"
             )
         values: list[float] = vector.tolist()
         if not all(map(math.isfinite, values)):

@@ -26,7 +26,7 @@ class Robot:
     def require_model(self) -> RobotModel:
         """Return the model; raises WiringError if the scenario gives none."""
         if self.model is None:
-            raise WiringError("this law needs 'model', the robot's URDF")
+            raise WiringError("this control law needs the robot's URDF; set params.model")
         return self.model
 
 

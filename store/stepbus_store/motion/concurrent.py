@@ -50,7 +50,7 @@ class BesideBase:
     def _companion(self, goal: Goal) -> Companion:
         base, navigator = self._parts.base, self._parts.navigator
         if base is None or navigator is None:
-            raise RunError("this robot has no base to move with")
+            raise RunError("the goal sets `base`, but this robot has no mobile base")
         arm, held = self._parts.arm, self._avoidance.held
         return Companion(goal=goal, held=held, arm=arm, base=base, navigator=navigator)
 

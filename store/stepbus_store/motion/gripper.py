@@ -133,7 +133,7 @@ class Gripper:
             text = f"width {goal.width:g} m is out of reach (0 to {self._settings.widest:g} m)"
             raise Refused(Cause.INVALID, text)
         if not (math.isfinite(goal.force) and goal.force >= 0.0):
-            raise Refused(Cause.INVALID, f"force {goal.force:g} N is not a valid largest force")
+            raise Refused(Cause.INVALID, f"force {goal.force:g} N is invalid")
         if goal.force == 0.0:
             raise Refused(Cause.NO_FORCE, "force is 0 N: the fingers would not move")
         closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0

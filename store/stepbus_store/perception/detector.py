@@ -63,8 +63,8 @@ class Detector:
         flat = [item_type.name for item_type in catalog.types if not item_type.faces]
         if flat:
             raise WiringError(
-                f"{', '.join(flat)}: the camera can only detect shapes with an upright box or "
-                "cylinder; add one"
+                f"the camera cannot detect item types {', '.join(flat)}: they have no upright box "
+                "or cylinder; add one to their collision shapes"
             )
         self._palette = Palette([item_type.color for item_type in catalog.types], catalog.others)
         self._classes = [

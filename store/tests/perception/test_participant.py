@@ -322,7 +322,7 @@ def test_a_kind_without_a_flat_top_is_left_to_the_truth(tmp_path):
     described = Description(names=["chassis", "ball_1"], details=details)
     (row,) = problems(config(tmp_path), described)
     assert row.startswith(
-        "perception: ball: the camera can only detect shapes with an upright box or cylinder"
+        "perception: the camera cannot detect item types ball: they have no upright box or cylinder"
     )
     poses = Poses(position=[(0, 0, 0), (2, 0, 0)], orientation=[(0, 0, 0, 1)] * 2)
     told = start(config(tmp_path, ["poses"], source="truth"), described).update(0, poses=poses)

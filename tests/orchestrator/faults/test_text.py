@@ -32,12 +32,12 @@ def test_a_fault_is_read_and_written_in_one_form(written, read):
     [
         ("kil plant at 3", "unknown fault type 'kil'; did you mean 'kill'?"),
         ("kill plnt at 3", "no participant 'plnt'; did you mean 'plant'?"),
-        ("kill plant at 200", "step 200 never comes; the run has the steps 0 to 199"),
-        ("kill plant at 3 for 1s", "kill has no duration; only delay, freeze, slow have one"),
+        ("kill plant at 200", "step 200 is past the end of the run, which has steps 0 to 199"),
+        ("kill plant at 3 for 1s", "kill takes no duration; only delay, freeze, slow take one"),
         ("delay plant at 3 for 5", "'5' is not a duration"),
-        ("kill plant", "'kill plant' is no fault; write TYPE PARTICIPANT at STEP"),
-        ("random 0", "must draw 1 to 1000 faults, not 0"),
-        ("random 3 from 7 to 7", "there is no step from 7 to below 7"),
+        ("kill plant", "'kill plant': not a fault; write TYPE PARTICIPANT at STEP"),
+        ("random 0", "must be 1 to 1000 faults, not 0"),
+        ("random 3 from 7 to 7", "there are no steps from 7 to below 7"),
     ],
 )
 def test_a_fault_that_cannot_be_says_why(written, sentence):

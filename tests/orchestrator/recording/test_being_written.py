@@ -110,7 +110,7 @@ def test_a_writer_that_was_killed_writes_no_more(tmp_path):
         with pytest.raises(RecordingFailed, match="still being written"):
             recover(path, path, in_place=True)
         writer.send_signal(signal.SIGKILL)
-    assert "was cut off" in Recording(path).cut_short
+    assert "was truncated" in Recording(path).cut_short
     assert recover(path, path, in_place=True).last_step == 0
 
 

@@ -103,7 +103,7 @@ def test_an_update_without_a_change_is_the_recording_byte_for_byte(two_link_reco
 
 def test_an_update_never_replaces_a_file(two_link_recording):
     before = two_link_recording.read_bytes()
-    with pytest.raises(OutputExists, match="exists already; choose another name"):
+    with pytest.raises(OutputExists, match="already exists; choose another name"):
         replay(two_link_recording, "controller", update=two_link_recording)
     assert two_link_recording.read_bytes() == before
 

@@ -141,10 +141,10 @@ DEEP = "is nested too deeply: more than 100 levels of maps and lists"
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("", "scenario.yaml: is empty; a scenario has at least name, step and participants"),
+        ("", "scenario.yaml: is empty; a scenario needs at least name, step and participants"),
         (
             "- a\n",
-            "scenario.yaml: is not a map; a scenario has at least name, step and participants",
+            "scenario.yaml: is not a map; a scenario needs at least name, step and participants",
         ),
         (
             "a: 1\nb: [1\n",

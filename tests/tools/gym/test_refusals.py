@@ -57,7 +57,7 @@ def env():
 @pytest.mark.parametrize(
     ("action", "sentence"),
     [
-        ([1.0], r"step 0: the action has the shape \(1,\), not \(2,\)"),
+        ([1.0], r"step 0: the action has shape \(1,\), not \(2,\)"),
         ([[1.0, 2.0]], r"shape \(1, 2\)"),
         ([1.0, np.nan], "step 0: entry 1 of the action is nan"),
         ([np.inf, 0.0], "entry 0 of the action is inf"),

@@ -124,7 +124,7 @@ def checked_action(action: Any, size: int, step: int) -> Vector:
             f"step {step}: the action is not a vector of numbers: {text_of(exc)}"
         ) from exc
     if vector.shape != (size,):
-        raise RunError(f"step {step}: the action has the shape {vector.shape}, not ({size},)")
+        raise RunError(f"step {step}: the action has shape {vector.shape}, not ({size},)")
     # Of a few numbers, this takes a tenth of what NumPy takes.
     if not all(map(math.isfinite, vector.tolist())):
         index = int(np.flatnonzero(~np.isfinite(vector))[0])

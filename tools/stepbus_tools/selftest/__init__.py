@@ -103,7 +103,7 @@ def _described(
     participant = next(p for p in describe(scenario, interrupt) if p.participant == plant)
     description = next(output.description for output in participant.outputs if output.port == port)
     if not by_mode(read_joints(description)):
-        raise WiringError(f"{plant}.{port}: has no joint with a motor; nothing to test")
+        raise WiringError(f"{plant}.{port} has no joint with a motor; nothing to test")
     return description
 
 

@@ -200,8 +200,8 @@ class Pool:
             )
         except Exception as exc:
             self._end()
-            at = f" at {address}" if address else ""
-            raise StartFailed(f"Ray{at} does not start: {exc}") from exc
+            failed = f"connect to Ray at {address}" if address else "start Ray"
+            raise StartFailed(f"could not {failed}: {exc}") from exc
         self._stored = self._ray.put(self._bundle)
         self._actor = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_Runner)
         return self
@@ -331,7 +331,7 @@ class Pool:
             self._ray.get(reference)
             worker.is_ready = True
         except self._ray.exceptions.RayTaskError as exc:
-            raise StartFailed(f"a worker does not start: {exc.cause}") from exc
+            raise StartFailed(f"could not start a worker: {exc.cause}") from exc
         except self._ray.exceptions.RayError:
             self._drop(worker)
 

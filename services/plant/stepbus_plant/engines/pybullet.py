@@ -62,7 +62,9 @@ class BulletEngine:
         try:
             bullet.stepSimulation(self.client)
         except bullet.error as exc:
-            raise PhysicsError(f"the physics engine failed: {exc}") from exc
+            raise PhysicsError(
+                f"PyBullet failed in a physics step: {exc}; try a smaller physics_step"
+            ) from exc
 
     def renderer(self) -> str:
         """See `Engine`."""

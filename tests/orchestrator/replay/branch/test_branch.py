@@ -339,5 +339,5 @@ def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):
                 message.sequence,
             )
         writer.finish()
-    with pytest.raises(RecordingFailed, match=f"metadata record '{name}' has .* not a step"):
+    with pytest.raises(RecordingFailed, match=f"metadata record '{name}': .* not a step number"):
         branch(path, tmp_path / "b", at=43)

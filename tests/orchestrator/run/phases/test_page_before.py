@@ -24,7 +24,7 @@ def test_a_participant_that_drops_its_triggers_is_said_to_wait_for_them(tmp_path
     result = run_page_before(tmp_path)
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
     sentence = (
-        r"step 0 .*: controller \(pid \d+\) has held the step for \d+\.\d s: it reports that it waits "
+        r"step 0 .*: controller \(pid \d+\) has held the step for \d+\.\d s: it reports that it is waiting "
         r"for the trigger of step 0, which was sent, and [1-9]\d* dropped messages? "
         r"\([1-9]\d* unauthenticated\); does it read `step_limit`"
     )

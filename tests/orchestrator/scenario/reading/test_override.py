@@ -78,7 +78,7 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
         ),
         (
             "plant.exec.7=x",
-            "participants.plant.exec is a list of 3 values; '7' is not one of its indices",
+            "participants.plant.exec: no index '7'; the list has 3 values, counted from 0",
         ),
         ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
         ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),

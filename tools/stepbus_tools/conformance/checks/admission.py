@@ -61,7 +61,8 @@ def _join(kit: Kit) -> str:
     if (hello.name, hello.token) != (name, harness.token):
         right = "right" if hello.token == harness.token else "wrong"
         raise Failed(
-            f"its Hello is of {hello.name!r}, with a {right} token; expected: {name!r}, right"
+            f"its Hello has the name {hello.name!r} and a {right} token; it must have the "
+            f"ticket's name, {name!r}, and token"
         )
     return f"Hello from {hello.language or 'no language'}, {_spoken(hello)}"
 
