@@ -53,7 +53,7 @@ def same(results: dict[str, Any]) -> str:
         repeats = f"{_yes(len(set(tool['traces'])) == 1)}, {_count(count, 'run')}"
         equal = _yes(set(tool["traces"]) == {results["loop"]})
         rows.append([NAMES[name], versions, repeats, equal, recording])
-    header = ("", "Versions", "Same trace", "That of a plain loop", "Same bytes of the recording")
+    header = ("", "Versions", "Same trace", "Equals a plain loop", "Same bytes of the recording")
     return _table(header, rows)
 
 
@@ -69,8 +69,10 @@ def _left(strike: dict[str, Any]) -> str:
         return "none"
     later = len(strike["left_later"])
     programs = ", ".join(sorted({_program(command) for command in strike["left"]}))
-    after = "all" if later == len(strike["left"]) else str(later) if later else "none"
-    return f"{len(strike['left'])} ({programs}); {after} after 60 s"
+    named = f"{len(strike['left'])} ({programs})"
+    if later == len(strike["left"]):
+        return f"{named}, still running after 60 s"
+    return f"{named}; {later or 'none'} still running after 60 s"
 
 
 def _program(command: str) -> str:
@@ -128,14 +130,14 @@ def lines(results: dict[str, Any]) -> str:
         config = sum(n for file, n in run.items() if Path(file).suffix not in _CODE)
         record = sum(n for file, n in tool["lines"].items() if file in records)
         rows.append([NAMES[name], str(code), str(config), str(record), str(code + config + record)])
-    header = ("", "Python", "Configuration", "More to record", "Together")
+    header = ("", "Python", "Configuration", "For recording", "Total")
     return _table(header, rows)
 
 
 def conditions(results: dict[str, Any]) -> str:
     """Return where and when it was measured."""
     return (
-        f"Measured beside other work (load {results['load']}) on {results['date']}: "
+        f"Measured while other jobs ran (load {results['load']}) on {results['date']}: "
         f"{results['machine']}."
     )
 

@@ -34,7 +34,7 @@ class Description(_Part, frozen=True):
     like: str | None = None
     """Input of the same participant whose `names` apply to this output too."""
     units: dict[str, str] = {}
-    """Field → unit, where it differs from the message type's."""
+    """Field → unit, if it differs from the message type's."""
     limits: dict[str, list[float]] = {}
     """`lower`, `upper` [rad], `velocity` [rad/s], `effort` [N·m]; each in the order of `names`."""
     shape: list[int] = []
@@ -348,7 +348,7 @@ class Chain(Envelope, frozen=True):
 
     The chain is SHA-256 over its previous value (32 zero bytes at first), the step (int64,
     little-endian) and, for each port in the order of the scenario, its name and the recorded
-    bytes. Two recordings with equal values have equal outputs up to this step.
+    bytes. Two recordings with equal values have equal recorded outputs up to this step.
     """
 
     step: int

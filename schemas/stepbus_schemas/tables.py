@@ -20,8 +20,6 @@ one entry per name in its port's description, in that order. Optional fields may
 Unknown fields are ignored; missing or mistyped fields are rejected. Integers are MessagePack
 integers; a float may also come as a float32 or as an integer.
 
-A scenario may define [its own types](../guide/writing/message_types.md).
-
 A scenario may declare [its own types](../guide/writing/message_types.md).
 
 Machine-readable files: JSON Schema in `schemas/json/`, byte vectors for your codec in

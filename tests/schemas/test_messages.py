@@ -133,7 +133,7 @@ def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path
 
 
 def test_outputs_before_the_start_are_a_fault(stand):
-    with pytest.raises(RunFailure, match=r"controller .* logged outputs before the start"):
+    with pytest.raises(RunFailure, match=r"controller .* sent outputs before the run started"):
         stand.take(Sample("log/controller", encode(envelopes()["log/controller"])))
 
 

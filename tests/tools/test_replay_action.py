@@ -2,6 +2,7 @@
 
 import json
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,6 +13,7 @@ import yaml
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests/scenarios/golden/two_link.mcap"
 ACTION = yaml.safe_load((ROOT / "action.yml").read_text())
+SHELL = shutil.which("bash") or "/bin/sh"
 (STEP,) = (step for step in ACTION["runs"]["steps"] if step.get("id") == "replay")
 
 
@@ -28,7 +30,7 @@ def act(folder, **inputs):
     env |= {"GITHUB_ACTION_PATH": str(ROOT)}
     env["PATH"] = f"{Path(sys.executable).parent}:{os.environ['PATH']}"
     done = subprocess.run(
-        ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", STEP["run"]],
+        [SHELL, "-e", "-c", STEP["run"]],
         cwd=folder,
         env=os.environ | env,
         capture_output=True,

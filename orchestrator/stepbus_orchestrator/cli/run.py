@@ -59,8 +59,8 @@ class Changes:
     deadlines, for a debugger. external: wait for a participant that you start yourself, with
     `stepbus join TICKET`; default: a ticket in the folder of the run; may be repeated
     (docs/guide/running/attach.md). join_timeout: how long to wait for external participants
-    (default: 2min, or the scenario's spawn_timeout). no_deadline: disable the deadlines of a
-    participant, e.g. one that you start in a debugger.
+    (default: the participant's spawn_timeout if set, else 2min). no_deadline: disable the deadlines
+    of a participant, e.g. one that you start in a debugger.
     """
 
     set: Set = ()

@@ -60,7 +60,10 @@ class Reaper:
             with contextlib.suppress(OSError):
                 self.folder.rmdir()
             if isinstance(exc, OSError):
-                raise StartFailed(f"the reaper could not be started: {exc.strerror}") from exc
+                raise StartFailed(
+                    "cannot start the reaper, which cleans up after a run: "
+                    f"{exc.strerror}; check ulimit -n and ulimit -u"
+                ) from exc
             raise
 
     def watch(self, group: int) -> None:

@@ -43,7 +43,7 @@ class Change:
         try:
             self.at = whole_steps(at, scenario.step_ns)
         except WiringError as exc:
-            raise WiringError(f"at: {exc}; or give the number of a step") from exc
+            raise WiringError(f"at: {exc}; or give a step number") from exc
 
     def check(self, recording: Recording) -> None:
         """Raise RecordingFailed or WiringError for what no branch of a recording can be."""
@@ -168,8 +168,10 @@ def variants(texts: Sequence[str]) -> list[Variant]:
     ]
     if len(given) > _MOST:
         raise WiringError(f"--vary: at most {_MOST} variants")
-    if len({variant.folder for variant in given}) < len(given):
-        raise WiringError("--vary: two variants are the same")
+    folders = [variant.folder for variant in given]
+    twice = [variant.name for variant in given if folders.count(variant.folder) > 1]
+    if twice:
+        raise WiringError(f"--vary: variant {twice[0]} is given twice")
     return given
 
 

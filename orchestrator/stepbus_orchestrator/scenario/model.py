@@ -252,7 +252,7 @@ class ScenarioFile(Settings):
     faults: tuple[str, ...] = ()
     """Injected faults: `kill plant at 120`, `random 3` ([faults.md](../faults.md))."""
     participants: dict[Name, ParticipantRow]
-    """Name → participant, at least one. Where several could be first within a step, this order
+    """Name → participant, at least one. If several could be first within a step, this order
     decides."""
     window: Count = 64
     """Steps in flight; 1: no participant starts a step before all have finished the previous one.

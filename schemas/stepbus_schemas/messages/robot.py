@@ -72,7 +72,7 @@ class Event(Message, frozen=True):
     """A message for the user, shown during the run."""
 
     level: Annotated[Literal["info", "warning", "error"], meta("severity")]
-    text: Annotated[str, meta("one sentence")]
+    text: Annotated[str, meta("the message")]
 
 
 GoalType = Literal[

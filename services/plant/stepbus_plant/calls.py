@@ -80,7 +80,8 @@ class Calls:
             raise CallError(text)
         if joint.mimic is not None:
             raise CallError(
-                f"joint {name} follows joint {joint.mimic.joint!r}; teleport that joint instead"
+                f"joint {name!r} mimics joint {joint.mimic.joint!r}; set the position of "
+                f"{joint.mimic.joint!r} instead"
             )
         self._physics.teleport(joint, float(position), 0.0)
         drive, index = self._motors.drive_of[joint.name]

@@ -33,14 +33,14 @@ class Params(Settings):
     camera: Annotated[Text, needed_when(source="camera")] = "camera"
     """Link that is the optical frame: z forward, x right, y down."""
     timeout: Annotated[Positive, needed_when(source="camera")] = 3.0
-    """Simulation time without images until the log shows a warning [s]."""
+    """Log a warning after this simulation time without images [s]."""
     min_confidence: Annotated[Share, needed_when(source="camera")] = 0.2
     """Confidence below which detections are dropped."""
     depth_noise: Annotated[NonNegative, needed_when(source="camera")] = 0.0
-    """Standard deviation of depth at 1 m, growing with the square of the distance; used to
-    filter depth and colours [m]. 0: no filter."""
+    """Standard deviation of depth at 1 m [m]; grows with distance squared. Sets the strength of
+    the depth and colour filter; 0: no filter."""
     landmark: Annotated[str, needed_when(source="camera")] = ""
-    """Type of the landmarks in the detections: round marks whose link names begin with it.
+    """Type of the landmarks in the detections: round marks whose link names begin with this text.
     Default: no landmarks."""
     landmark_radius: Annotated[Positive, needed_when(source="camera")] = 0.015
     """Radius of each landmark [m]."""

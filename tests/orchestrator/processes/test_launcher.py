@@ -40,7 +40,10 @@ def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
     monkeypatch.setattr(subprocess, "Popen", fail)
     result = run_joints(tmp_path)
     assert (result.exit_code, list(own_temp.iterdir())) == (ExitCode.START, [])
-    assert result.reason == "the reaper could not be started: Too many open files"
+    assert result.reason == (
+        "cannot start the reaper, which cleans up after a run: Too many open files; "
+        "check ulimit -n and ulimit -u"
+    )
 
 
 def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp, monkeypatch):

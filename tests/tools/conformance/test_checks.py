@@ -29,7 +29,7 @@ SAID = {
     "FixedOrder": r"with the joints of .* in reverse order, .*command.*is",
     "ForgivesDuplicates": "reported no fault of plant",
     "HangsAtGarbage": "step 0 did not arrive within 2 s",
-    "IgnoresDelay": "only with joint_state left out at first it reports a fault",
+    "IgnoresDelay": "it reports a fault only with joint_state absent at first",
     "IgnoresTriggers": r"published step 12 before a Trigger with step_limit > 12",
     "OnlyFloats": "it reported a fault",
     "StepsMissing": "step 5 did not arrive|step 6 was published instead of 5",

@@ -99,7 +99,7 @@ def parse_axis(text: str) -> Axis:
     lengths = {part.paths[0]: len(part.values) for part in parts}
     if len(set(lengths.values())) > 1:
         counts = ", ".join(f"{path} has {count}" for path, count in lengths.items())
-        raise WiringError(f"{text}: values that vary together need the same number; {counts}")
+        raise WiringError(f"{text}: axes joined by & need equally many values; {counts}")
     rows = zip(*(part.values for part in parts), strict=True)
     values = tuple(tuple(value for (value,) in row) for row in rows)
     is_log = any(part.is_log for part in parts)
@@ -133,7 +133,7 @@ def _ranged(path: str, match: re.Match[str], text: str) -> Axis:
     is_whole = all(re.fullmatch(r"[-+]?\d+", match[n]) for n in (1, 2))
     is_log = match[4] == "log"
     if is_log and not (low > 0 and high > 0):
-        raise WiringError(f"{text}: a logarithmic range must lie above 0")
+        raise WiringError(f"{text}: both ends of a logarithmic range must be above 0")
     if match[3] is None:
         if not low < high:
             raise WiringError(f"{text}: the start of a range must be below its end")

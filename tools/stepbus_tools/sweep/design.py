@@ -95,7 +95,7 @@ def _check(axes: Sequence[Axis], samples: int, repeats: int) -> None:
     is_drawn = any(axis.distribution is not None for axis in axes)
     if is_drawn and samples < 1:
         raise WiringError(
-            f"a distribution needs the number of samples, {argument('--samples')}, e.g. 100"
+            f"a distribution needs {argument('--samples')}, the number of samples, e.g. 100"
         )
     if samples and not is_drawn:
         raise WiringError(

@@ -235,8 +235,8 @@ class _Sweep:
             if row.exit_code == ExitCode.RECORDING:
                 # The machine's fault, not the point's: a row of it would stay for good.
                 raise RecordingFailed(
-                    f"run {row.run}: {row.reason}; it has no row; the {len(journal)} "
-                    "others are kept; run the same command again to resume"
+                    f"run {row.run} was not recorded: {row.reason}; the {len(journal)} finished "
+                    "runs are kept; run the same command again to resume"
                 )
             if files:
                 write_run(files, self._home, row)
@@ -273,7 +273,7 @@ def _checked(row: ResultRow, point: Point) -> ResultRow:
     """
     if row.values != dict(point.values):
         raise WiringError(
-            f"run {row.run} used other values than the optimizer proposes now: resume "
+            f"run {row.run} used different values from those the optimizer now proposes; resume "
             "with the versions of Optuna and SciPy that started the sweep"
         )
     return row

@@ -264,7 +264,8 @@ class LocalRun(Strategy):
             return HostedParticipant(self, ticket, program, number, shown=shown)
         except OSError as exc:
             raise StartFailed(
-                f"{spec.name} could not be started: its log: {exc.strerror}", participant=spec.name
+                f"{spec.name} could not be started: cannot open its log: {exc.strerror}",
+                participant=spec.name,
             ) from exc
 
     def reap(self, group: int) -> None:

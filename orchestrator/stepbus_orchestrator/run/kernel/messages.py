@@ -235,7 +235,7 @@ class MessageHandler:
         wrong, report, offer = self._wrong_ports[name], state.barrier.report, self._recorder.offer
         for outputs in batch:
             if not state.started_at:
-                raise self._broken(participant, "logged outputs before the start")
+                raise self._broken(participant, "sent outputs before the run started")
             step, t_ns = outputs.step, outputs.t_ns
             if outputs.token != self._token or t_ns != step * self._step_ns:
                 raise self._broken(participant, f"sent a wrong token or time (t_ns = {t_ns})")

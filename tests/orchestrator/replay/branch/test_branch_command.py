@@ -105,5 +105,5 @@ def test_a_variation_without_values_is_refused(text):
 
 
 def test_equal_variants_are_refused():
-    with pytest.raises(WiringError, match="two variants are the same"):
+    with pytest.raises(WiringError, match="is given twice"):
         variants(["a.params.kp=1,1"])

@@ -85,7 +85,7 @@ def log_of(entry):
 
 def test_outputs_before_the_start_are_a_fault(run):
     run.state.started_at = 0.0
-    with pytest.raises(ParticipantFault, match="logged outputs before the start"):
+    with pytest.raises(ParticipantFault, match="sent outputs before the run started"):
         run.handler.take_log("plant", log("plant", 0))
 
 

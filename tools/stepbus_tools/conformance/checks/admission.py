@@ -75,7 +75,7 @@ def _spoken(hello: Hello) -> Protocols:
     return program
 
 
-@check("P14.1", "it accepts a ticket that names later protocol numbers")
+@check("P14.1", "it accepts a ticket that names later protocol versions")
 def _later_protocols(kit: Kit) -> str:
     later = Protocols(SERVED.lowest, _UNKNOWN)
     with kit.joined(Setup(protocols=later)) as harness:

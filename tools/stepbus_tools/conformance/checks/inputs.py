@@ -143,9 +143,9 @@ def _delayed(kit: Kit) -> str:
         if isinstance(expected, str) and isinstance(given, str):
             verdicts[name] = "cannot be absent"
         elif isinstance(expected, str) or isinstance(given, str):
-            where = "delayed" if isinstance(given, str) else "left out at first"
+            where = "delayed" if isinstance(given, str) else "absent at first"
             text = given if isinstance(given, str) else expected
-            raise Failed(f"only with {name} {where} it reports a fault: {text}")
+            raise Failed(f"it reports a fault only with {name} {where}: {text}")
         else:
             kit.same(given, f"with {name} delayed by {more} steps", expected)
             verdicts[name] = f"by {more}: right"
