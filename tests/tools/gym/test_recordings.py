@@ -56,7 +56,7 @@ def replay_all(paths):
     for path in paths:
         assert stepbus.replay(path, "controller", program=[*program, "track:act"]).equal
     assert not stepbus.replay(paths[0], "controller", program=[*program, "track:other"]).equal
-    with pytest.raises(stepbus.RunFailure, match="no policy is recorded; name it"):
+    with pytest.raises(stepbus.RunFailure, match="the recording names no policy; give one"):
         stepbus.replay(paths[0], "controller", program=program)
     with pytest.raises(stepbus.RunFailure, match="no module 'nosuch'"):
         stepbus.replay(paths[0], "controller", program=[*program, "nosuch:act"])

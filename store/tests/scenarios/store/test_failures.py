@@ -166,7 +166,7 @@ def test_without_a_controller_base_and_arm_are_braked(seconds, tmp_path):
     recording = Recording(result.recording)
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")
     assert "its commands were held" in result.reason
-    assert "brought to rest" in result.reason
+    assert "came to rest" in result.reason
     assert_at_rest(recording)
     assert_no_other_item_moved(recording, ITEM)
 
