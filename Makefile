@@ -123,6 +123,7 @@ gallery: robots
 
 comparison: setup
 	@$(PYTHON) -m benchmarks.comparison.run $(COMPARISON)
+	@$(PYTHON) -m benchmarks.comparison.page
 
 simulate: setup
 	@PYTHONPATH=simulation $(PYTHON) -m stepbus_simulation $(SIMULATE)
