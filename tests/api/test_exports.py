@@ -17,6 +17,7 @@ def result(tmp_path_factory):
     return stepbus.run("two_link", set={"duration": "100ms"}, out=out, in_process=True)
 
 
+@pytest.mark.slow
 def test_an_export_is_what_the_command_writes(result, tmp_path):
     done = stepbus.export(result, parquet=tmp_path / "tables", csv=str(tmp_path / "all.csv"))
     assert list(done) == ["parquet", "csv"]

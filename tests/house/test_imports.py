@@ -3,6 +3,7 @@
 import ast
 from functools import cache
 
+import pytest
 from support.exports import exported, source_of
 from support.paths import CHECKOUT
 
@@ -38,6 +39,7 @@ def found_imports():
                     yield name, module, names
 
 
+@pytest.mark.slow
 def test_packages_import_from_no_private_module_of_others():
     private = {
         f"{file}: {module}"

@@ -93,6 +93,7 @@ def test_a_base_and_a_gripper_have_their_numbers(record):
     assert [row.tolist() for row in path.points] == [[0.0, 0.5, 1.0, 1.5], [0.0] * 4]
 
 
+@pytest.mark.slow
 def test_the_picture_of_a_mobile_manipulator_is_written(record, tmp_path):
     record(**arm(target=[0.5]), **mobile())
     assert write_report(tmp_path / "run.mcap")[-1] == f"plots     {tmp_path / 'report.png'}"
