@@ -11,13 +11,16 @@ TIMEOUT       limit for one replay [s]; empty: 600
 OUT           folder of reports and new recordings; must not exist, or be empty
 
 Appends Markdown to $GITHUB_STEP_SUMMARY and `equal=true` or `equal=false` to $GITHUB_OUTPUT, where
-these are set. Exit code: 0 equal, 10 different, 1 a replay failed, 2 wrong options.
+these are set. Exit code: 0 equal, 10 different, 1 a replay failed or a
+file cannot be written, 2 wrong options.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping
@@ -264,19 +267,8 @@ def annotation(one: Replay) -> str:
     return f"::error file={one.recording},title=stepbus replay::{text}"
 
 
-def main() -> int:
-    """Replay everything; return the exit code."""
-    results = []
-    try:
-        options = options_from(os.environ)
-        for one in replays(options):
-            results.append(one)
-            line = f"{one.recording} {one.participant}: {one.verdict.strip('*')}"
-            say(annotation(one) if one.code else line)
-    except WrongOptionError as error:
-        say(f"::error title=stepbus replay::{error}")
-        append("GITHUB_STEP_SUMMARY", f"## stepbus replay\n\n{error}\n")
-        return 2
+def report_on(results: list[Replay]) -> int:
+    """Write the summary and the output `equal`; return the exit code."""
     text = summary(results)
     append("GITHUB_STEP_SUMMARY", text)
     codes = {one.code for one in results}
@@ -284,6 +276,36 @@ def main() -> int:
     if not os.environ.get("GITHUB_STEP_SUMMARY"):
         say(text)
     return 0 if codes <= {0} else DIFFERENT if codes <= {0, DIFFERENT} else 1
+
+
+def replay_all() -> int:
+    """Replay everything; return the exit code."""
+    results = []
+    for one in replays(options_from(os.environ)):
+        results.append(one)
+        line = f"{one.recording} {one.participant}: {one.verdict.strip('*')}"
+        say(annotation(one) if one.code else line)
+    return report_on(results)
+
+
+def main() -> int:
+    """Replay everything; print one error for what cannot be used or written."""
+    # `subprocess.run` ends its program when an exception passes.
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
+    try:
+        return replay_all()
+    except WrongOptionError as error:
+        with contextlib.suppress(OSError):
+            say(f"::error title=stepbus replay::{error}")
+            append("GITHUB_STEP_SUMMARY", f"## stepbus replay\n\n{error}\n")
+        return 2
+    except OSError as error:
+        place = error.filename or "the job's log or summary"
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"stepbus replay: cannot write {place}: {error.strerror}\n")
+        return 1
+    except KeyboardInterrupt:
+        return 130
 
 
 if __name__ == "__main__":

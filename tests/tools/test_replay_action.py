@@ -76,6 +76,19 @@ def test_equal_recordings_pass_and_leave_no_files(tmp_path):
     assert [path for path in (tmp_path / "temp").rglob("*") if path.is_file()] == []
 
 
+def test_a_folder_that_cannot_be_written_is_one_error(tmp_path):
+    (tmp_path / "temp").write_text("a file")
+    env = os.environ | {"RECORDINGS": str(GOLDEN), "PARTICIPANTS": "controller"}
+    env |= {"OUT": str(tmp_path / "temp/out"), "PATH": f"{Path(sys.executable).parent}"}
+    script = ROOT / "scripts/replay_recordings.py"
+    done = subprocess.run(
+        [sys.executable, script], env=env, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("stepbus replay: cannot write ")
+    assert done.stderr.endswith(": Not a directory\n")
+
+
 @pytest.mark.slow
 def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     tool = Path(sys.executable).with_name("stepbus")
