@@ -18,6 +18,7 @@ from .bus.zenoh_bus import *
 from .calls import *
 from .config import *
 from .disk import *
+from .environment import *
 from .files import *
 from .last_error import *
 from .packages import *

@@ -9,6 +9,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.cli.terminal.output import print_error
+from stepbus_participant import environment
 from stepbus_schemas import WiringError
 
 _START_S = 30.0
@@ -55,7 +56,11 @@ class _Viewer:
 
     def __init__(self, command: Sequence[str]) -> None:
         self.process = subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            command,
+            env=environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
         )
         self._has_begun = threading.Event()
         self._place = ""

@@ -17,7 +17,7 @@ from stepbus_orchestrator.processes.endpoints import private_folder
 from stepbus_orchestrator.processes.external import External, JoinTicket, SharedTicket
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_participant import Endpoint, Ticket
+from stepbus_participant import Endpoint, Ticket, environment
 from stepbus_schemas import SERVED
 
 _END_S = 2.0
@@ -53,6 +53,7 @@ class Reaper:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 text=True,
+                env=environment(),
                 start_new_session=True,
             )
         except BaseException as exc:

@@ -18,7 +18,7 @@ from stepbus_orchestrator.scenario.check import check_classes
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import command, missing
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import Problems, is_ours
+from stepbus_participant import Problems, environment, is_ours
 from stepbus_schemas import Description, encode
 
 _CHECKS = {"stepbus_plant:Plant": "stepbus_plant.check"}
@@ -56,6 +56,7 @@ def _ask(scenario: Scenario, spec: ParticipantSpec, module: str, problems: Probl
             capture_output=True,
             timeout=_LONGEST_S,
             cwd=scenario.folder,
+            env=environment(),
             check=True,
         )
     except subprocess.TimeoutExpired:

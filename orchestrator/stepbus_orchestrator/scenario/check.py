@@ -13,7 +13,14 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.program import PYTHON, check_program
 from stepbus_orchestrator.scenario.schedule import sort
-from stepbus_participant import Problems, declared_parameters, extra_hint, is_ours, suggest
+from stepbus_participant import (
+    Problems,
+    declared_parameters,
+    environment,
+    extra_hint,
+    is_ours,
+    suggest,
+)
 from stepbus_participant.parameters import Keys, find_problems
 from stepbus_schemas import raw_problem
 
@@ -151,6 +158,7 @@ def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems
             capture_output=True,
             text=True,
             cwd=scenario.folder,
+            env=environment(),
             timeout=_LONGEST_S,
             check=True,
             start_new_session=True,

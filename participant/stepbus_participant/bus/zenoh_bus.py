@@ -13,6 +13,7 @@ from pathlib import Path
 from queue import SimpleQueue
 from typing import Any
 
+from ..environment import variables
 from . import BusError, Clock, Queue, Request, Sample, every_on_a_thread
 from .ticket import Endpoint, private_folder
 
@@ -35,22 +36,20 @@ _ACCEPT_MS = 1000
 """How long a link may take to open; a session that closes waits for those that never do."""
 
 _opening = threading.Lock()
+_has_thread = threading.Event()
 
 
 @contextlib.contextmanager
 def _one_thread() -> Iterator[None]:
     """Open a session with a single thread: Zenoh reads that from the environment only.
 
-    One session opens at a time: the environment is the whole process's.
+    It does so for the first session of a process, whose thread serves the later ones.
     """
     with _opening:
-        added = {name: value for name, value in ONE_THREAD.items() if name not in os.environ}
-        os.environ.update(added)
-        try:
+        known = ONE_THREAD if _has_thread.is_set() else os.environ
+        with variables({name: how for name, how in ONE_THREAD.items() if name not in known}):
             yield
-        finally:
-            for name in added:
-                del os.environ[name]
+        _has_thread.set()
 
 
 _kept = threading.local()

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from stepbus_participant import HOST, OutputError, last_error
+from stepbus_participant import HOST, OutputError, environment, last_error
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
@@ -228,7 +228,7 @@ def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
             pid = os.posix_spawn(
                 argv[0],
                 list(argv),
-                {**os.environ, VARIABLE: form},
+                {**environment(), VARIABLE: form},
                 file_actions=actions,
                 # Python ignores these two, which a program would inherit.
                 setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],

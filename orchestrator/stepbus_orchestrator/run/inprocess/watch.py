@@ -22,6 +22,7 @@ from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
+from stepbus_participant import environment
 
 if TYPE_CHECKING:
     from .participant import HostedParticipant
@@ -140,7 +141,9 @@ def _watched_memory() -> Iterator[Turns]:
         (os.POSIX_SPAWN_OPEN, 0, os.devnull, os.O_RDONLY, 0),
         (os.POSIX_SPAWN_DUP2, memory.file, 3),
     ]
-    child = os.posix_spawn(sys.executable, command, os.environ, file_actions=actions, setsid=True)
+    child = os.posix_spawn(
+        sys.executable, command, environment(), file_actions=actions, setsid=True
+    )
     try:
         yield memory
     finally:

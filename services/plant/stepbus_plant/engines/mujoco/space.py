@@ -29,25 +29,18 @@ class Space:
 
     def contacts(self, *, has_forces: bool) -> list[Contact]:
         """Return the contacts that MuJoCo has found."""
-        data = self._data
-        return [self._contact(contact, has_forces) for contact in data.contact]
-
-    def _contact(self, contact: Any, has_forces: bool) -> Contact:
-        first, second = contact.geom.tolist()
-        normal = contact.frame[:3]
-        half = 0.5 * contact.dist * normal
-        # The first axis points from the first shape to the second one.
-        row = contact.efc_address
-        force = float(self._data.efc_force[row]) if has_forces and row >= 0 else 0.0
-        return Contact(
-            self._link[first],
-            self._link[second],
-            _point(contact.pos - half),
-            _point(contact.pos + half),
-            _point(-normal),
-            float(contact.dist),
-            force,
-        )
+        found, link = self._data.contact, self._link
+        # The first axis of a frame points from the first shape to the second one.
+        normals = found.frame[:, :3]
+        halves = (0.5 * found.dist)[:, np.newaxis] * normals
+        forces = np.zeros(len(normals))
+        if has_forces:
+            is_solved = found.efc_address >= 0
+            forces[is_solved] = self._data.efc_force[found.efc_address[is_solved]]
+        vectors = [_points(rows) for rows in (found.pos - halves, found.pos + halves, -normals)]
+        links = ((link[one], link[other]) for one, other in found.geom.tolist())
+        numbers = found.dist.tolist(), forces.tolist()
+        return [Contact(*pair, *row) for pair, *row in zip(links, *vectors, *numbers, strict=True)]
 
     def closest(self, link: Link, body: int, within: float, other: int) -> list[Contact]:
         """See `Engine`."""
@@ -113,3 +106,7 @@ class Space:
 def _point(values: Array) -> Point:
     x, y, z = values.tolist()
     return x, y, z
+
+
+def _points(rows: Array) -> list[Point]:
+    return [(x, y, z) for x, y, z in rows.tolist()]
