@@ -126,16 +126,21 @@ class _Parent:
                 os.waitpid(self._pid, 0)  # no time-out: it was killed
 
 
+_adopting = threading.Lock()
+
+
 @contextlib.contextmanager
 def _subreaper() -> Iterator[None]:
     """Become the parent of those whose own one ends, for the moment of a fork."""
     call, was = ctypes.CDLL(None).prctl, ctypes.c_int()
-    call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
-    call(_PR_SET_CHILD_SUBREAPER, 1)
-    try:
-        yield
-    finally:
-        call(_PR_SET_CHILD_SUBREAPER, was.value)
+    # It is the whole process's: another thread may be forking from a parent of its own.
+    with _adopting:
+        call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
+        call(_PR_SET_CHILD_SUBREAPER, 1)
+        try:
+            yield
+        finally:
+            call(_PR_SET_CHILD_SUBREAPER, was.value)
 
 
 _parent: _Parent | None = None
@@ -159,8 +164,8 @@ def warm_parent(classes: Collection[str] | None = None, *, runs: int = 1) -> Ite
         yield
     finally:
         if made is not None:
-            made.end()
             _parent = None
+            made.end()
 
 
 def _names(classes: Collection[str] | None, runs: int) -> list[str]:
@@ -172,8 +177,10 @@ def _names(classes: Collection[str] | None, runs: int) -> list[str]:
 
 def all_started() -> None:
     """End the warm parent of a run whose participants have all been started."""
-    if _parent is not None and not _parent.is_kept:
-        _parent.end()
+    # A run in another thread may take it away at any time.
+    parent = _parent
+    if parent is not None and not parent.is_kept:
+        parent.end()
 
 
 def fork(
@@ -183,4 +190,5 @@ def fork(
 
     cwd: its folder. log: descriptor of where it prints.
     """
-    return None if _parent is None else _parent.fork(command, cwd, environment, log)
+    parent = _parent
+    return None if parent is None else parent.fork(command, cwd, environment, log)
