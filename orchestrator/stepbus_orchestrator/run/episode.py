@@ -187,7 +187,7 @@ class Episode(HostedCaller):
         left = time.monotonic()
         self.local.leave()
         self._caller.switch()
-        self.local.enter(time.monotonic() - left)
+        self.local.enter(left)
         self._is_waiting = False
         self._queue.put(self._answer)
         return True

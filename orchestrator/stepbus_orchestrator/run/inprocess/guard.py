@@ -1,13 +1,14 @@
 """Keeps what a participant does to its process from the others, which share it.
 
-Python tells audit hooks of forks, signals and programs before they happen. A fork is
-refused: its child would be a second orchestrator, with the same open files; but for a copy that
-closes these and never comes back (`stepbus_participant.beside`).
+Python tells audit hooks of forks, signals and programs before they happen; of threads, 3.11 does
+not. A fork is refused: its child would be a second orchestrator, with the same open files; but for
+a copy that closes these and never comes back (`stepbus_participant.beside`).
 """
 
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from typing import Any, Protocol
 
@@ -37,6 +38,9 @@ class Guarded(Protocol):
     def before_program(self) -> None:
         """Take note that it is about to start a program."""
 
+    def before_thread(self, thread: threading.Thread) -> None:
+        """Take note that it is about to start a thread."""
+
 
 Owner = Callable[[], Guarded | None]
 """Returns whose code runs on this thread; None: that of no participant."""
@@ -44,7 +48,9 @@ Owner = Callable[[], Guarded | None]
 _open: list[Owner] = []
 """Of the runs that are watched."""
 _hooked: list[Callable[..., None]] = []
-"""The audit hook, once there is one: it stays for good, and does nothing while no run is open."""
+"""The audit hook, once there is one: it stays for good, as the other way to start threads does.
+Both do nothing while no run is open."""
+_start_thread = threading.Thread.start
 
 
 def guard(owner: Owner) -> None:
@@ -52,6 +58,7 @@ def guard(owner: Owner) -> None:
     if not _hooked:
         _hooked.append(_audit)
         sys.addaudithook(_audit)
+        setattr(threading.Thread, "start", _start_noted)  # noqa: B010  (mypy: not to a method)
     _open.append(owner)
 
 
@@ -62,13 +69,21 @@ def unguard(owner: Owner) -> None:
 
 def _audit(event: str, arguments: tuple[Any, ...]) -> None:
     act = _ACTS.get(event)
-    if act is None or not _open:
-        return
-    for owner in tuple(_open):
-        guarded = owner()
-        if guarded is not None:
-            act(guarded, *arguments)
-            return
+    if act is not None and (guarded := _guarded()) is not None:
+        act(guarded, *arguments)
+
+
+def _start_noted(thread: threading.Thread) -> None:
+    """Start a thread."""
+    if (guarded := _guarded()) is not None:
+        guarded.before_thread(thread)
+    _start_thread(thread)
+
+
+def _guarded() -> Guarded | None:
+    """Return whose code runs on this thread."""
+    found = (owner() for owner in tuple(_open))
+    return next((guarded for guarded in found if guarded is not None), None)
 
 
 def _on_fork(guarded: Guarded) -> None:

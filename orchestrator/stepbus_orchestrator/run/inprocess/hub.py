@@ -7,7 +7,6 @@ where waking another thread or process costs ten and more.
 
 from __future__ import annotations
 
-import threading
 from collections import deque
 from collections.abc import Callable
 from queue import Empty
@@ -76,7 +75,7 @@ class Hub:
     """Gives the thread to one participant after the other, in the order in which they can go on.
 
     current: whose turn it is. before: is called before participants get their turns. away: is
-    called where no participant can go on; returns whether one can then. threads: those that live.
+    called where no participant can go on; returns whether one can then.
     Its creator is the root: it gets the thread back where no participant can go on, and when its
     own queue has something.
     """
@@ -87,7 +86,6 @@ class Hub:
         self.before: Callable[[], None] = lambda: None
         self.away: Callable[[], bool] = lambda: False
         self.turns: list[Turn] = []
-        self.threads: set[threading.Thread] = set()
         self._ready: deque[Turn] = deque()
         self._root = getcurrent()
 

@@ -7,6 +7,7 @@ import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -142,7 +143,9 @@ class LocalRun(Strategy):
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(
-                    self.surroundings.around(native_log if owns_descriptors else None)
+                    self.surroundings.around(
+                        native_log if owns_descriptors else None, self._opening.interrupt
+                    )
                 )
             except OSError as exc:
                 raise StartFailed(
@@ -175,11 +178,11 @@ class LocalRun(Strategy):
         """Restore the process to what our caller knew."""
         self.surroundings.leave()
 
-    def enter(self, away_s: float) -> None:
-        """Put in place again what participants find; away_s: how long our caller worked [s]."""
+    def enter(self, left: float) -> None:
+        """Put in place again what participants find; left: when we did [s], as time.monotonic."""
         self.surroundings.enter()
         if self.state is not None:
-            self.state.away_s += away_s
+            self.state.away_s += time.monotonic() - left
 
     # --- who has the thread -----------------------------------------------------------------
 
@@ -233,7 +236,6 @@ class LocalRun(Strategy):
             }
         )
         self.state = run.state
-        self.hub.threads = set(threading.enumerate())
         for name in self._start_order or [spec.name for spec in specs]:
             spec = scenario.participant(name)
             hosted = self._host(spec, scenario, run.start_options(spec))

@@ -73,8 +73,6 @@ class HostedParticipant(Turn, Process):
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
         self._local.surroundings.keep()
-        if threading.active_count() != len(self.hub.threads):
-            self._find_threads()
         if self._others is not None:
             self._find_programs()
 
@@ -109,11 +107,11 @@ class HostedParticipant(Turn, Process):
 
     # --- what it has started ----------------------------------------------------------------
 
-    def _find_threads(self) -> None:
-        living = set(threading.enumerate())
-        new, self.hub.threads = living - self.hub.threads, living
-        self.threads |= new
-        self._words[THREADS + self._number] += len(new)
+    def before_thread(self, thread: threading.Thread) -> None:
+        """Take note that it is about to start a thread."""
+        going_on = {other for other in self.threads if other.ident is None or other.is_alive()}
+        self.threads = going_on | {thread}
+        self._words[THREADS + self._number] += 1
 
     def before_program(self) -> None:
         """Take note that it is about to start a program."""
