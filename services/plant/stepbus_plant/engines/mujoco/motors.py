@@ -39,7 +39,7 @@ class Motors:
             if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
                 self.places[model.jnt_dofadr[joint]] = model.jnt_qposadr[joint]
         self._model = model
-        self._has_changed = True
+        self._has_goals, self._has_changed = False, True
 
     def _arrays(self) -> tuple[Array, ...]:
         return (
@@ -51,13 +51,16 @@ class Motors:
         """Go on as other motors, of fewer or as many degrees of freedom, before these."""
         for own, old in zip(self._arrays(), before._arrays(), strict=True):
             own[: len(old)] = old
+        self._has_goals = before._has_goals
 
     def turn(
         self, dofs: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
     ) -> None:
         """Track velocities [rad/s] with limited torques [N·m]."""
         self._velocities[dofs], self._limits[dofs] = velocities, torques
-        self._goals[dofs] = np.nan
+        if self._has_goals:
+            self._goals[dofs] = np.nan
+            self._has_goals = not np.isnan(self._goals).all()
         self._has_changed = True
 
     def bring(
@@ -66,7 +69,7 @@ class Motors:
         """Track a position [rad] and its velocity, no faster than `fastest` [rad/s]."""
         (self._goals[dof], self._velocities[dof]), self._limits[dof] = goal, torque
         self._fastest[dof], self._gains[dof] = fastest, gain or _GAIN
-        self._has_changed = True
+        self._has_goals = self._has_changed = True
 
     def set_limits(self, data: Any) -> None:
         """Tell MuJoCo the limits; before it makes its constraints."""
@@ -80,14 +83,21 @@ class Motors:
             return
         rows = slice(data.ne, data.ne + data.nf)
         dofs = data.efc_id[rows]
+        wanted = self._velocities[dofs]
+        if self._has_goals:
+            wanted = self._towards_goals(data, dofs, wanted)
+        data.efc_aref[rows] = (wanted - data.qvel[dofs]) / self._dt
+        softness = data.efc_R[rows]
+        softness *= _SOFTER
+        data.efc_D[rows] = 1.0 / softness
+
+    def _towards_goals(self, data: Any, dofs: NDArray[np.int64], velocities: Array) -> Array:
+        """Return velocities, with what corrects the positions of those that have a goal."""
         goals = self._goals[dofs]
         error = np.where(np.isnan(goals), 0.0, goals - data.qpos[self.places[dofs]])
-        wanted = self._velocities[dofs] + self._gains[dofs] * error / self._dt
+        wanted = velocities + self._gains[dofs] * error / self._dt
         fastest = np.where(np.isnan(goals), np.inf, self._fastest[dofs])
-        wanted = np.clip(wanted, -fastest, fastest)
-        data.efc_aref[rows] = (wanted - data.qvel[dofs]) / self._dt
-        data.efc_R[rows] *= _SOFTER
-        data.efc_D[rows] = 1.0 / data.efc_R[rows]
+        return np.clip(wanted, -fastest, fastest)
 
     def feel(self, data: Any) -> None:
         """Keep the torques of a substep."""
@@ -104,4 +114,4 @@ class Motors:
         """Take what `save` returned."""
         for array, values in zip(self._arrays(), saved, strict=True):
             array[:] = values
-        self._has_changed = True
+        self._has_goals, self._has_changed = not np.isnan(self._goals).all(), True
