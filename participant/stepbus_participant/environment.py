@@ -1,7 +1,7 @@
 """The environment variables of this process, which threads of it read while another changes them.
 
 A program that is started without variables of its own reads them where they are: its start fails
-(EFAULT, "Bad address") when a thread removes one meanwhile. A copy misses a name that is removed.
+(EFAULT, "Bad address") when a thread removes one meanwhile.
 """
 
 import contextlib
@@ -15,7 +15,9 @@ _changing = threading.Lock()
 def environment() -> dict[str, str]:
     """Return a copy of the variables, to start a program with."""
     with _changing:
-        return dict(os.environ)
+        found = ((name, os.environ.get(name)) for name in list(os.environ))
+        # Code of the user's may have removed one meanwhile.
+        return {name: value for name, value in found if value is not None}
 
 
 @contextlib.contextmanager

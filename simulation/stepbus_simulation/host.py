@@ -2,8 +2,10 @@
 
 import contextlib
 import signal
+import threading
 import traceback
 from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +124,10 @@ class SimulatedHost:
     def world(self) -> World:
         """Return its world."""
         return self.network.world
+
+    def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
+        """Do nothing: no run disturbs another one."""
+        return contextlib.nullcontext()
 
     def check(self, scenario: Scenario) -> None:
         """Do nothing: every scenario runs here."""

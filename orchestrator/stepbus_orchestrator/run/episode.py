@@ -1,21 +1,23 @@
 """A run in one process whose steps our caller makes: it is one of the participants."""
 
 import atexit
+import contextlib
 import dataclasses
 import os
 import signal
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
 from greenlet import getcurrent, greenlet
 
-from stepbus_orchestrator.errors import RunFailure
+from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.inprocess.alone import alone
 from stepbus_orchestrator.run.inprocess.local_run import HostedCaller
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -59,7 +61,7 @@ class Episode(HostedCaller):
         self._make = make
         self._options = Options(
             out=out,
-            host=InProcess(otherwise="an environment runs in one process"),
+            host=InProcess(otherwise="an environment runs in one process", is_alone=True),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )
@@ -131,11 +133,12 @@ class Episode(HostedCaller):
     def _switch(self) -> None:
         """Run until the run needs us."""
         self._caller = self._greenlet.parent = getcurrent()
-        outer, _ctrl_c.inside = _ctrl_c.inside, self._interrupt
-        try:
+        with (
+            contextlib.suppress(Interrupted),
+            _ctrl_c.within(self._interrupt),
+            alone(self._interrupt),
+        ):
             self._greenlet.switch()
-        finally:
-            _ctrl_c.inside = outer
         if self._greenlet.dead:
             self.step = None
             _ctrl_c.close(self)
@@ -187,7 +190,7 @@ class Episode(HostedCaller):
         left = time.monotonic()
         self.local.leave()
         self._caller.switch()
-        self.local.enter(left)
+        self.local.enter(time.monotonic() - left)
         self._is_waiting = False
         self._queue.put(self._answer)
         return True
@@ -215,6 +218,18 @@ class _CtrlC:
             self.episodes.remove(episode)
             if not self.episodes and signal.getsignal(signal.SIGINT) == self._handle:
                 signal.signal(signal.SIGINT, self._before)
+
+    @contextlib.contextmanager
+    def within(self, interrupt: threading.Event) -> Iterator[None]:
+        """Have Ctrl-C set an event, in this block of the main thread."""
+        if threading.current_thread() is not threading.main_thread():
+            yield
+            return
+        outer, self.inside = self.inside, interrupt
+        try:
+            yield
+        finally:
+            self.inside = outer
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
         if self._before is signal.SIG_IGN:

@@ -2,6 +2,7 @@
 
 import contextlib
 import os
+import threading
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -38,6 +39,10 @@ class Processes:
     start_order: Sequence[str] | None = None
     has_slots: bool = True
     around: Callable[[Mapping[str, Child]], AbstractContextManager[object]] = nullcontext
+
+    def alone(self, _interrupt: threading.Event) -> AbstractContextManager[None]:
+        """Do nothing: no run disturbs another one."""
+        return nullcontext()
 
     def check(self, scenario: Scenario) -> None:
         """Do nothing: every scenario runs here."""
@@ -114,7 +119,8 @@ class InProcess:
 
     start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are the run's alone, and
     what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run
-    so; default: to leave out the option.
+    so; default: to leave out the option. is_alone: whoever runs it sees to it that no run of
+    another thread goes on.
     """
 
     clock: ClassVar[Clock] = time
@@ -122,6 +128,13 @@ class InProcess:
     start_order: Sequence[str] | None = None
     owns_descriptors: bool = False
     otherwise: str = ""
+    is_alone: bool = False
+
+    def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
+        """Wait until no run in one process of another thread goes on, and keep it so."""
+        from stepbus_orchestrator.run.inprocess.alone import alone  # noqa: PLC0415
+
+        return nullcontext() if self.is_alone else alone(interrupt)
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""

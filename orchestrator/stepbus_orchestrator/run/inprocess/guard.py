@@ -5,11 +5,14 @@ not. A fork is refused: its child would be a second orchestrator, with the same 
 a copy that closes these and never comes back (`stepbus_participant.beside`).
 """
 
+import contextlib
 import os
 import signal
 import sys
 import threading
 from collections.abc import Callable
+from contextlib import AbstractContextManager
+from functools import wraps
 from typing import Any, Protocol
 
 from stepbus_participant.beside import makes_copy
@@ -38,8 +41,8 @@ class Guarded(Protocol):
     def before_program(self) -> None:
         """Take note that it is about to start a program."""
 
-    def before_thread(self, thread: threading.Thread) -> None:
-        """Take note that it is about to start a thread."""
+    def starting(self, thread: threading.Thread) -> AbstractContextManager[None]:
+        """Take note that it starts a thread, in a block."""
 
 
 Owner = Callable[[], Guarded | None]
@@ -50,7 +53,6 @@ _open: list[Owner] = []
 _hooked: list[Callable[..., None]] = []
 """The audit hook, once there is one: it stays for good, as the other way to start threads does.
 Both do nothing while no run is open."""
-_start_thread = threading.Thread.start
 
 
 def guard(owner: Owner) -> None:
@@ -58,7 +60,7 @@ def guard(owner: Owner) -> None:
     if not _hooked:
         _hooked.append(_audit)
         sys.addaudithook(_audit)
-        setattr(threading.Thread, "start", _start_noted)  # noqa: B010  (mypy: not to a method)
+        setattr(threading.Thread, "start", _noted(threading.Thread.start))  # noqa: B010  (mypy: not to a method)
     _open.append(owner)
 
 
@@ -73,11 +75,16 @@ def _audit(event: str, arguments: tuple[Any, ...]) -> None:
         act(guarded, *arguments)
 
 
-def _start_noted(thread: threading.Thread) -> None:
-    """Start a thread."""
-    if (guarded := _guarded()) is not None:
-        guarded.before_thread(thread)
-    _start_thread(thread)
+def _noted(start: Callable[[threading.Thread], None]) -> Callable[[threading.Thread], None]:
+    """Return what starts a thread, and lets the participant know whose code does so."""
+
+    @wraps(start)
+    def started(thread: threading.Thread) -> None:
+        guarded = _guarded()
+        with contextlib.nullcontext() if guarded is None else guarded.starting(thread):
+            start(thread)
+
+    return started
 
 
 def _guarded() -> Guarded | None:

@@ -7,7 +7,6 @@ import os
 import signal
 import sys
 import threading
-import time
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -143,9 +142,7 @@ class LocalRun(Strategy):
         with contextlib.ExitStack() as stack:
             try:
                 stack.enter_context(
-                    self.surroundings.around(
-                        native_log if owns_descriptors else None, self._opening.interrupt
-                    )
+                    self.surroundings.around(native_log if owns_descriptors else None)
                 )
             except OSError as exc:
                 raise StartFailed(
@@ -178,11 +175,11 @@ class LocalRun(Strategy):
         """Restore the process to what our caller knew."""
         self.surroundings.leave()
 
-    def enter(self, left: float) -> None:
-        """Put in place again what participants find; left: when we did [s], as time.monotonic."""
+    def enter(self, away_s: float) -> None:
+        """Put in place again what participants find; away_s: how long our caller worked [s]."""
         self.surroundings.enter()
         if self.state is not None:
-            self.state.away_s += time.monotonic() - left
+            self.state.away_s += away_s
 
     # --- who has the thread -----------------------------------------------------------------
 
@@ -199,8 +196,7 @@ class LocalRun(Strategy):
         if thread_id == self._thread_id:
             current = self._current()
             return current if current is not None and current.is_running else None
-        owners = (h for h in self._hosted if any(t.ident == thread_id for t in h.threads))
-        return next(owners, None)
+        return next((hosted for hosted in self._hosted if hosted.has_thread(thread_id)), None)
 
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""

@@ -6,7 +6,7 @@ import signal
 import sys
 import threading
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity, children, descendants
@@ -26,7 +26,7 @@ class HostedParticipant(Turn, Process):
 
     local: the run. program: what it does, and returns an exit code. number: which it is, to the
     outside watcher. shown: it prints where we do. pid: of this process. late: how it missed a
-    deadline, once it has. threads: that it has started.
+    deadline, once it has.
     """
 
     def __init__(
@@ -42,7 +42,8 @@ class HostedParticipant(Turn, Process):
         Process.__init__(self, local.logs / f"{ticket.name}.log")
         self.name = ticket.name
         self.pid = os.getpid()
-        self.threads: set[threading.Thread] = set()
+        self._threads: set[threading.Thread] = set()
+        self._noting = threading.RLock()
         self._local = local
         self._words = local.memory.words
         self._number = number
@@ -73,6 +74,8 @@ class HostedParticipant(Turn, Process):
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
         self._local.surroundings.keep()
+        if self._threads:
+            self._forget_threads()
         if self._others is not None:
             self._find_programs()
 
@@ -107,11 +110,30 @@ class HostedParticipant(Turn, Process):
 
     # --- what it has started ----------------------------------------------------------------
 
-    def before_thread(self, thread: threading.Thread) -> None:
-        """Take note that it is about to start a thread."""
-        going_on = {other for other in self.threads if other.ident is None or other.is_alive()}
-        self.threads = going_on | {thread}
-        self._words[THREADS + self._number] += 1
+    @contextlib.contextmanager
+    def starting(self, thread: threading.Thread) -> Iterator[None]:
+        """Take note that it starts a thread, in this block."""
+        with self._noting:
+            self._threads.add(thread)
+            self._words[THREADS + self._number] += 1
+        try:
+            yield
+        except BaseException:
+            with self._noting:
+                self._threads.discard(thread)
+                self._words[THREADS + self._number] = len(self._threads)
+            raise
+
+    def has_thread(self, number: int) -> bool:
+        """Return whether it has started the thread of this number, which goes on."""
+        with self._noting:
+            return any(t.ident == number and t.is_alive() for t in self._threads)
+
+    def _forget_threads(self) -> None:
+        """Forget those that have ended."""
+        with self._noting:
+            self._threads = {t for t in self._threads if t.ident is None or t.is_alive()}
+            self._words[THREADS + self._number] = len(self._threads)
 
     def before_program(self) -> None:
         """Take note that it is about to start a program."""

@@ -4,23 +4,16 @@ import contextlib
 import ctypes
 import os
 import sys
-import threading
 from collections.abc import Iterable, Iterator, Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
-from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.run.inprocess.guard import Owner, guard, unguard
 from stepbus_participant import is_installed
 
 NATIVE_LOG = "native.log"
 """Where libraries in C print, beside the logs of the participants."""
-
-
-_entered = threading.RLock()
-"""What is entered is the whole process's: of runs in several threads, one at a time goes on."""
-_TICK_S = 0.1
 
 
 class Surroundings:
@@ -46,36 +39,24 @@ class Surroundings:
         self._path_inside = [self._folder, *sys.path]
 
     @contextlib.contextmanager
-    def around(self, native_log: Path | None, interrupt: threading.Event) -> Iterator[None]:
+    def around(self, native_log: Path | None) -> Iterator[None]:
         """Enter it for a block, and leave the process as it was.
 
         native_log: where libraries in C print; None: on descriptors 1 and 2, which are
-        not the run's. Raises OSError where the folder or the log cannot be opened, Interrupted
-        where that is set while the run of another thread goes on.
+        not the run's. Raises OSError where the folder or the log cannot be opened.
         """
         with contextlib.ExitStack() as stack:
             self._inside = os.open(self._folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
             stack.callback(os.close, self._inside)
-            while not _entered.acquire(timeout=_TICK_S):
-                if interrupt.is_set():
-                    raise Interrupted("interrupted while the run of another thread went on")
-            try:
-                stack.enter_context(_native_prints(native_log))
-                self.enter()
-            finally:
-                _entered.release()
+            stack.enter_context(_native_prints(native_log))
+            self.enter()
             stack.callback(self.leave)
             yield
 
     def enter(self) -> None:
-        """Put what participants find in place, when no run of another thread goes on."""
-        _entered.acquire()  # no time-out: that run has its deadlines
-        try:
-            # The working directory may have no name any more.
-            self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
-        except OSError:
-            _entered.release()
-            raise
+        """Put what participants find in place."""
+        # The working directory may have no name any more.
+        self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         os.fchdir(self._inside)
         guard(self._owner)
         self._path_outside, sys.path[:] = list(sys.path), self._path_inside
@@ -106,7 +87,6 @@ class Surroundings:
         unguard(self._owner)
         os.fchdir(self._outside)
         os.close(self._outside)
-        _entered.release()
 
     def find_spec(
         self, name: str, path: Sequence[str] | None = None, target: ModuleType | None = None
