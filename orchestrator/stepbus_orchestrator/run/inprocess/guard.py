@@ -60,7 +60,8 @@ def guard(owner: Owner) -> None:
     if not _hooked:
         _hooked.append(_audit)
         sys.addaudithook(_audit)
-        setattr(threading.Thread, "start", _noted(threading.Thread.start))  # noqa: B010  (mypy: not to a method)
+        # Not assigned: that mypy refuses for a method.
+        setattr(threading.Thread, "start", _noted(threading.Thread.start))  # noqa: B010
     _open.append(owner)
 
 
