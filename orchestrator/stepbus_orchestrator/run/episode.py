@@ -119,8 +119,12 @@ class Episode(HostedCaller):
         """End the run if it goes on and can be ended from here; raises nothing of the run."""
         is_ours = (os.getpid(), threading.get_ident()) == self._place
         if self._outcome is None and self._is_waiting and is_ours:
+            # Not after the run of another thread, which may take hours.
+            now = threading.Event()
+            now.set()
             try:
-                self.end("abandoned")
+                with alone(now):
+                    self.end("abandoned")
             except (RunFailure, OSError):
                 return
 

@@ -2,6 +2,7 @@
 
 import os
 import signal
+import subprocess
 import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -284,6 +285,35 @@ def in_a_thread():
         return episode(env)[0]
     finally:
         env.close()
+
+
+LEFT_OPEN = """
+import sys, threading, time
+import stepbus
+from stepbus_gym import StepbusEnv
+
+class Began(stepbus.Observer):
+    def progress(self, progress):
+        if progress.step > 0:
+            has_begun.set()
+
+def run():
+    stepbus.run("two_link", set={"duration": "10h"}, out=sys.argv[1], observer=Began(),
+                in_process=True, real_time=1.0)
+
+has_begun = threading.Event()
+env = StepbusEnv("two_link", reward=lambda *_: 0.0, duration="1s")
+env.reset()
+threading.Thread(target=run, daemon=True).start()
+assert has_begun.wait(60)
+"""
+
+
+@pytest.mark.slow
+def test_a_program_ends_though_another_thread_keeps_its_open_environment_waiting(tmp_path):
+    words = [sys.executable, "-c", LEFT_OPEN, str(tmp_path / "run")]
+    done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
 
 
 def test_a_simulation_that_fails_says_why(make):
