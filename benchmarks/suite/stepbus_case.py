@@ -7,6 +7,7 @@ messages: participants, fan_out and fan_in (relays side by side), joints, image,
 image), bridge, rust.
 """
 
+import contextlib
 import json
 import os
 import shutil
@@ -122,9 +123,10 @@ class Memory:
             own = os.getpid()
             children = Path(f"/proc/{own}/task/{own}/children").read_text().split()
             for process in (own, *map(int, children)):
-                pages = Path(f"/proc/{process}/statm")
-                if pages.exists():
-                    size = int(pages.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
+                # It may have ended.
+                with contextlib.suppress(OSError):
+                    pages = int(Path(f"/proc/{process}/statm").read_text().split()[1])
+                    size = pages * os.sysconf("SC_PAGE_SIZE") / 1e6
                     self.largest[process] = max(size, self.largest.get(process, 0.0))
 
     def close(self) -> list[float]:

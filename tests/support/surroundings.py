@@ -31,13 +31,30 @@ def comes_true(condition, seconds=PATIENCE_S):
     return True
 
 
-def warm_ones(processes):
-    """Return those processes from which participants are forked, until all have started."""
-    found = []
+def answers(processes, question):
+    """Return a question's answers by process, without those that have ended before they could answer."""
+    given = {}
     for one in processes:
         with contextlib.suppress(psutil.NoSuchProcess):
-            found += [one] if any("--warm" in word for word in one.cmdline()) else []
-    return found
+            given[one] = question(one)
+    return given
+
+
+def warm_ones(processes):
+    """Return those processes from which participants are forked, until all have started."""
+    words = answers(processes, psutil.Process.cmdline)
+    return [one for one, said in words.items() if any("--warm" in word for word in said)]
+
+
+def listening(processes):
+    """Return the addresses that processes listen on, as `ss -ltn` shows them."""
+    sockets = answers(processes, lambda one: one.net_connections("inet"))
+    return {
+        found.laddr.ip.removeprefix("::ffff:")
+        for one in sockets.values()
+        for found in one
+        if found.status == psutil.CONN_LISTEN
+    }
 
 
 def has_ended(process):

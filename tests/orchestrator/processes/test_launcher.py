@@ -5,7 +5,7 @@ import signal
 import subprocess
 
 from support.runs.joints import leftovers, run_joints
-from support.surroundings import living_children
+from support.surroundings import answers, living_children
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import launcher
@@ -27,7 +27,8 @@ class SignalReaper(Observer):
     def progress(self, progress):
         if self.reaper is None:
             # Another test in this process may have left one that is still ending.
-            (self.reaper,) = [c for c in living_children() - self._before if is_reaper(c)]
+            found = answers(living_children() - self._before, is_reaper)
+            (self.reaper,) = [child for child, is_one in found.items() if is_one]
             self.reaper.send_signal(self._number)
 
 

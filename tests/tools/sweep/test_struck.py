@@ -1,6 +1,7 @@
 """Sweeps that are struck: killed, interrupted, without disk or node, beside other users."""
 
 import contextlib
+import itertools
 import json
 import os
 import signal
@@ -13,6 +14,7 @@ import psutil
 import pyarrow.parquet as parquet
 import pytest
 from support.runs.sweeps import SHORT, STEPBUS, rows, run_in, sweep, wait_for
+from support.surroundings import answers, listening
 
 from stepbus_orchestrator.errors import ExitCode
 
@@ -132,14 +134,10 @@ def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> No
         try:
             wait_for(lambda: journal.exists() and journal.stat().st_size > 0)
             family = [psutil.Process(process.pid), *psutil.Process(process.pid).children(True)]
-            listening = {
-                found.laddr.ip.removeprefix("::ffff:")
-                for member in family
-                for found in member.net_connections("inet")
-                if found.status == psutil.CONN_LISTEN
-            }
-            secrets = {member.environ().get("RAY_AUTH_TOKEN", "") for member in family} - {""}
-            said = " ".join(word for member in family for word in member.cmdline())
+            addresses = listening(family)
+            settings = answers(family, psutil.Process.environ).values()
+            secrets = {variables.get("RAY_AUTH_TOKEN", "") for variables in settings} - {""}
+            said = " ".join(itertools.chain(*answers(family, psutil.Process.cmdline).values()))
             content, mode = mark.read_text(), mark.stat().st_mode & 0o777
             private = Path(content.splitlines()[1])
             modes = mode, private.stat().st_mode & 0o777
@@ -156,7 +154,7 @@ def test_other_users_of_the_machine_get_nothing_of_a_sweep(tmp_path: Path) -> No
         finally:
             process.send_signal(signal.SIGINT)
             process.wait(60)
-    assert listening == {"127.0.0.1"}
+    assert addresses == {"127.0.0.1"}
     assert answer.startswith("refused"), answer
     assert modes == (0o600, 0o700)
     (secret,) = secrets

@@ -14,7 +14,7 @@ from types import SimpleNamespace
 import psutil
 import pytest
 from support.messages.recordings import write
-from support.surroundings import comes_true
+from support.surroundings import answers, comes_true
 
 import stepbus
 from stepbus_orchestrator.cli import main
@@ -217,7 +217,8 @@ def test_a_view_that_may_open_few_files_ends_with_a_sentence(recording, files):
 
 def stopped_views(run):
     """Stop the views below a run from outside, and return them."""
-    views = [child for child in run.children() if "view" in child.cmdline()]
+    words = answers(run.children(), psutil.Process.cmdline)
+    views = [child for child, said in words.items() if "view" in said]
     for view in views:
         view.suspend()
     return views

@@ -8,7 +8,7 @@ import sys
 import psutil
 import pytest
 from support.runs.joints import leftovers, write_scenario
-from support.surroundings import comes_true
+from support.surroundings import answers, comes_true
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -99,8 +99,10 @@ def test_nobody_waits_for_those_that_are_stopped_once_the_run_has_failed(tmp_pat
         "--set", "duration=1000s", *(w for item in stop + step for w in ("--set", item))
     )
     assert comes_true(lambda: recorded_bytes(tmp_path) > 20_000)
-    for child in psutil.Process(process.pid).children():
-        if any(word.startswith("joints.py:") for word in child.cmdline()):
+    for child, said in answers(
+        psutil.Process(process.pid).children(), psutil.Process.cmdline
+    ).items():
+        if any(word.startswith("joints.py:") for word in said):
             child.suspend()
     for number in ending:
         process.send_signal(number)

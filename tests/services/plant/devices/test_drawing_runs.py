@@ -24,6 +24,14 @@ import stepbus
 from stepbus.messages import CameraTrigger
 
 
+def words(process):
+    # Others than the plants end meanwhile.
+    try:
+        return process.cmdline()
+    except psutil.NoSuchProcess:
+        return []
+
+
 class Viewer(stepbus.Participant):
     def update(self, step):
         step.get("rgb")
@@ -36,7 +44,7 @@ class Disturber(stepbus.Participant):
         if step.index == 1:
             mine = psutil.Process()
             plants = [mine] if self.config.params["shared"] else mine.parent().children()
-            (copy,) = [c for p in plants for c in p.children() if c.cmdline() == p.cmdline()]
+            (copy,) = [c for p in plants for c in p.children() if words(c) == words(p) != []]
             target, number = self.config.params["who"], self.config.params["signal"]
             Path(self.config.folder, "pid").write_text(str(copy.pid))
             os.kill(copy.ppid() if target == "plant" else copy.pid, number)
