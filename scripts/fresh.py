@@ -55,7 +55,7 @@ CHANGES = (".venv", "runs", "__pycache__", ".pytest_cache", ".hypothesis")
 OWN_USER = 61_000
 """Users of its own have numbers from here to 64,999, of which Debian gives out none."""
 MOST_LINES = 20
-PATIENCE_S = 10.0
+PATIENCE_S = 60.0
 """How long a process may take to end after the command that started it."""
 PYTHON = (3, 11)
 """The version that has PyBullet, and so all tests; `make pythons` tries the later ones."""
@@ -270,14 +270,15 @@ def files(machine: Machine) -> set[tuple[Path, int]]:
     paths = [*below(machine.home), *below(machine.temporary), *below(machine.checkout, CHANGES)]
     if machine.uid != os.getuid():
         for shared in map(Path, SHARED):
-            paths += [p for p in below(shared, (machine.folder.name,)) if owner(p) == machine.uid]
-    return {(path, path.lstat().st_mtime_ns) for path in paths if os.path.lexists(path)}
+            found = ((path, stat_of(path)) for path in below(shared, (machine.folder.name,)))
+            paths += [path for path, stat in found if stat and stat.st_uid == machine.uid]
+    return {(path, found.st_mtime_ns) for path in paths if (found := stat_of(path))}
 
 
-def owner(path: Path) -> int | None:
-    """Return whose a file is; None: it has just gone."""
+def stat_of(path: Path) -> os.stat_result | None:
+    """Return what the system knows of a file; None: it has just gone."""
     try:
-        return path.lstat().st_uid
+        return path.lstat()
     except OSError:
         return None
 

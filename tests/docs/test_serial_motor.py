@@ -39,8 +39,9 @@ def run_example(example, out, *overrides, **options):
 def test_the_recording_is_the_same_in_real_time_and_needs_no_hardware_afterwards(
     example, drive, tmp_path
 ):
-    first = run_example(example, tmp_path / "a")
-    second = run_example(example, tmp_path / "b", extensions=[RealTime(10_000_000, 5.0)])
+    patient = "motor.params.timeout=60s"
+    first = run_example(example, tmp_path / "a", patient)
+    second = run_example(example, tmp_path / "b", patient, extensions=[RealTime(10_000_000, 5.0)])
     assert first.exit_code == second.exit_code == 0, first.reason + second.reason
     assert first.sha256 == second.sha256
     drive.kill()
@@ -60,8 +61,8 @@ def test_a_motor_that_answers_nothing_is_named(example, tmp_path):
     program = [sys.executable, "-c", mute]
     with subprocess.Popen(program, stdout=subprocess.PIPE, text=True) as process:
         port = process.stdout.readline().strip()
-        overrides = [f"motor.params.port={port}", "motor.params.timeout=50ms"]
+        overrides = [f"motor.params.port={port}", "motor.params.timeout=500ms"]
         result = run_example(example, tmp_path / "a", *overrides)
         process.kill()
     assert result.exit_code == ExitCode.START
-    assert "0 of 15 bytes within 0.05 s" in result.reason
+    assert "0 of 15 bytes within 0.5 s" in result.reason

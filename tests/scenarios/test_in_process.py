@@ -1,6 +1,7 @@
 """Every scenario that ships records the same bytes in one process as in separate ones."""
 
 import pytest
+from support.runs.patience import patient
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.load import load
@@ -11,9 +12,7 @@ STEPS = 60
 
 def shortened(name):
     """Return a scenario that ships, for a few steps."""
-    scenario = load(name)
-    patient = [f"{spec.name}.spawn_timeout=120s" for spec in scenario.participants]
-    return load(name, [*patient, f"duration={STEPS * scenario.step_ns}ns"])
+    return load(name, patient(name, f"duration={STEPS * load(name).step_ns}ns"))
 
 
 @pytest.mark.slow

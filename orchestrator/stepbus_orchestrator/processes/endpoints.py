@@ -6,6 +6,7 @@ Zenoh session then takes from a link only what that name may publish, so that no
 speak for another one. Without credentials there is no link at all.
 """
 
+import contextlib
 import secrets
 import socket
 import tempfile
@@ -103,12 +104,20 @@ def new_token() -> str:
     return secrets.token_hex(8)
 
 
-def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: bool = False) -> Mesh:
+def make_mesh(
+    scenario: Scenario,
+    folder: Path,
+    run: str | None,
+    held: contextlib.ExitStack,
+    *,
+    is_star: bool = False,
+) -> Mesh:
     """Return the endpoints of all processes of a run, with their credentials.
 
     folder: private, for sockets and certificates. run: names the key space, in which each
     participant may publish on its own keys only; None: on any key, as the conformance kit does,
-    which speaks for several. is_star: participants are linked to the orchestrator only.
+    which speaks for several. held: what keeps the TCP ports from others. is_star: participants are
+    linked to the orchestrator only.
 
     Raises BusFailed when there is no room for a socket, no free port or no space in the folder.
     """
@@ -125,7 +134,7 @@ def make_mesh(scenario: Scenario, folder: Path, run: str | None, *, is_star: boo
             settings |= {name: {"id": number} for name, number in ids.items()}
             access = _access_control(run, listening[1:], "usernames", ids)
     else:
-        ports = _ports(scenario.bus.port, len(listening))
+        ports = _ports(scenario.bus.port, len(listening), held)
         addresses = [f"tls/127.0.0.1:{port}" for port in ports]
         settings = _certificates(names, folder)
         if run is not None:
@@ -176,27 +185,27 @@ def _unix(folder: Path, index: int) -> str:
     return f"{_UNIX}{path}"
 
 
-def _ports(base: int | None, count: int) -> list[int]:
-    """Return free TCP ports on loopback, from `base` on where it is given."""
+def _ports(base: int | None, count: int, held: contextlib.ExitStack) -> list[int]:
+    """Return free TCP ports on loopback, from `base` on where it is given.
+
+    Nobody is given one of them while its socket is held: a participant listens a moment later.
+    """
     wanted = [0] * count if base is None else [base + index for index in range(count)]
-    held: list[socket.socket] = []
+    found = []
     try:
         for port in wanted:
-            probe = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
-            held.append(probe)
-            # As Zenoh does: a port whose last connection has only just closed is free.
+            probe = held.enter_context(socket.socket(socket.AF_INET, socket.SOCK_STREAM))
+            # As Zenoh does: it can listen beside this one, and where a connection has just closed.
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             probe.bind(("127.0.0.1", port))
-        return [probe.getsockname()[1] for probe in held]
+            found.append(probe.getsockname()[1])
     except OSError as exc:
         raise BusFailed(
             f"port {port} on 127.0.0.1 cannot be used: {exc.strerror}; the run needs "
             f"{count} ports, starting at bus.port; choose another bus.port, or omit it "
             "to use free ports"
         ) from exc
-    finally:
-        for probe in held:
-            probe.close()
+    return found
 
 
 # --- credentials ---------------------------------------------------------------------------

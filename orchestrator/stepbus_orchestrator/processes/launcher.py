@@ -20,8 +20,9 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket, environment
 from stepbus_schemas import SERVED
 
-_END_S = 2.0
+_END_S = 10.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
+_KILLED_S = 5.0
 
 
 class LeftBehind(NamedTuple):
@@ -89,9 +90,9 @@ class Reaper:
     def end(self) -> list[LeftBehind]:
         """End it, and remove the private folder; return the processes that it had to end."""
         said = ""
-        for _ in range(2):
+        for limit_s in (_END_S, _KILLED_S):
             try:
-                said, _ = self._process.communicate(timeout=_END_S)
+                said, _ = self._process.communicate(timeout=limit_s)
                 break
             except subprocess.TimeoutExpired:
                 self._process.kill()

@@ -51,9 +51,10 @@ class Processes:
     def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
         """Open the bus of a run; at the end, say what its processes have left behind."""
         launcher = Launcher(run=opening.run, token=opening.token, logs=opening.logs)
+        held = contextlib.ExitStack()
         try:
             mesh = make_mesh(
-                opening.scenario, launcher.folder, opening.run, is_star=opening.is_star
+                opening.scenario, launcher.folder, opening.run, held, is_star=opening.is_star
             )
             slots = RunSlots()
             # The orchestrator passes on what it plays.
@@ -73,6 +74,7 @@ class Processes:
                 stack.callback(slots.close)
                 yield bus, _Launch(launcher, mesh, slots, self.start_order)
         finally:
+            held.close()
             for left in launcher.end_all():
                 opening.warn(left.participant, left.text())
 

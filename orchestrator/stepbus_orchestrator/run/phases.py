@@ -23,7 +23,7 @@ from stepbus_schemas import Start, encode, reached
 
 from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.participants import ParticipantState, Phase
-from .run import LAST_REPORTS_S, LONGEST_TICK_S, SHORT_TICK_S, Run
+from .run import LONGEST_TICK_S, SHORT_TICK_S, Run
 
 _LEAVING_S = 3.0
 _CHECK_S = 0.05
@@ -229,7 +229,7 @@ def _fall_back(run: Run, failure: RunFailure) -> None:
     participant.process.signal(signal.SIGKILL)
     participant.process.wait(LONGEST_TICK_S)
     state.replaced = participant.name
-    run.receive_for(LAST_REPORTS_S)
+    run.receive_last_reports(participant.name)
     first, until = run.safe_stop.start(participant.name, run.descriptions)
     state.end = (until, f"{participant.name} has failed; its commands were held")
     run.recorder.add_metadata(

@@ -35,7 +35,7 @@ _decode_welcome = Decoder(Welcome)
 _decode_refusal = Decoder(Refusal)
 _RETRY_S = 0.05
 _REPEAT_S = 0.02
-_DELIVERY_S = 1.0
+_DELIVERY_S = 10.0
 
 
 class AdmissionRefused(RunError, PermissionError):
@@ -90,7 +90,7 @@ def join(
 
 
 def await_delivery(bus: Bus, welcome: Welcome) -> None:
-    """Wait until the orchestrator has what was published so far, 1 s at most.
+    """Wait until the orchestrator has what was published so far.
 
     A session of the transport for bulk ports that closes drops what it has not sent yet, such as
     the last `Log` behind an image. An answer to one more `Hello` (P4.2) shows that it is out.

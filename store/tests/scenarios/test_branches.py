@@ -4,7 +4,8 @@ from typing import ClassVar
 
 import pytest
 from support.runs.branches import unequal
-from support.runs.store import NAMES, moves, store
+from support.runs.patience import patient
+from support.runs.store import moves, store
 
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay.branch import branch
@@ -22,14 +23,10 @@ def test_a_branch_without_a_change_is_the_recording(name, tmp_path):
     assert unequal(recording, tmp_path, 5, name) == []
 
 
-PATIENT = [f"{name}.step_timeout=120s" for name in NAMES]
-"""A busy machine is nobody's fault here."""
-
-
 @pytest.fixture(scope="module")
 def sale(tmp_path_factory):
     """A sale, with cameras, contacts and a planner."""
-    return store(tmp_path_factory.mktemp("sale"), *PATIENT, scenario="store").recording
+    return store(tmp_path_factory.mktemp("sale"), scenario="store").recording
 
 
 @pytest.fixture(scope="module")
@@ -46,9 +43,9 @@ class TestStore:
     pytestmark: ClassVar = [pytest.mark.slow, pytest.mark.timeout(1800)]
 
     def test_a_branch_without_a_change_is_the_recording(self, sale, tmp_path):
-        assert unequal(sale, tmp_path, 2, "store", PATIENT) == []
+        assert unequal(sale, tmp_path, 2, "store", patient("store")) == []
 
     def test_a_sale_goes_on_from_the_middle_of_the_grasp(self, sale, grasp, tmp_path):
-        found = branch(sale, tmp_path / "b", at=grasp, set=PATIENT, in_process=True)
+        found = branch(sale, tmp_path / "b", at=grasp, set=patient("store"), in_process=True)
         assert found.equal
         assert moves(Recording(found.result.recording)) == moves(Recording(sale))

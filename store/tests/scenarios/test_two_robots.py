@@ -4,6 +4,7 @@ import json
 import shutil
 
 import pytest
+from support.runs.patience import patient
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
@@ -100,8 +101,8 @@ def _devices(rows, side):
 
 def patient_run(file, duration, out):
     """Run a scenario in one process, on a machine of any speed."""
-    late = [f"{spec.name}.spawn_timeout=120s" for spec in load(file).participants]
-    return run(load(file, [f"duration={duration}", *late]), Options(out=out, host=InProcess()))
+    loaded = load(file, patient(file, f"duration={duration}"))
+    return run(loaded, Options(out=out, host=InProcess()))
 
 
 def test_two_baxters_follow_their_references_in_one_world(tmp_path):

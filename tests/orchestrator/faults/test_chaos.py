@@ -27,6 +27,7 @@ LOST = {"drop", "corrupt", "oversize", "reorder"}
 AHEAD = "mission"
 """It waits for no other participant: its readers find a skipped step, unless it was the last."""
 OVERRIDES = ["duration=1s", *(f"{name}.step_timeout=1500ms" for name in NAMES)]
+PATIENT = [f"{name}.step_timeout=30s" for name in NAMES]
 
 
 @pytest.fixture(scope="module")
@@ -54,13 +55,16 @@ def draw(fault_type):
         )
 
 
+def costs_time(fault_type, text):
+    """Return whether a fault holds somebody up for a time, and no more."""
+    return fault_type in {"delay", "duplicate", "slow"} or (
+        fault_type == "freeze" and " for " in text
+    )
+
+
 def costs_only_time(fault_type, text):
     """Return whether a fault changes no message, so that the run survives it (docs/faults.md)."""
-    return (
-        fault_type in {"delay", "duplicate", "slow"}
-        or (fault_type == "freeze" and " for " in text)
-        or (fault_type in LOST and f" {AHEAD} " not in text)
-    )
+    return costs_time(fault_type, text) or (fault_type in LOST and f" {AHEAD} " not in text)
 
 
 @pytest.mark.parametrize("fault_type", FAULT_TYPES)
@@ -69,7 +73,8 @@ def test_a_fault_that_costs_only_time_is_survived_and_any_other_is_blamed(
 ):
     for number, (text, name, step) in enumerate(draw(fault_type)):
         out = tmp_path / str(number)
-        result = run(load("two_link", OVERRIDES, [text]), Options(out=out))
+        patient = PATIENT if costs_time(fault_type, text) else []
+        result = run(load("two_link", [*OVERRIDES, *patient], [text]), Options(out=out))
         recorded = messages(result.recording)
         assert Recording(result.recording).damage == "", text
         was_last = fault_type in LOST and result.exit_code == 0

@@ -150,7 +150,7 @@ class Changer(Observer):
 
 @pytest.mark.slow
 def test_the_command_says_that_a_recording_was_changed(tmp_path):
-    freeze = ["--fault", "freeze controller at 200 for 2s"]
+    freeze = ["--fault", "freeze controller at 200 for 2s", "--set", "controller.step_timeout=30s"]
     process, recording = start(tmp_path, "--no-report", "--set", "duration=2s", *freeze)
     overwrite(recording)
     _, errors = process.communicate(timeout=60)

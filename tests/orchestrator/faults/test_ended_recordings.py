@@ -11,8 +11,10 @@ import sys
 import time
 from collections import Counter
 
+import psutil
 import pytest
 from mcap.reader import make_reader
+from support.surroundings import comes_true, has_ended
 
 from stepbus_orchestrator.recording import Recording, recover
 from stepbus_orchestrator.replay import replay
@@ -33,7 +35,10 @@ def end_by_kill(folder, chance):
             assert process.poll() is None
             assert time.monotonic() < give_up
             time.sleep(0.001)
+        # It watches the one that writes, which ends with it.
+        family = [psutil.Process(process.pid), *psutil.Process(process.pid).children()]
         process.kill()
+        assert comes_true(lambda: all(has_ended(one) for one in family))
 
 
 def end_by_limit(folder, chance):

@@ -14,7 +14,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
 NAMES = ("plant", "controller", "mission")
-FAST = [f"{name}.step_timeout=1s" for name in NAMES]
+FAST = [f"{name}.step_timeout=2s" for name in NAMES]
 """For those runs in which somebody misses a deadline."""
 TEN_SECONDS = [f"{name}.step_timeout=10s" for name in NAMES]
 PATIENT = [f"{name}.step_timeout=30s" for name in NAMES]

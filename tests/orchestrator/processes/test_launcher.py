@@ -48,7 +48,7 @@ def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
 
 
 def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp, monkeypatch):
-    monkeypatch.setattr(launcher, "_END_S", 0.3)
+    monkeypatch.setattr(launcher, "_END_S", 1.0)
     watcher = SignalReaper(signal.SIGSTOP)
     result = run_joints(tmp_path, "duration=5s", observer=watcher)
     assert (result.exit_code, watcher.reaper is None) == (0, False)

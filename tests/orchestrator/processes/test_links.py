@@ -1,5 +1,6 @@
 """A link to somebody else's process is cut, and a put that it blocks returns."""
 
+import contextlib
 import json
 import os
 import signal
@@ -30,11 +31,19 @@ sys.stdin.read()
 """
 
 
+@pytest.fixture
+def held():
+    with contextlib.ExitStack() as stack:
+        yield stack
+
+
 @pytest.mark.parametrize("transport", ["unix", "tcp"])
 @pytest.mark.parametrize("is_known", [True, False])
-def test_a_put_to_a_frozen_process_returns_when_its_link_is_cut(own_temp, transport, is_known):
+def test_a_put_to_a_frozen_process_returns_when_its_link_is_cut(
+    own_temp, held, transport, is_known
+):
     folder = private_folder()
-    mesh = make_mesh(scenario(bus=BusSpec(transport=transport)), folder, "r")
+    mesh = make_mesh(scenario(bus=BusSpec(transport=transport)), folder, "r", held)
     endpoint = json.dumps(msgspec.to_builtins(mesh.participants["controller"]))
     bus = ZenohBus(mesh.orchestrator, "r")
     alive = threading.Event()
@@ -72,9 +81,9 @@ def test_a_put_to_a_frozen_process_returns_when_its_link_is_cut(own_temp, transp
         folder.rmdir()
 
 
-def test_links_of_children_are_left(own_temp):
+def test_links_of_children_are_left(own_temp, held):
     folder = private_folder()
-    mesh = make_mesh(scenario(), folder, "r")
+    mesh = make_mesh(scenario(), folder, "r", held)
     bus = ZenohBus(mesh.orchestrator, "r")
     endpoint = mesh.participants["controller"]
     got = threading.Event()

@@ -13,7 +13,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
-STEP = "controller.step_timeout=500ms"
+STEP = "controller.step_timeout=2s"
 STOP = "controller.stop_timeout=500ms"
 READY = "controller.ready_timeout=500ms"
 SPAWN = "controller.spawn_timeout=500ms"
@@ -42,7 +42,7 @@ def failure_of(recording, *overrides, **options):
         ("raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): ValueError: the knee"),
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
-        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 0\.5 s"),
+        ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 2 s"),
         ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
         ("port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
         ("message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),

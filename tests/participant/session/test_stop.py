@@ -72,22 +72,21 @@ def test_an_input_of_a_step_that_is_never_released_is_not_read():
     assert follow(command(0), broken, later=[stop(1)]) == [0]
 
 
-class Failing(Plant):
-    def update(self, step):
-        signal.setitimer(signal.ITIMER_REAL, 0.05)
-        raise ValueError("the knee")
+def test_a_sigterm_before_the_stop_does_not_hide_why_a_participant_failed(capsys, monkeypatch):
+    class Failing(Plant):
+        def update(self, step):
+            monkeypatch.setattr(session.Control, "wait", terminate)
+            raise ValueError("the knee")
 
+    waits = []
 
-def test_a_sigterm_before_the_stop_does_not_hide_why_a_participant_failed(capsys):
-    def terminate(_signal, _frame):
+    def terminate(_control, timeout_s):
+        waits.append(timeout_s)
         raise Terminated("ended by SIGTERM")
 
-    before = signal.signal(signal.SIGALRM, terminate)
-    try:
-        with pytest.raises(RunError, match="step 0: the knee"):
-            run_plant(Failing, command(0), later=[])
-    finally:
-        signal.signal(signal.SIGALRM, before)
+    with pytest.raises(RunError, match="step 0: the knee"):
+        run_plant(Failing, command(0), later=[])
+    assert len(waits) == 1
     assert capsys.readouterr().err.endswith("ValueError: the knee\n")
 
 

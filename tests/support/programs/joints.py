@@ -50,6 +50,7 @@ def go_wrong(fault: str) -> None:
     if fault == "stop":
         os.kill(os.getpid(), signal.SIGSTOP)
     if fault == "hang":
+        print("it hangs", flush=True)
         time.sleep(1000)
     if fault == "nap":
         time.sleep(1.5)

@@ -30,7 +30,7 @@ def run_bridged(
     folder: Path, form: str, kind: str = "right", step: int = 7, *more: str, **options: object
 ) -> Result:
     """Run it; the run's folder is `folder/out`."""
-    hasty = ["controller.step_timeout=1500ms", "controller.stop_timeout=1s"]
+    hasty = ["controller.step_timeout=3s", "controller.stop_timeout=1s"]
     overrides = [*(hasty if kind in SILENT else []), *more]
     scenario = load(write_bridged(folder / "source", form, kind, step), overrides)
     return run(scenario, Options(out=folder / "out", **options))

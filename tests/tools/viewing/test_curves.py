@@ -132,13 +132,13 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
             watched.wait(lambda: grown(lambda: curves.has("x", "y", "z")), "the position")
             curves.pick("at", "thrust [N]")
             watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
-            watched.page.wait_for_timeout(500)
+            colours = {"6,104,187", "232,72,12"}
+            watched.wait(lambda: colours <= curves.colours(), "their colours")
             drawn = curves.drawn()
             left, right = (np.array(row) for row in drawn.data[1:3])
             assert np.all(np.diff(left) >= 1.0)
             assert set(right) == {-1.0}
             assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]
-            assert {"6,104,187", "232,72,12"} <= curves.colours()
             assert not watched.errors
     finally:
         page.close()

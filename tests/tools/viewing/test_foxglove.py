@@ -24,6 +24,7 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Event, JointState, StepbusError
+from stepbus_tools.viewing import foxglove_feed
 from stepbus_tools.viewing.foxglove_feed import follow, play
 from stepbus_tools.viewing.foxglove_server import open_server
 
@@ -35,7 +36,7 @@ class Client:
     """Subscribes to all that is advertised. times: that it was told. found: topic → (time, what)."""
 
     def __init__(self, address, protocol=LATEST):
-        self.socket = connect(address, subprotocols=[protocol], max_size=None)
+        self.socket = connect(address, subprotocols=[protocol], max_size=None, open_timeout=60)
         self.types, self.topics, self.found, self.times, self.info = {}, {}, {}, [], None
 
     def read(self, until):
@@ -134,11 +135,31 @@ def test_a_run_is_advertised_and_its_messages_are_those_that_it_records(
     assert {entity.frame_id for entity in client.found["/scene"][0][1].entities} <= frames
 
 
-def test_a_recording_is_played_with_its_events_and_from_its_start_to_the_next(server, recording):
+class Clock:
+    """Stands until it may go on, by 10 ms each time that it is read."""
+
+    sleep = staticmethod(time.sleep)
+
+    def __init__(self):
+        self.now, self.goes = 0.0, False
+
+    def monotonic(self):
+        self.now += 0.01 if self.goes else 0.0
+        return self.now
+
+
+def test_a_recording_is_played_with_its_events_and_from_its_start_to_the_next(
+    server, recording, monkeypatch
+):
+    clock = Clock()
+    monkeypatch.setattr(foxglove_feed, "time", clock)
     end = watched(lambda is_over: play(server, Recording(recording), is_over))
     for _ in range(2):
-        client = Client(server.address).read(lambda c: c.times and c.times[-1] == 490_000_000)
-        client.read(lambda c: len(c.found["/log"]) == 2)
+        clock.goes = False
+        client = Client(server.address).read(lambda c: "/plant/joint_state" in c.found)
+        clock.goes = True
+        client.read(lambda c: c.times and c.times[-1] == 490_000_000)
+        client.read(lambda c: len(c.found.get("/log", ())) == 2)
         assert [(t, m.message) for t, m in client.found["/log"]] == [
             (10**7, "slow"),
             (2 * 10**7, "fast"),

@@ -6,13 +6,13 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 
 import psutil
 import pytest
 from support.browser import Curves, needs_chromium, opened
 from support.messages.recordings import chunks
 from support.paused import Paused
+from support.surroundings import comes_true
 
 import stepbus
 from stepbus_orchestrator.recording import Recording
@@ -41,9 +41,10 @@ def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_proce
     viewer = threading.Thread(target=lambda: ended.append(follow(page.server, paused.out, bool)))
     viewer.start()
     # Let it go while it is watched.
-    while not any(thread.name == "run client" for thread in set(threading.enumerate()) - before):
-        paused.pace.step()
-        time.sleep(0.02)
+    paused.pace.step(3)
+    assert comes_true(
+        lambda: any(one.name == "run client" for one in set(threading.enumerate()) - before)
+    )
     result = paused.end()
     viewer.join()
     assert ended == [True]
@@ -169,7 +170,6 @@ def test_viewers_that_are_killed_or_interrupted_leave_the_run_alone(tmp_path, pl
                 "view: http:/"
             ]
             paused.pace.step(3)
-            time.sleep(0.5)
             killed.kill()
             paused.pace.step(3)
             other.send_signal(signal.SIGINT)

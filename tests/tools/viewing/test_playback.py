@@ -160,7 +160,7 @@ def test_the_buttons_of_the_page_do_what_they_say(recording, page):
         dark = watched.page.locator(":root[data-mantine-color-scheme=dark]")
         watched.wait(lambda: dark.count() > 0, "the night")
         assert shows("step 60 of 60")
-        assert curves.drawn()
+        watched.wait(curves.drawn, "the curves")
         watched.wait(lambda: watched.colours() > 300, "the arm to be drawn")
         bare = page.address.rsplit("/", 2)[0]
         assert watched.page.request.get(bare).status == 403

@@ -221,12 +221,23 @@ def test_the_camera_refits_until_somebody_moves_it(page, recordings):
         mouse.move(250, 340, steps=8)
         mouse.up()
         wait(lambda: eye() != moved, "the user's own place")
-        watched.page.wait_for_timeout(1500)
-        moved = eye()
+        moved = at_rest(watched, eye)
         resize(watched, wait, 1000)
         wait(lambda: client.camera.image_width == 1000, "the size")
         wait(lambda: True)
         assert eye() == moved
+
+
+def at_rest(watched, what):
+    """Return what something is once it stays so while the browser draws further frames."""
+    frames = "() => new Promise(r => requestAnimationFrame(() => requestAnimationFrame(r)))"
+    before, seen = None, what()
+    while seen != before:
+        for _ in range(5):
+            watched.page.evaluate(frames)
+            watched.page.wait_for_timeout(100)
+        before, seen = seen, what()
+    return seen
 
 
 @pytest.mark.slow

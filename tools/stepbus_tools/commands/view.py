@@ -68,17 +68,18 @@ def view_command(
     if place.foxglove is not None and ghost is not None:
         raise WiringError("--foxglove shows a single recording; omit it to compare two recordings")
     is_live = ghost is None and (follow or (recording / LIVE_FILE).exists())
-    if is_live:
-        # A run comes first.
-        os.nice(_NICE)
     paths = () if is_live else (recording, ghost)
     opened = [_opened(path) for path in paths if path is not None]
     folder = recording.parent if recording.is_file() else recording
     label = _label(opened) or folder.name
-    view = _Page(label, place) if place.foxglove is None else _Foxglove(label, place)
-    with closing(view), interruptible() as interrupt:
-        parent = os.getppid()
+    parent = os.getppid()
+    with (
+        interruptible() as interrupt,
+        closing((_Page if place.foxglove is None else _Foxglove)(label, place)) as view,
+    ):
         if is_live:
+            # The run, which has waited for it so far, comes first.
+            os.nice(_NICE)
             has_ended = view.follow(folder, lambda: interrupt.is_set() or os.getppid() != parent)
             if until_end or not has_ended:
                 return 0

@@ -1,5 +1,6 @@
 """How a check differs from a plain run: what the participant learns when it joins."""
 
+import contextlib
 import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -75,8 +76,17 @@ class Setup:
         welcome: Welcome = welcome_of(scenario, spec, token)
         return structs.replace(welcome, **self.welcome)
 
-    def mesh(self, scenario: Scenario, spec: ParticipantSpec, folder: Path) -> Mesh:
-        """Return the links: orchestrator, peers where they have their own, and the participant."""
+    def mesh(
+        self,
+        scenario: Scenario,
+        spec: ParticipantSpec,
+        folder: Path,
+        held: contextlib.ExitStack,
+    ) -> Mesh:
+        """Return the links: orchestrator, peers where they have their own, and the participant.
+
+        held: as of `make_mesh`.
+        """
         first = next(iter(spec.inputs.values()), None)
         participants: tuple[ParticipantSpec, ...] = (spec,)
         if self.own_peers and first is not None:
@@ -84,9 +94,8 @@ class Setup:
         # Bulk content is played in messages, but for the checks of slots.
         is_quick = low_latency(scenario) and not slot_counts(scenario)
         bus = structs.replace(scenario.bus, low_latency=is_quick)
-        return make_mesh(
-            dataclasses.replace(scenario, participants=participants, bus=bus), folder, None
-        )
+        linked = dataclasses.replace(scenario, participants=participants, bus=bus)
+        return make_mesh(linked, folder, None, held)
 
 
 _LEAST_STEPS = 24

@@ -83,7 +83,7 @@ class Session:
                 self._slots = SharedSlots(folder, self.scenario, self.spec)
                 self.transcript.read_slot = self._slots.read
                 stack.callback(self._slots.close)
-            self._mesh = self._setup.mesh(self.scenario, self.spec, self._launcher.folder)
+            self._mesh = self._setup.mesh(self.scenario, self.spec, self._launcher.folder, stack)
             self._stack = stack.pop_all()
         return self
 

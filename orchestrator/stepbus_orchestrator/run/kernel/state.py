@@ -174,6 +174,14 @@ class RunState:
                 owed = max(owed, due_step(waiting.step, min(delays), every))
         return owed
 
+    def is_awaited(self, name: str) -> bool:
+        """Return whether each reader of a participant has reported that it waits, or has ended."""
+        return all(
+            other.waiting is not None or other.process.exit_code() is not None
+            for other in self.participants.values()
+            if any(item.source == name for item in other.spec.inputs.values())
+        )
+
     def failure(
         self, kind: type[_Failure], participant: ParticipantState, step: int, what: str
     ) -> _Failure:

@@ -3,6 +3,7 @@
 import pytest
 from support.browser import needs_chromium, opened
 from support.paused import Paused, calls_of, followed
+from support.runs.patience import patient
 
 from stepbus_orchestrator.scenario.load import load
 
@@ -11,7 +12,7 @@ from stepbus_orchestrator.scenario.load import load
 @needs_chromium
 @pytest.mark.timeout(600)
 def test_an_item_is_ordered_from_the_store_on_the_page(tmp_path, page):
-    paused = Paused(tmp_path / "run", load("store", ["duration=160ms"]))
+    paused = Paused(tmp_path / "run", load("store", patient("store", "duration=160ms")))
     with opened(page.address, 400, 300) as watched, followed(paused, page):
         shown = watched.page
         paused.pace.step(3)

@@ -1,20 +1,18 @@
 """Runs of the store, and what their recordings show."""
 
 import numpy as np
+from support.runs.patience import patient
 
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of
 from stepbus_orchestrator.scenario.load import load
 
 NAMES = ("plant", "perception", "world", "mission", "controller", "planner")
-OTHERS = {"store": NAMES, "store/spiral": ("plant", "goals", "controller", "planner")}
-TRUTH = tuple(name for name in NAMES if name != "world")
 
 
 def store(folder, *overrides, scenario="store/truth", in_process=True):
     """Run the store; in one process it takes half the time, and records the same bytes."""
-    names = OTHERS.get(scenario, TRUTH)
-    loaded = load(scenario, [*(f"{name}.spawn_timeout=120s" for name in names), *overrides])
+    loaded = load(scenario, patient(scenario, *overrides))
     # Only a process can be killed.
     in_process = in_process and not faults_of(loaded.faults, PROCESS_FAULTS)
     return run(loaded, Options(out=folder / "out", host=host_of(in_process=in_process)))

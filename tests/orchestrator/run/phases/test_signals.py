@@ -94,7 +94,8 @@ def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_pa
 @pytest.mark.parametrize("ending", [[], [signal.SIGINT]])
 def test_nobody_waits_for_those_that_are_stopped_once_the_run_has_failed(tmp_path, start, ending):
     stop = [f"{name}.stop_timeout=10min" for name in ("plant", "controller", "mission")]
-    step = [f"{name}.step_timeout=1s" for name in ("plant", "controller", "mission")]
+    deadline = "60s" if ending else "3s"
+    step = [f"{name}.step_timeout={deadline}" for name in ("plant", "controller", "mission")]
     process = start(
         "--set", "duration=1000s", *(w for item in stop + step for w in ("--set", item))
     )
