@@ -16,7 +16,7 @@ from stepbus_orchestrator.scenario.load import load
 NAMES = ("plant", "controller", "mission")
 FAST = [f"{name}.step_timeout=2s" for name in NAMES]
 """For those runs in which somebody misses a deadline."""
-TEN_SECONDS = [f"{name}.step_timeout=10s" for name in NAMES]
+TEN_SECONDS = [f"{name}.{what}_timeout=10s" for name in NAMES for what in ("step", "stop")]
 PATIENT = [f"{name}.step_timeout=30s" for name in NAMES]
 
 

@@ -21,15 +21,21 @@ duration: 500ms
 participants:
   plant:
     participant: joints.py:Plant
+    step_timeout: 60s
+    stop_timeout: 60s
     publishes: first
     inputs: {command: controller.command}
     outputs: {joint_state: JointState/1}
   controller:
     participant: joints.py:Controller
+    step_timeout: 60s
+    stop_timeout: 60s
     inputs: {joint_state: plant.joint_state, reference: mission.reference}
     outputs: {command: JointCommand/1}
   mission:
     participant: joints.py:Mission
+    step_timeout: 60s
+    stop_timeout: 60s
     every: 4
     outputs: {reference: JointReference/1}
 """
