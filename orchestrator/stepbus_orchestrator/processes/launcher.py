@@ -23,6 +23,7 @@ from stepbus_schemas import SERVED
 _END_S = 10.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
 _KILLED_S = 5.0
+"""How long its killed process may take to be gone [s]."""
 
 
 class LeftBehind(NamedTuple):
