@@ -43,7 +43,7 @@ def failure_of(recording, *overrides, **options):
         ("exit", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) exited with code 3"),
         ("kill", ExitCode.DIED, r"step 7 .*: controller \(pid \d+\) was killed by SIGKILL"),
         ("hang", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing for \d+\.\d s; all inputs have arrived; deadline 2 s"),
-        ("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing"),
+        pytest.param("deaf", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been computing", marks=pytest.mark.slow),
         ("port", ExitCode.FAULT, r"step 7.*the scenario has no output port 'komand'; it has command"),
         ("message", ExitCode.FAULT, r"step 7 .*controller\.command is not a JointCommand/1: values must be a list, not text"),
         ("skip", ExitCode.FAULT, r"step 7 .*reported step 8 instead"),

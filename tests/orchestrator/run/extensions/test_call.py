@@ -138,6 +138,7 @@ def test_the_calls_of_all_participants_can_be_listed(tmp_path):
     assert answers[0].value["mission"] == {}
 
 
+@pytest.mark.slow
 def test_a_call_that_is_not_answered_is_blamed_on_the_participant(tmp_path):
     overrides = ["plant.step_timeout=2s", "plant.stop_timeout=500ms"]
     result, answers = asked(tmp_path, ["plant", "sleep", 30], overrides=overrides)

@@ -211,6 +211,7 @@ def test_a_fallback_replaces_one_that_has_left(tmp_path, elsewhere):
     assert messages(result.recording) == messages(child.recording)
 
 
+@pytest.mark.slow
 def test_no_fallback_speaks_for_one_that_may_speak_itself(tmp_path, elsewhere):
     processes = []
     result, _ = run_with_external(
