@@ -20,7 +20,6 @@ from .config import *
 from .disk import *
 from .environment import *
 from .files import *
-from .last_error import *
 from .packages import *
 from .parameters.durations import *
 from .parameters.problems import *

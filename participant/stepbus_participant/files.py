@@ -1,4 +1,4 @@
-"""Files that are read: found by the names of a scenario, and never a pipe or a device."""
+"""Files that are read: found by the names of a scenario, and never a pipe or a device; logs."""
 
 import errno
 import importlib.util
@@ -8,7 +8,11 @@ from pathlib import Path
 
 from stepbus_schemas import WiringError
 
-from .packages import extra_hint
+from .packages import extra_hint, import_error_hint
+
+_QUOTED_LINES = 3
+_QUOTED = 300
+_TAIL_BYTES = 4096
 
 
 def find_file(name: str, folder: Path) -> Path:
@@ -103,3 +107,19 @@ def read_text(path: Path, encoding: str = "utf-8", errors: str = "strict") -> st
     """
     text = read_file(path, _MOST_TEXT_BYTES).decode(encoding, errors)
     return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def last_lines(log: Path) -> str:
+    """Return the end of a log for a message: its last lines, as they are; empty where it has none.
+
+    What pip can install of a missing module stands behind them.
+    """
+    try:
+        with log.open("rb") as file:
+            file.seek(max(0, file.seek(0, 2) - _TAIL_BYTES))
+            text = file.read().decode(errors="replace")
+    except OSError:
+        return ""
+    lines = [line.strip() for line in text.splitlines() if line.strip()]
+    quoted = " | ".join(lines[-_QUOTED_LINES:])[-_QUOTED:]
+    return quoted + import_error_hint(quoted)

@@ -50,7 +50,7 @@ class SimulatedParticipant(RunProcess):
         """Return its exit code, negative for a signal; None while it runs."""
         return self.process.exit_code
 
-    def last_error(self) -> str:
+    def last_output(self) -> str:
         """Return the last line that it printed."""
         return (self.errors.strip().splitlines() or [""])[-1]
 

@@ -28,7 +28,7 @@ from stepbus_orchestrator.plugins import AFTER_RUN, points
 from stepbus_orchestrator.processes.limits import check_limits, is_memory_limited
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
-from stepbus_orchestrator.run.extensions.debug import Debug, check_names, without_deadlines
+from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
 from stepbus_orchestrator.run.extensions.external import External, external_names
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.extensions.profile import Profile
@@ -135,7 +135,6 @@ def run_command(
     degrees: bool = False,
     extensions: Annotated[Sequence[str], {"flag": "--with", "metavar": "FILE.py:CLASS"}] = (),
     profile: bool = False,
-    speedscope: Names = (),
     no_report: bool = False,
     json: Json = False,
     views: Views,
@@ -153,8 +152,8 @@ def run_command(
     participants in one process: faster, same recording. degrees: show the measured joint angles in
     degrees during the run. extensions: add your own extension to the run
     (docs/guide/writing/extension.md). profile: measure how each step spends its time: compute,
-    wait, transport, record. speedscope: with --profile, also sample the stack of a participant, for
-    speedscope.app. no_report: do not write report.html and report.png; print the figures only.
+    wait, transport, record. no_report: do not write report.html and report.png; print the figures
+    only.
 
     $ stepbus run two_link
     $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
@@ -179,9 +178,6 @@ def run_command(
             "--pause-at needs --view or an interactive terminal to resume the run; it "
             "cannot be combined with --json or --debug"
         )
-    if speedscope and not profile:
-        raise WiringError("--speedscope needs --profile")
-    check_names(loaded, speedscope, "sample")
     check_installed(loaded)
     check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
@@ -192,7 +188,7 @@ def run_command(
     pace = Pace(at)
     own: list[RunExtension] = [] if real_time is None else [RealTime(loaded.step_ns, real_time)]
     own += [load_extension(name) for name in extensions]
-    own += [Profile(speedscope)] if profile else []
+    own += [Profile()] if profile else []
     options = Options(
         out=out or default_folder(loaded, Path("runs")),
         host=host_of(in_process=in_process, owns_descriptors=not changes.debug),

@@ -16,7 +16,7 @@ from stepbus_orchestrator.errors import RecordingFailed, StartFailed
 from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
 from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
-from stepbus_participant import append_to, last_error
+from stepbus_participant import append_to, last_lines
 
 _LARGEST = 8 * 1024 * 1024
 _HEAD = _TAIL = 1024 * 1024
@@ -110,9 +110,9 @@ class Process:
             return f"was killed by {number.name}{_CAUSES.get(number, '')}"
         return f"exited with code {code}"
 
-    def last_error(self) -> str:
-        """Return the last error it printed, or its last line, or nothing."""
-        return last_error(self.log)
+    def last_output(self) -> str:
+        """Return the last lines that it printed; empty: none."""
+        return last_lines(self.log)
 
     def log_problem(self) -> str:
         """Return why its log may lack its last words, such as a full disk; empty: it has them."""

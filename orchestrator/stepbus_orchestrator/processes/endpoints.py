@@ -16,7 +16,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import BusFailed, argument
-from stepbus_orchestrator.processes.port_users import PortUsers
 from stepbus_orchestrator.scenario.model import Scenario, low_latency
 from stepbus_participant import Endpoint
 
@@ -47,15 +46,14 @@ _ALL = (*_DECLARATIONS, "put", "delete", "query", "reply", "liveliness_token")
 class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
-    folder: the private one. caller: the endpoint of a caller from outside. users: of its TCP ports.
-    tickets: of participants that the user starts, which are elsewhere.
+    folder: the private one. caller: the endpoint of a caller from outside. tickets: of
+    participants that the user starts, which are elsewhere.
     """
 
     folder: Path
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
     caller: Endpoint
-    users: PortUsers
     tickets: dict[str, Path] = field(default_factory=dict)
 
     def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
@@ -155,17 +153,10 @@ def make_mesh(
     }
     return Mesh(
         folder=folder,
-        users=PortUsers([port for one in endpoints.values() for port in tcp_ports(one)]),
         orchestrator=endpoints.pop(ORCHESTRATOR),
         caller=endpoints.pop(CALLER),
         participants=endpoints,
     )
-
-
-def tcp_ports(endpoint: Endpoint) -> list[int]:
-    """Return the ports that an endpoint listens on, where it does so over TCP."""
-    addresses = [address for address in endpoint.listen if address.startswith("tls/")]
-    return [int(address.rpartition(":")[2]) for address in addresses]
 
 
 def _unix(folder: Path, index: int) -> str:

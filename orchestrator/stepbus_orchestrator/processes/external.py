@@ -214,7 +214,7 @@ class External(Process):
         """Return its end in words."""
         return "has left the bus: it has ended or was killed; stepbus cannot see its exit code"
 
-    def last_error(self) -> str:
+    def last_output(self) -> str:
         """Return nothing: it prints where it was started."""
         return ""
 

@@ -11,7 +11,7 @@ from stepbus_orchestrator.errors import (
     StopTimeout,
 )
 from stepbus_orchestrator.processes.child import TERM_GRACE_S
-from stepbus_orchestrator.processes.endpoints import Mesh, gone, tcp_ports
+from stepbus_orchestrator.processes.endpoints import Mesh, gone
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
@@ -27,7 +27,6 @@ from .run import LONGEST_TICK_S, SHORT_TICK_S, Run
 
 _LEAVING_S = 3.0
 _CHECK_S = 0.05
-_USE_UNIX = "use `--transport unix`, whose sockets other users cannot reach"
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
 _LEAVE_S = 1.0
@@ -88,7 +87,7 @@ def _start_up(run: Run) -> None:
     """Start every participant, wait until all are ready, and publish the `Start`.
 
     Raises BusFailed, and blames no participant, where another process removed what the start
-    needs, or uses the TCP ports of the run.
+    needs.
     """
     try:
         _start(run)
@@ -112,10 +111,7 @@ def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
         up = {name for name, one in participants.items() if one.phase > Phase.SPAWNED}
         lost = mesh.lost(blamed, up - ended)
         if lost is None:
-            users = mesh.users.seen(
-                [port for n in ended for port in tcp_ports(mesh.participants[n])]
-            )
-            return users and f"{users}, which blocks new connections; {_USE_UNIX}"
+            return ""
         if run.clock.monotonic() > end_s:
             return gone(lost)
         run.clock.sleep(_CHECK_S)
@@ -124,19 +120,10 @@ def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
 def _start(run: Run) -> None:
     state = run.state
     run.strategy.launch(run)
-    mesh = run.strategy.mesh
     while not state.is_ready:
         for extension in run.extensions:
             extension.awaiting(state.participants.values())
-        if mesh is not None:
-            mesh.users.look()
         run.turn(lambda elapsed_s: check_start(state, elapsed_s))
-    # A relay could cut a link at any step, though it cannot read what is encrypted. It had the port
-    # before its owner, and has a connection at it for as long as it passes on what comes.
-    if mesh is not None and (users := mesh.users.look()):
-        raise BusFailed(
-            f"before the first step: {users}, and may intercept a connection; {_USE_UNIX}"
-        )
     ready = {name: one.ready for name, one in state.participants.items() if one.ready is not None}
     run.descriptions = {
         **run.descriptions,
@@ -148,7 +135,7 @@ def _start(run: Run) -> None:
     run.recorder.open_channels(run.descriptions, versions)
     batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
     slots = run.strategy.slots.agree(ready)
-    if mesh is not None:
+    if run.strategy.mesh is not None:
         state.check_bulk(slots)
     message = encode(Start(token=run.session.token, inputs=inputs, batches=batches, slots=slots))
     state.check_size("the descriptions of all inputs", message)

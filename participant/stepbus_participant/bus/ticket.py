@@ -45,11 +45,10 @@ class MessageFault(msgspec.Struct, frozen=True, kw_only=True):
 class ProfileOrder(msgspec.Struct, frozen=True, kw_only=True):
     """What to measure of each step (`stepbus run --profile`).
 
-    folder: of the profiles. sampled: names of participants whose stack is sampled too.
+    folder: of the profiles.
     """
 
     folder: str
-    sampled: list[str] = []
 
 
 class CheckpointOrder(msgspec.Struct, frozen=True, kw_only=True):

@@ -153,7 +153,7 @@ class Session:
         )
         profiled: contextlib.AbstractContextManager[Any] = contextlib.nullcontext()
         if self._profiler is not None:
-            profiled = self._profiler.writing(loop, sys._getframe())
+            profiled = self._profiler.writing(loop)
         try:
             with profiled:
                 loop.run()

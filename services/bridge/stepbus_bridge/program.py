@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Protocol
 
-from stepbus_participant import HOST, OutputError, environment, last_error
+from stepbus_participant import HOST, OutputError, environment, last_lines
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
@@ -162,8 +162,8 @@ class Program:
         """Return the error of a program that writes no more."""
         ended = self.how_it_ended()
         host = HOST.get()
-        error = last_error(_OWN_LOG if host is None or host.log is None else host.log)
-        tail = f'; its last error: "{error}"' if error else ""
+        output = last_lines(_OWN_LOG if host is None or host.log is None else host.log)
+        tail = f'; its last output: "{output}"' if output else ""
         return self.wrong(f"{ended}{half}{tail}")
 
     def has_ended(self, *, wait: bool = False) -> bool:

@@ -51,28 +51,6 @@ for _ in range(4):
     threading.Thread(target=babble).start()
 """
 )
-RELAY = (
-    AWAIT
-    + """
-with socket.create_server(("127.0.0.1", first + 2)) as server:
-    link, _ = server.accept()
-mark = socket.socket(socket.AF_UNIX)
-mark.bind(f"\\0stepbus-passed-{first}")
-while True:
-    try:
-        onward = socket.create_connection(("127.0.0.1", first + 2))
-        break
-    except OSError:
-        time.sleep(0.001)
-
-def pass_on(source, target):
-    while data := source.recv(65536):
-        target.sendall(data)
-
-for ends in ((link, onward), (onward, link)):
-    threading.Thread(target=pass_on, args=ends).start()
-"""
-)
 HELD = """
 name: held
 extends: two_link
@@ -90,12 +68,6 @@ WAITS = """
                     exec "$0" -m stepbus_participant {cls}', {python}]
 """
 """A participant that starts when somebody listens on a port."""
-PASSED = """
-  controller:
-    exec: [sh, -c, 'until grep -q "@stepbus-passed-{first}" /proc/net/unix; do sleep 0.05; done;
-                    exec "$0" -m stepbus_participant stepbus_controller:Controller', {python}]
-"""
-"""A controller that starts when somebody has taken a connection to its port, and freed that again."""
 
 
 def held_scenario(first, folder):
@@ -106,13 +78,6 @@ def held_scenario(first, folder):
     ]
     path = folder / "held.yaml"
     path.write_text(HELD + "".join(rows))
-    return path
-
-
-def passed_scenario(first, folder):
-    """Write a scenario whose controller starts when its port is free again."""
-    path = folder / "passed.yaml"
-    path.write_text(HELD + PASSED.format(first=first, python=json.dumps(sys.executable)))
     return path
 
 
@@ -148,36 +113,23 @@ def run_under(attack, tmp_path, *words, scenario="two_link", is_other=True):
 
 
 @pytest.mark.parametrize(
-    ("is_other", "who"),
-    [
-        pytest.param(True, "user nobody", marks=needs_second_user),
-        pytest.param(False, "another process", marks=pytest.mark.slow),
-    ],
+    "is_other",
+    [pytest.param(True, marks=needs_second_user), pytest.param(False, marks=pytest.mark.slow)],
 )
-def test_a_port_that_somebody_takes_first_is_the_fault_of_no_participant(tmp_path, is_other, who):
+def test_a_port_that_somebody_takes_first_is_named(tmp_path, is_other):
     code, error, result = run_under(SQUAT, tmp_path, scenario=held_scenario, is_other=is_other)
-    assert (code, result["participant"]) == (7, None)
-    assert f"{who} uses TCP port " in error
-    assert ".rs:" not in error
+    assert (code, result["steps"]) == (3, 0)
+    assert re.search(r"127\.0\.0\.1:\d+: Address already in use", error)
 
 
 @pytest.mark.slow
 @needs_second_user
-def test_nonsense_from_the_start_is_the_fault_of_no_participant(tmp_path):
+def test_nonsense_from_the_start_ends_the_start_at_worst(tmp_path):
     # Four threads that send nonsense take whatever time there is.
     patient = [f"{name}.{what}_timeout=60s" for name in PARTICIPANTS for what in ("step", "stop")]
     words = [word for item in ("duration=100ms", *patient) for word in ("--set", item)]
-    code, error, result = run_under(BABBLE, tmp_path, *words)
-    assert result["participant"] is None
-    assert code == 0 or (code == 7 and "user nobody connects to the TCP ports of the run" in error)
-
-
-@pytest.mark.slow
-@needs_second_user
-def test_no_run_starts_over_links_that_lead_through_somebody_else(tmp_path):
-    code, error, result = run_under(RELAY, tmp_path, scenario=passed_scenario)
-    assert (code, result["steps"], result["participant"]) == (7, 0, None)
-    assert re.search(r"user nobody uses TCP port \d+ of the run, and may intercept a c", error)
+    code, _, result = run_under(BABBLE, tmp_path, *words)
+    assert (code, result["steps"] > 0) in {(0, True), (3, False)}
 
 
 def family_of(process):

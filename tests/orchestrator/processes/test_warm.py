@@ -123,7 +123,8 @@ def test_a_folder_whose_name_is_no_text_is_one_to_start_in(tmp_path, forked):
         )  # fmt: skip
         assert began.wait(20.0)
         began.end()
-    assert (forked, began.last_error()) == ([], "ModuleNotFoundError: No module named 'none'")
+    assert forked == []
+    assert began.last_output().endswith("ModuleNotFoundError: No module named 'none'")
 
 
 def test_a_process_without_a_program_of_its_own_is_known_to_be_left_behind(

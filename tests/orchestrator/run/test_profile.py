@@ -1,12 +1,10 @@
 """`stepbus run --profile`: where the time of a step goes, without a change of the recording."""
 
 import csv
-import json
 from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.run.extensions.profile import Profile
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options
@@ -24,9 +22,7 @@ def runs(tmp_path_factory):
     folder = tmp_path_factory.mktemp("profile")
     scenario = load("two_link", [f"duration={STEPS * 5}ms"])
     plain = run_scenario(scenario, Options(out=folder / "plain", host=InProcess()))
-    options = Options(
-        out=folder / "profiled", host=InProcess(), extensions=[Profile(["controller"])]
-    )
+    options = Options(out=folder / "profiled", host=InProcess(), extensions=[Profile()])
     return plain, run_scenario(scenario, options)
 
 
@@ -60,30 +56,9 @@ def test_the_summary_has_each_participant_and_who_limits_the_run(runs):
     assert any(line.startswith("limit ") for line in lines)
 
 
-def test_samples_are_a_file_of_speedscope(runs):
-    folder = runs[1].recording.parent / "profile"
-    found = json.loads((folder / "controller.speedscope.json").read_text())
-    (profile,) = found["profiles"]
-    assert profile["type"] == "sampled"
-    assert len(profile["samples"]) == len(profile["weights"])
-    frames = len(found["shared"]["frames"])
-    assert all(0 <= index < frames for stack in profile["samples"] for index in stack)
-    assert not (folder / "plant.speedscope.json").exists()
-
-
-def test_a_participant_to_sample_must_exist(capsys):
-    assert main(["run", "two_link", "--profile", "--speedscope", "contoller"]) == 2
-    assert "no participant 'contoller' to sample; did you mean" in capsys.readouterr().err
-
-
-def test_samples_need_a_profile(capsys):
-    assert main(["run", "two_link", "--speedscope", "controller"]) == 2
-    assert "--speedscope needs --profile" in capsys.readouterr().err
-
-
 def test_a_folder_named_from_here_is_here_though_the_run_works_elsewhere(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     scenario = load("two_link", ["duration=100ms", "checkpoint=50ms"])
-    options = Options(out=Path("here"), host=InProcess(), extensions=[Profile([])])
+    options = Options(out=Path("here"), host=InProcess(), extensions=[Profile()])
     run_scenario(scenario, options)
     assert {"profile", "checkpoints", "run.mcap"} <= {path.name for path in Path("here").iterdir()}

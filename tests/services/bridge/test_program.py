@@ -83,7 +83,7 @@ WRONG = {
     "port": r"gave an invalid answer: .*unknown field 'komand'.*its outputs are command",
     "twice": r"wrote .* after its answer",
     "oversize": r"wrote a message of \d+ bytes; the limit is 16777216",
-    "raise": r"exited with code 3; its last error|exited with code 3$",
+    "raise": r"exited with code 3; its last output|exited with code 3$",
     "kill": r"was killed by SIGKILL",
     "close": r"closed descriptor 4 but is still running",
     "half": r"wrote an incomplete message: \d+ (of \d+ bytes|bytes without an end of line)",

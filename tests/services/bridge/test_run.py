@@ -43,7 +43,7 @@ def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log
 @pytest.mark.parametrize(
     ("form", "kind", "code", "sentence"),
     [
-        ("json", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): python\S* .*\(pid \d+\) exited with code 3; its last error: \"error: the knee is jammed\""),
+        ("json", "raise", ExitCode.FAULT, r"step 7 \(t = 0\.035 s\): controller \(pid \d+\): python\S* .*\(pid \d+\) exited with code 3; its last output: \".*error: the knee is jammed"),
         ("msgpack", "child", ExitCode.STEP_TIMEOUT, r"step 7 .*: controller \(pid \d+\) has been waiting for `python bridged\.py msgpack child 7` for \d+\.\d s; .*and flush the answer\?"),
         ("json", "long", ExitCode.FAULT, r"step 7.*exceed the bus's limit"),
     ],
@@ -57,7 +57,9 @@ def test_what_the_program_does_wrong_is_blamed_with_its_step(tmp_path, form, kin
 def test_a_program_that_ends_before_it_is_ready_is_blamed(tmp_path):
     result = run_bridged(tmp_path, "json", "raise", -1)
     assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
-    assert re.search(r"before the first step: .* exited with code 3; its last error", result.reason)
+    assert re.search(
+        r"before the first step: .* exited with code 3; its last output", result.reason
+    )
 
 
 def test_the_program_can_ask_for_the_end(tmp_path):

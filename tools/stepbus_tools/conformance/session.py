@@ -225,7 +225,7 @@ class Session:
             raise Failed(f"it reported a fault at step {fault.step}: {fault.message}")
         how = f" within {timeout_s:g} s{self._last_wait()}"
         if self.exit_code() is not None:
-            how = f": it {self.how_it_ended()}{self.last_error()}"
+            how = f": it {self.how_it_ended()}{self.last_output()}"
         # What else is wrong may be the cause.
         problem = next((f"; {text} ({c})" for c, text in transcript.problems.items()), "")
         raise Failed(f"{what} did not arrive{how}{problem}")
@@ -233,7 +233,7 @@ class Session:
     def _last_wait(self) -> str:
         waiting = self.transcript.logs[-1].waiting if self.transcript.logs else None
         if waiting is None:
-            return self.last_error()
+            return self.last_output()
         who = ", ".join(waiting.sources) or "the trigger"
         return f"; it reports that it is waiting for {who} at step {waiting.step}"
 
@@ -247,10 +247,10 @@ class Session:
         """Return its end in words."""
         return "" if self._child is None else self._child.how_it_ended()
 
-    def last_error(self) -> str:
-        """Return its last error, as the end of a sentence."""
-        error = "" if self._child is None else self._child.last_error()
-        return f"; its last error: {error}" if error else ""
+    def last_output(self) -> str:
+        """Return its last lines, as the end of a sentence."""
+        output = "" if self._child is None else self._child.last_output()
+        return f"; its last output: {output}" if output else ""
 
     def await_end(self, what: str, timeout_s: float, tick: Callable[[], None] | None = None) -> int:
         """Return the exit code once the program has ended; what: after which event."""

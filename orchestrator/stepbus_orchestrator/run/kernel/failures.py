@@ -155,7 +155,7 @@ def death(state: RunState, participant: ParticipantState) -> RunFailure:
     """Return the failure of a participant whose process has ended (P10.4)."""
     reached("a process has ended before the run")
     process = participant.process
-    problem, output = process.log_problem(), process.last_error()
+    problem, output = process.log_problem(), process.last_output()
     words = f'; its last output: "{output}"' if output else ""
     if problem:
         words = f"; its log cannot be written ({problem}), so the reason may be missing there"

@@ -162,7 +162,7 @@ STOPS = "import os; os.kill(os.getpid(), 19)"
         ),
         (
             "[python, -c, 'input()']",
-            r'code 1; its last output: "EOFError: EOF when reading a line"',
+            r'code 1; its last output: ".*EOFError: EOF when reading a line"',
         ),
     ],
     ids=["stopped", "stopped shell", "stopped child", "busy", "asleep", "reads stdin"],

@@ -188,7 +188,7 @@ def _stops(harness: Harness, at_step: int, when: str) -> str:
     if faults:
         raise Failed(f"a Stop {when} made it report a fault: {faults[0].message}")
     if code != 0:
-        raise Failed(f"it {harness.how_it_ended()} after the Stop {when}{harness.last_error()}")
+        raise Failed(f"it {harness.how_it_ended()} after the Stop {when}{harness.last_output()}")
     return "exit code 0"
 
 
