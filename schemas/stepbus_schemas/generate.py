@@ -42,9 +42,9 @@ Published = dict[str, dict[str, dict[str, str]]]
 _GROUPS = ("exact", "accepted", "refused")
 
 
-def published_vectors(number: int = PROTOCOL_VERSION) -> Published:
-    """Return every vector that was published under a protocol number; nothing for a new one."""
-    path = CHECKOUT / f"schemas/published/{number}.json"
+def published_vectors() -> Published:
+    """Return every vector that was published under the protocol number; nothing for a new one."""
+    path = CHECKOUT / PUBLISHED_FILE
     return json.loads(path.read_bytes()) if path.is_file() else {}
 
 

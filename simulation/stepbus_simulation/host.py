@@ -26,7 +26,7 @@ from stepbus_participant import (
     import_participant,
     main,
 )
-from stepbus_schemas import SERVED
+from stepbus_schemas import SPOKEN
 
 from .disk import SimulatedDisk
 from .network import Network, Node
@@ -167,7 +167,7 @@ class _Launch(Strategy):
                 token=self._opening.token,
                 endpoint=Endpoint(listen=[], connect=["the simulation"]),
                 join_timeout_s=spec.deadlines.join_s,
-                protocols=SERVED,
+                protocols=SPOKEN,
                 **options,
             )
             factory = import_participant(spec.participant, folder)

@@ -47,8 +47,8 @@ def test_all_is_complete(name: str) -> None:
 
 def test_the_contract_offers_exactly_this() -> None:
     assert " ".join(sorted(exported("stepbus_schemas"), key=_order)) == (
-        "BEFORE_RANGES BRIDGE_FORMATS BRIDGE_VERSION CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION RENAMED_FIELDS "
-        "SERVED SHIPPED SPOKEN UNDECODABLE BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord "
+        "BRIDGE_FORMATS BRIDGE_VERSION CHAIN_EVERY ENVELOPE_TYPES HANDSHAKE_STEP MESSAGE_TYPES PROTOCOL_VERSION "
+        "SHIPPED SPOKEN UNDECODABLE BaseCommand BaseState Batch BridgeFormat BytesMessage Call CallDescription CallRecord "
         "CallReply CallRequest Called CameraTrigger Chain Contacts ControllerStatus Declaration Decoder Description Detections "
         "EmergencyStop Envelope Event Fault Goal GoalState GoalStatus GoalType GripperCommand GripperState Hello Image Imu "
         "InputConfig JointCommand JointMode JointReference JointState LaserScan Log Message MessageError "
@@ -56,8 +56,8 @@ def test_the_contract_offers_exactly_this() -> None:
         "RunError Scalars SensedJoints Shape Spiral Start StepbusError Stop TextMessage Transforms Trigger Types "
         "Waiting Welcome WiringError Wrench class_declaration declaration_of declare differences due_step encode "
         "encode_in_parts encoding_of error_text explained field_docstrings fields_of json_schema listed meta nearest normal not_null offered parse_shapes "
-        "parts_of raw_fields raw_problem reached reached_marks renamed_fields row_of served suggest text_of type_name type_problems types_page types_vectors "
-        "unit_problem valid_unicode viewing with_earlier_names with_present_names wrong_word"
+        "parts_of raw_fields raw_problem reached reached_marks row_of suggest text_of type_name type_problems types_page types_vectors "
+        "unit_problem valid_unicode viewing wrong_word"
     )
 
 

@@ -16,8 +16,7 @@ from stepbus_orchestrator.analysis.tolerance import (
     short,
 )
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.recording import recorded_decoder
-from stepbus_schemas import SHIPPED, MessageError, Types, WiringError
+from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError
 
 DivergenceType = Literal["value", "encoding", "missing", "added"]
 
@@ -251,6 +250,6 @@ def fields_of(type_name: str, types: Types = SHIPPED) -> tuple[str, ...]:
 def _decoder(type_name: str, types: Types) -> Callable[[bytes], Any]:
     """Return the decoder of a message type, or one of any MessagePack for an unknown type."""
     try:
-        return recorded_decoder(types[type_name])
+        return Decoder(types[type_name])
     except WiringError:
         return msgspec.msgpack.Decoder().decode

@@ -18,7 +18,7 @@ from stepbus_orchestrator.processes.external import External, JoinTicket, Shared
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket, environment
-from stepbus_schemas import SERVED
+from stepbus_schemas import SPOKEN
 
 _END_S = 10.0
 """How long the reaper may take to remove the private folder; it may have been stopped [s]."""
@@ -196,7 +196,7 @@ class Launcher:
             token=self._token,
             endpoint=endpoint,
             join_timeout_s=spec.deadlines.join_s,
-            **{"protocols": SERVED, **fields},
+            **{"protocols": SPOKEN, **fields},
         )
 
     def end_all(self) -> list[LeftBehind]:

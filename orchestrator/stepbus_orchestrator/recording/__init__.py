@@ -5,7 +5,6 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
-from stepbus_orchestrator.recording.layout import recorded_decoder, upgraded
 from stepbus_orchestrator.recording.mcap_file import McapFile
 from stepbus_orchestrator.recording.recorder import Recorder
 from stepbus_orchestrator.recording.sink import Descriptions, Sink
@@ -35,9 +34,7 @@ __all__ = [
     "Tail",
     "TimingRecorder",
     "raw_map",
-    "recorded_decoder",
     "recover",
-    "upgraded",
 ]
 
 

@@ -1,20 +1,11 @@
 """The layout of a recording (P13): every topic, attachment and metadata name, spelled only here."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
 
-from stepbus_schemas import (
-    CHAIN_EVERY,
-    Decoder,
-    Envelope,
-    Message,
-    renamed_fields,
-    type_name,
-    with_present_names,
-)
+from stepbus_schemas import CHAIN_EVERY
 
 RUN_FILE = "run.mcap"
 TIMING_FILE = "timing.mcap"
@@ -141,18 +132,3 @@ def incomplete(step: int) -> str:
 def has_chain(step: int) -> bool:
     """Return whether the hash chains are recorded after this step (P13.3)."""
     return (step + 1) % CHAIN_EVERY == 0
-
-
-T = TypeVar("T", bound=Message | Envelope)
-
-
-def upgraded(type_name: str) -> Callable[[bytes], bytes]:
-    """Return what gives a recorded message of a type in the names of today."""
-    renamed = renamed_fields(type_name)
-    return (lambda data: with_present_names(data, renamed)) if renamed else (lambda data: data)
-
-
-def recorded_decoder(cls: type[T]) -> Callable[[bytes], T]:
-    """Return the decoder of a type for messages of recordings; it raises as `Decoder`."""
-    decode, upgrade = Decoder(cls), upgraded(type_name(cls))
-    return lambda data: decode(upgrade(data))

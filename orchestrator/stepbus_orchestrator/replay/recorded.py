@@ -7,7 +7,7 @@ import msgspec
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording, upgraded
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import (
     BRANCH_METADATA,
     CHAIN_TOPIC,
@@ -22,15 +22,11 @@ Ports = dict[str, bytes]
 
 
 class Track:
-    """The recorded messages of one port, taken in the order of their steps; none of no port.
-
-    Those of an earlier protocol number are in the names of today.
-    """
+    """The recorded messages of one port, taken in the order of their steps; none of no port."""
 
     def __init__(self, recording: Recording, topic: str) -> None:
         port = recording.ports.get(topic)
         self._entries = iter(()) if port is None else port.entries()
-        self._upgraded = upgraded("" if port is None else port.type)
         self._next = next(self._entries, None)
 
     def take(self, step: int) -> bytes | None:
@@ -38,7 +34,7 @@ class Track:
         while self._next is not None and self._next.step <= step:
             entry, self._next = self._next, next(self._entries, None)
             if entry.step == step:
-                return self._upgraded(entry.data)
+                return entry.data
         return None
 
 

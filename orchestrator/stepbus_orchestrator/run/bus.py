@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.watchdog import Watchdog
-from stepbus_orchestrator.run.earlier import EarlierNumbers
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, Sample, ZenohBus
@@ -93,7 +92,6 @@ class Announcer:
 
     def __init__(self, bus: Bus, token: str, limit_s: float) -> None:
         self.on_block: Callable[[], None] = lambda: None
-        self.earlier = EarlierNumbers()
         self._bus = bus
         self._token = token
         self._watchdog = Watchdog(limit_s, self._blocked, bus.clock, bus.every)
@@ -113,11 +111,8 @@ class Announcer:
         """
         put = self._bus.publisher(key, encoding_of(type_name), remote=remote)
         start, end = self._watchdog.start, self._watchdog.end
-        earlier, translate = self.earlier, self.earlier.outgoing(type_name)
 
         def watched_put(data: bytes, **options: bytes) -> None:
-            if translate is not None and earlier.are_here:
-                data = translate(data)
             start()
             try:
                 put(data, **options)
@@ -128,7 +123,6 @@ class Announcer:
 
     def reply(self, request: Request, message: Welcome | Refusal | CallReply) -> None:
         """Answer a query with an envelope."""
-        self.earlier.admitted(message)
         with self._watchdog.watching():
             request.reply(encode(message), encoding_of(f"{type(message).__name__}/1"))
 
@@ -218,8 +212,7 @@ def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop")
         inbox.into(lambda it: messages.take_join(it.payload, partial(announcer.reply, it))),
     )
     subscribe_named(session, "ready/*", messages.take_ready)
-    take_fault = announcer.earlier.incoming("Fault/1", messages.take_fault)
-    subscribe_named(session, "fault/*", take_fault)
+    subscribe_named(session, "fault/*", messages.take_fault)
     for spec in session.scenario.participants:
         # One key each: to ask every sample for its key takes longer than to decode it.
         take_log = partial(messages.take_log, spec.name)

@@ -2,14 +2,14 @@
 
 import dataclasses
 import os
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
 from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_orchestrator.scenario.template import instantiate, merged
 from stepbus_participant import suggest
-from stepbus_participant.parameters import YamlFile, read_yaml, show
+from stepbus_participant.parameters import Keys, YamlFile, read_yaml, show
 
 _KEY = "extends"
 _EXPECTED = "a scenario needs at least name, step and participants"
@@ -19,11 +19,10 @@ def read_extended(path: Path) -> YamlFile:
     """Read a scenario file, and below it those it extends.
 
     Maps are merged, everything else is replaced; a key set to null removes what it would inherit.
-    Names of files are rewritten where the other scenario is in another folder. Participants that
-    are made from a template have all their keys.
+    Names of files are rewritten where the other scenario is in another folder.
     Raises SettingsError when a file cannot be read or extends itself.
     """
-    return instantiate(_read(path, path.name, ()))
+    return _read(path, path.name, ())
 
 
 def read_data(path: Path) -> dict[str, Any]:
@@ -72,24 +71,23 @@ def _mistake(name: object, base: Path | None, path: Path, chain: tuple[Path, ...
 def moved(document: YamlFile, old: Path, new: Path) -> YamlFile:
     """Return a scenario of one folder with its files named from another one.
 
-    These are in `participant`, `exec`, `params`, `with`, `files` and `types`. A file that ships
-    with stepbus becomes `package://stepbus_scenarios/…`.
+    These are in `participant`, `exec`, `params`, `files` and `types`. A file that ships with
+    stepbus becomes `package://stepbus_scenarios/…`.
     """
     if old.resolve() == new.resolve():
         return document
     data = dict(document.data)
     if "types" in data:
         data["types"] = _renamed(data["types"], old, new)
-    for section in ("participants", "templates"):
-        if isinstance(rows := data.get(section), dict):
-            data[section] = {name: _row(row, old, new) for name, row in rows.items()}
+    if isinstance(rows := data.get("participants"), dict):
+        data["participants"] = {name: _row(row, old, new) for name, row in rows.items()}
     return dataclasses.replace(document, data=data)
 
 
 def _row(row: Any, old: Path, new: Path) -> Any:
     if not isinstance(row, dict):
         return row
-    named = {key: _renamed(row[key], old, new) for key in ("exec", "params", "with") if key in row}
+    named = {key: _renamed(row[key], old, new) for key in ("exec", "params") if key in row}
     source, colon, name = str(row.get("participant") or "").rpartition(":")
     if source.endswith(".py"):
         named["participant"] = f"{os.path.relpath(old / source, new)}{colon}{name}"
@@ -116,3 +114,28 @@ def _renamed(value: Any, old: Path, new: Path) -> Any:
     name = package_url(path) or os.path.relpath(path, new)
     # A program is looked for on PATH where its name has no folder.
     return name if "/" in name else f"./{name}"
+
+
+def merged(base: dict[str, Any], top: dict[str, Any], at: Keys = ()) -> dict[str, Any]:
+    """Return `base` with `top` over it: maps merged, the rest replaced, null removes.
+
+    at: where both stand in a scenario; a participant is the class or the program of `top`.
+    """
+    is_row = len(at) == 2 and at[0] == "participants"
+    result = without_replaced(base, top) if is_row else dict(base)
+    for key, value in top.items():
+        below = base.get(key)
+        if value is None:
+            result.pop(key, None)
+        elif isinstance(value, dict):
+            result[key] = merged(below if isinstance(below, dict) else {}, value, (*at, key))
+        else:
+            result[key] = value
+    return result
+
+
+def without_replaced(row: Mapping[str, Any], top: Mapping[str, Any]) -> dict[str, Any]:
+    """Return a participant without its class or program, where `top` has the other."""
+    has_class, has_program = (top.get(key) is not None for key in ("participant", "exec"))
+    left_out = (*("exec", "bridge") * has_class, *("participant",) * has_program)
+    return {key: value for key, value in row.items() if key not in left_out}

@@ -8,13 +8,11 @@ from typing import Any
 from stepbus_orchestrator.errors import ScenarioError
 from stepbus_orchestrator.scenario.build import build
 from stepbus_orchestrator.scenario.check import check
-from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.faults import add_faults
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_orchestrator.scenario.override import override
 from stepbus_orchestrator.scenario.scenario_files import find_files
-from stepbus_orchestrator.scenario.template import instantiate
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
 
@@ -42,7 +40,7 @@ def load(
     try:
         if isinstance(scenario, Mapping):
             path = (folder or Path.cwd()).absolute() / "scenario"
-            document = instantiate(YamlFile(file="scenario", data=dict(scenario), places={}))
+            document = YamlFile(file="scenario", data=dict(scenario), places={})
         else:
             path = locate(scenario)
             document = read_extended(path)
@@ -50,7 +48,7 @@ def load(
         if faults:
             document = add_faults(document, faults)
         problems = document.problems()
-        checked = build(upgraded(document.data), path, problems)
+        checked = build(document.data, path, problems)
         check(checked, problems)
         files = find_files(checked)
         for keys, message in files.problems:

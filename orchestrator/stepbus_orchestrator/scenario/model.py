@@ -80,10 +80,6 @@ class Deadlines:
 class ParticipantRow(Settings, dict=True):
     """A participant."""
 
-    template: str | None = None
-    """Template in `templates` that it is made from."""
-    with_: dict[str, Any] = {}
-    """Parameter of the template → its value."""
     participant: str = ""
     """Its Python class: `my_controller.py:Controller` in a file next to the scenario,
     `my_arm.controller:Controller` in a module. For other programs, `exec`
@@ -269,9 +265,6 @@ class ScenarioFile(Settings):
     types: str | dict[str, Any] | tuple[str | dict[str, Any], ...] = {}
     """Your own message types: declared here, in YAML files, or as classes in installed Python
     modules; also a list of these ([message_types.md](../guide/writing/message_types.md))."""
-    templates: dict[Name, dict[str, Any]] = {}
-    """Name → keys of a participant, with parameters `${…}`
-    ([templates](#participants-from-a-template))."""
     extends: str | None = None
     """Scenario that this one extends: a file or folder, or one that ships
     ([extends](#one-scenario-on-top-of-another))."""

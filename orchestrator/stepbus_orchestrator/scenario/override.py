@@ -7,17 +7,15 @@ from os import PathLike
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
+from stepbus_orchestrator.scenario.extend import without_replaced
 from stepbus_orchestrator.scenario.model import ScenarioFile
-from stepbus_orchestrator.scenario.template import without_replaced
 from stepbus_participant import SettingsError, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import Message, WiringError, type_name
 
 Overrides = Mapping[str, Any] | Sequence[str]
 """Path → value, or texts such as `controller.params.kp=80`."""
-TOP_KEYS = tuple(
-    name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}
-)
+TOP_KEYS = tuple(name for name in ScenarioFile.__struct_encode_fields__ if name != "extends")
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from msgspec import structs
 
 from stepbus_orchestrator.plugins import points
-from stepbus_orchestrator.scenario.earlier import upgraded
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
 from stepbus_participant import (
     PARTICIPANTS,
@@ -35,13 +34,6 @@ NEEDS = {
     "stepbus_plant": ("pybullet or mujoco",),
 }
 """Package of a participant, or a module in it → what it imports at its start; any of several."""
-_PACKAGES = {
-    "java": "openjdk-17-jdk-headless",
-    "node": "nodejs",
-    "octave": "octave",
-    "octave-cli": "octave",
-}
-"""Program → the Debian package that has it, for languages of our examples."""
 
 PYTHON = (sys.executable, "-P")
 """Python that searches the installed packages only, not the working directory."""
@@ -91,7 +83,7 @@ def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
 def programs_in(data: Mapping[str, Any]) -> dict[str, ParticipantSpec]:
     """Return each participant of a file with the class or program only that its row has."""
     programs = {}
-    for name, value in upgraded(data)["participants"].items():
+    for name, value in data["participants"].items():
         row = value if isinstance(value, dict) else {}
         words = row.get("exec")
         programs[name] = ParticipantSpec(
@@ -134,8 +126,7 @@ def _find(program: str, folder: Path) -> str:
 def _remedy(program: str, folder: Path) -> str:
     """Return what to do about a program that is not there."""
     if "/" not in program:
-        package = _PACKAGES.get(program)
-        return f"install it, e.g. `apt-get install {package}`" if package else "is it installed?"
+        return "is it installed?"
     place = (folder / program).parent
     for above in (place, *place.parents[:3]):
         if is_file(above / "Makefile"):

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from stepbus_schemas import BEFORE_RANGES, UNDECODABLE, Protocols, WiringError, explained
+from stepbus_schemas import SPOKEN, UNDECODABLE, Protocols, WiringError, explained
 
 TICKET_VARIABLE = "STEPBUS_TICKET"
 _UNIX = "unixsock-stream/"
@@ -82,7 +82,7 @@ class Ticket(msgspec.Struct, frozen=True, kw_only=True):
     profile: ProfileOrder | None = None
     checkpoint: CheckpointOrder = NO_CHECKPOINTS
     slots: str = ""
-    protocols: Protocols = BEFORE_RANGES
+    protocols: Protocols = SPOKEN
 
     def save(self, path: Path) -> None:
         """Write the ticket as JSON, readable by its owner only."""

@@ -1,7 +1,6 @@
 """Recordings that each released layout has written are read, compared, exported, recovered, replayed.
 
-`released/layout_N.mcap` is two_link for 500 ms, recorded by a stepbus of that layout;
-`layout_1_protocol_1.mcap` is a run of protocol 1 with goals and a call.
+`released/layout_N.mcap` is two_link for 500 ms, recorded by a stepbus of that layout.
 """
 
 import json
@@ -9,18 +8,15 @@ import json
 import pytest
 from support.messages.recordings import rewrite
 from support.paths import CHECKOUT
-from support.tools import needs_pybullet
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import recover
 from stepbus_orchestrator.recording.layout import LIBRARIES, LIBRARY
 from stepbus_orchestrator.recording.reader import Recording
-from stepbus_orchestrator.run.extensions.calls import recorded_calls
 
 RELEASED = CHECKOUT / "tests/orchestrator/recording/released"
 LAYOUTS = {"stepbus": "layout_1", "stepbus 2": "layout_2", "stepbus 3": "layout_3"}
-EARLIER = RELEASED / "layout_1_protocol_1.mcap"
 HASH = "b91b1de8151b3c088dbcbe1e4812add0bd221a970db2b412d2185671b91d1ce0"
 PAGE = (CHECKOUT / "docs/compatibility.md").read_text(encoding="utf-8")
 
@@ -78,19 +74,6 @@ def test_each_is_recovered_when_it_was_cut_off(path, tmp_path):
 def test_each_is_replayed(path, capsys):
     assert main(["replay", str(path), "--participant", "controller"]) == 0
     assert "controller: equal to the recording over 100 steps" in capsys.readouterr().out
-
-
-@pytest.mark.slow
-@needs_pybullet
-def test_a_call_of_protocol_1_is_made_again_by_a_replay(capsys):
-    assert main(["replay", str(EARLIER), "--participant", "plant", "--trust"]) == 0
-    assert "plant: equal to the recording over 60 steps" in capsys.readouterr().out
-
-
-def test_goals_and_calls_of_protocol_1_have_the_present_names():
-    with Recording(EARLIER) as recording:
-        assert list(recording["guide/goal"]["type"]) == ["stop"] * 60
-        assert [call.method for call in recorded_calls(recording)] == ["set_joint_position"]
 
 
 def test_a_recording_of_a_later_layout_is_one_error(tmp_path, capsys):

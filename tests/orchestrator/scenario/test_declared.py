@@ -165,25 +165,6 @@ def test_the_nearer_one_of_class_and_program_counts(tmp_path):
     assert (spec.participant, spec.exec) == ("main.py:Own", ())
 
 
-@pytest.mark.parametrize(
-    ("module", "name"),
-    [
-        ("stepbus_plant", "stepbus_plant:Plant"),
-        ("stepbus_mission.goals", "stepbus_mission.goals:GoalSequence"),
-    ],
-)
-def test_what_earlier_scenarios_start_as_a_program_is_the_class_of_today(tmp_path, module, name):
-    text = scenario(
-        "{world: package://stepbus_scenarios/two_link/world.yaml}"
-        if "plant" in name
-        else "{goals: [{type: grip, width: 0.1, force: 3}]}"
-    )
-    spec = load_text(
-        tmp_path, text.replace("participant: main.py:Own", f"exec: [python, -m, {module}]")
-    ).participants[0]
-    assert (spec.participant, spec.exec) == (name, ())
-
-
 def test_the_users_code_does_not_run_in_the_orchestrator(tmp_path, capfd):
     write(
         tmp_path,

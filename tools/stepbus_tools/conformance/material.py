@@ -20,7 +20,7 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_l
 from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import (
-    SERVED,
+    SPOKEN,
     Description,
     Envelope,
     Protocols,
@@ -49,7 +49,7 @@ class Setup:
     has_slots: bool = False
     own_peers: bool = False
     join_timeout_s: float | None = None
-    protocols: Protocols = SERVED
+    protocols: Protocols = SPOKEN
 
     def scenario(self, scenario: Scenario, participant: str) -> Scenario:
         """Return the scenario with this configuration."""

@@ -6,10 +6,18 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
-from stepbus_orchestrator.recording import Port, Recording, layout, recorded_decoder
+from stepbus_orchestrator.recording import Port, Recording, layout
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.faults import read_fault
-from stepbus_schemas import CallRecord, Event, GoalStatus, MessageError, StepbusError, WiringError
+from stepbus_schemas import (
+    CallRecord,
+    Decoder,
+    Event,
+    GoalStatus,
+    MessageError,
+    StepbusError,
+    WiringError,
+)
 from stepbus_tools.viewing.scene.bodies import Latest, Messages
 
 _MOST = 400
@@ -75,7 +83,7 @@ def read_timeline(recording: Recording, result: Result | None) -> tuple[list[Tim
 def timed_messages(port: Port) -> Iterator[tuple[int, Any]]:
     """Yield time [ns] and message, up to the first that cannot be read."""
     is_call = port.type == layout.CALLS_TYPE
-    decode = recorded_decoder(CallRecord if is_call else port.message_class)
+    decode = Decoder(CallRecord if is_call else port.message_class)
     with contextlib.suppress(StepbusError):
         for entry in port.entries():
             yield entry.t_ns, decode(entry.data)

@@ -12,10 +12,9 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.recording import Tail, layout
-from stepbus_orchestrator.recording.layout import recorded_decoder
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.run.result import Result
-from stepbus_schemas import CallRecord, Event, StepbusError
+from stepbus_schemas import CallRecord, Decoder, Event, StepbusError
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import call_text, stop_of
@@ -40,7 +39,7 @@ _POINTS = 900
 """Of a curve: half a minute."""
 _MOST_MARKS = 400
 _RECENT = 40
-_decode_call = recorded_decoder(CallRecord)
+_decode_call = Decoder(CallRecord)
 _BYTES = 2 * 1024 * 1024
 """Of a port: a type of the user's own may be large."""
 

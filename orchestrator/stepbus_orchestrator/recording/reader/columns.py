@@ -11,9 +11,8 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.layout import recorded_decoder
 from stepbus_orchestrator.recording.reader.source import Row, Source
-from stepbus_schemas import Message, MessageError
+from stepbus_schemas import Decoder, Message, MessageError
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording.reader.port import Port
@@ -99,7 +98,7 @@ class Batch:
 
     def messages(self) -> Iterator[Message]:
         """Yield its messages; raises MessageError for one that is not of the port's type."""
-        return map(recorded_decoder(self._port.message_class), self._data)
+        return map(Decoder(self._port.message_class), self._data)
 
     def columns(self, fields: Sequence[str]) -> dict[str, Column]:
         """Return some fields of its messages."""
@@ -146,7 +145,7 @@ def columns(
     Messages that differ in their floats only are read at once. Raises MessageError for a message
     that is not of its type.
     """
-    decode = recorded_decoder(cls)
+    decode = Decoder(cls)
     first = decode(messages[0]) if messages else None
     cells = _cells(messages[0]) if messages else None
     table = None if cells is None else _table(messages, cells)

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.layout import recorded_decoder
 from stepbus_orchestrator.recording.reader.columns import (
     BATCH_BYTES,
     Column,
@@ -16,7 +15,7 @@ from stepbus_orchestrator.recording.reader.columns import (
 )
 from stepbus_orchestrator.recording.reader.descriptions import PortInfo
 from stepbus_participant import suggest
-from stepbus_schemas import Description, Message, Types, WiringError
+from stepbus_schemas import Decoder, Description, Message, Types, WiringError
 
 from .source import Entry, Source
 
@@ -100,7 +99,7 @@ class Port(PortInfo):
         entry = self._source.latest(self.channels, t_ns)
         if entry is None:
             return None
-        return entry.step, recorded_decoder(self.message_class)(entry.data)
+        return entry.step, Decoder(self.message_class)(entry.data)
 
     def messages(self) -> Iterator[tuple[int, Message]]:
         """Yield (step, message).
@@ -108,7 +107,7 @@ class Port(PortInfo):
         Raises WiringError when this version does not know its type, MessageError for a message
         that is not of it.
         """
-        decode = recorded_decoder(self.message_class)
+        decode = Decoder(self.message_class)
         return ((entry.step, decode(entry.data)) for entry in self.entries())
 
     def maps(self) -> Iterator[tuple[int, dict[str, Any]]]:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
-from stepbus_orchestrator.recording import layout, recorded_decoder
+from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.bus import subscribe_named
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.kernel.barrier import FAR
@@ -242,7 +242,7 @@ def recorded_calls(recording: "Recording", participant: str | None = None) -> li
 
     Raises MessageError for one that cannot be read.
     """
-    decode = recorded_decoder(CallRecord)
+    decode = Decoder(CallRecord)
     if layout.CALLS_TOPIC not in recording:
         return []
     calls = [decode(entry.data) for entry in recording[layout.CALLS_TOPIC].entries()]

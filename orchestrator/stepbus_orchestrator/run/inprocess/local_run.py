@@ -40,7 +40,7 @@ from stepbus_participant import (
     import_participant,
     main,
 )
-from stepbus_schemas import SERVED, Batch, WiringError
+from stepbus_schemas import SPOKEN, Batch, WiringError
 
 _BRIDGE = ("stepbus", "bridge")
 _BATCH = 0x82
@@ -249,7 +249,7 @@ class LocalRun(Strategy):
             token=self._opening.token,
             endpoint=Endpoint(listen=[], connect=["this process"]),
             join_timeout_s=spec.deadlines.join_s,
-            protocols=SERVED,
+            protocols=SPOKEN,
             **options,
         )
         number = min(1 + scenario.participants.index(spec), MOST - 1)

@@ -9,6 +9,7 @@ from stepbus_orchestrator.scenario.faults import MESSAGE_FAULTS, faults_of
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_schemas import (
     PROTOCOL_VERSION,
+    SPOKEN,
     Hello,
     InputConfig,
     OutputConfig,
@@ -18,7 +19,6 @@ from stepbus_schemas import (
     Welcome,
     WiringError,
     offered,
-    served,
 )
 
 from .participants import Participants
@@ -120,10 +120,10 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     if welcome is None:
         known = ", ".join(welcomes)
         return Refusal(reason=f"no participant {hello.name!r} in this run; it has {known}")
-    program, run = offered(hello), served(_types_of(welcome))
-    number = program.common(run)
+    program = offered(hello)
+    number = program.common(SPOKEN)
     if number is None:
-        return Refusal(reason=_no_common(hello.name, program, run, welcome))
+        return Refusal(reason=_no_common(hello.name, program))
     inputs = {port: item.type for port, item in welcome.inputs.items()}
     outputs = {port: item.type for port, item in welcome.outputs.items()}
     reasons = [
@@ -136,18 +136,11 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     return structs.replace(welcome, protocol=number)
 
 
-def _types_of(welcome: Welcome) -> list[str]:
-    sources = (item.type for item in welcome.inputs.values())
-    return [*sources, *(item.type for item in welcome.outputs.values())]
-
-
-def _no_common(name: str, program: Protocols, run: Protocols, welcome: Welcome) -> str:
+def _no_common(name: str, program: Protocols) -> str:
     """Return why no protocol number fits, and which side to update (P14.1)."""
-    update = "stepbus here" if program.lowest > run.highest else "the program's client library"
-    types = sorted({item for item in _types_of(welcome) if served([item]) != served([])})
-    ports = f" with a program that has ports of type {', '.join(types)}" if types else ""
+    update = "stepbus here" if program.lowest > SPOKEN.highest else "the program's client library"
     return (
-        f"{name} speaks {program}, and this run speaks {run}{ports}; update {update} "
+        f"{name} speaks {program}, and this run speaks {SPOKEN}; update {update} "
         "(docs/compatibility.md)"
     )
 

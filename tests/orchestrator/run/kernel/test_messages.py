@@ -17,7 +17,6 @@ from stepbus_orchestrator.errors import ParticipantFault, StartFailed
 from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.run.kernel.participants import Phase
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.scenario.model import OutputSpec
 from stepbus_schemas import Fault, Hello, Log, Outputs, Ready, Refusal, Waiting, Welcome, encode
 
 
@@ -140,7 +139,7 @@ def test_an_unauthenticated_hello_is_refused_and_counted(message, reason):
 @pytest.mark.parametrize(
     ("fields", "reason"),
     [
-        ({"protocol": 3}, "plant speaks protocol 3, and this run speaks protocols 1 to 2; update stepbus"),
+        ({"protocol": 3}, "plant speaks protocol 3, and this run speaks protocol 2; update stepbus"),
         ({"outputs": {"state": "JointState/9"}}, "output plant.state: the program has JointState/9"),
     ],
 )  # fmt: skip
@@ -154,30 +153,15 @@ def test_a_participant_that_cannot_join_ends_the_run(fields, reason):
 @pytest.mark.parametrize(
     ("fields", "number"),
     [
-        ({"protocol": 1}, 1),
         ({"protocol": 2}, 2),
         ({"protocol": 3, "lowest_protocol": 2}, 2),
         ({"protocol": 9, "lowest_protocol": 1}, 2),
-        ({"protocol": 1, "lowest_protocol": 0}, 1),
     ],
 )
 def test_a_welcome_names_the_highest_common_protocol(fields, number):
     run, replies = Run(participant("plant")), []
     run.handler.take_join(encode(hello("plant", **fields)), replies.append)
     assert replies[0].protocol == number
-
-
-def test_a_program_of_protocol_1_has_no_port_whose_type_was_renamed_since():
-    goal = {"goal": OutputSpec(type="Goal/1")}
-    mission = msgspec.structs.replace(participant("mission"), outputs=goal)
-    run, replies = Run(mission), []
-    reason = (
-        "mission speaks protocol 1, and this run speaks protocol 2 with a program that has ports of "
-        "type Goal/1; update the program's client library"
-    )
-    with pytest.raises(StartFailed, match=reason):
-        run.handler.take_join(encode(hello("mission", protocol=1)), replies.append)
-    assert isinstance(replies[0], Refusal)
 
 
 def test_a_fault_ends_the_run_and_blames_whom_it_names(run):

@@ -71,18 +71,6 @@ def test_a_base_in_another_folder_brings_its_files(tmp_path):
     assert list(scenario.files) == ["../common/gains.csv", "../common/main.py"]
 
 
-def test_the_values_of_a_template_in_another_folder_bring_their_files(tmp_path):
-    write(tmp_path, "", "common/gains.csv")
-    text = changed(
-        "    params: {law: pd, kp: 100}\n",
-        "    template: gains\n    with: {table: gains.csv}\n",
-    )
-    template = 'templates: {gains: {params: {table: "${table}"}}}\n'
-    write(tmp_path / "common", text + template)
-    scenario = load(write(tmp_path / "mine", "extends: ../common\nname: mine\n"))
-    assert scenario.participant("controller").params["table"] == "../common/gains.csv"
-
-
 def test_a_scenario_that_ships_is_a_base_by_its_name(tmp_path):
     scenario = load(write(tmp_path, "extends: two_link/pd\nname: mine\n"))
     shipped = "package://stepbus_scenarios/two_link"

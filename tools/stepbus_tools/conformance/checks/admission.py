@@ -7,7 +7,6 @@ from typing import Any
 from stepbus_orchestrator.processes.child import Child
 from stepbus_participant import TICKET_VARIABLE, environment
 from stepbus_schemas import (
-    SERVED,
     SPOKEN,
     Description,
     Hello,
@@ -76,7 +75,7 @@ def _spoken(hello: Hello) -> Protocols:
 
 @check("P14.1", "it accepts a ticket that names later protocol versions")
 def _later_protocols(kit: Kit) -> str:
-    later = Protocols(SERVED.lowest, _UNKNOWN)
+    later = Protocols(SPOKEN.lowest, _UNKNOWN)
     with kit.joined(Setup(protocols=later)) as harness:
         hello = harness.transcript.hello
         if hello is None:
