@@ -85,6 +85,7 @@ check: setup
 	@$(PYTHON) -m stepbus_schemas.generate --check
 	@$(PYTHON) -m stepbus_orchestrator.scenario --check
 	@$(PYTHON) scripts/check_changelog.py
+	@$(PYTHON) scripts/check_budget.py
 	@$(MAKE) --no-print-directory lint-workflows
 
 coverage: setup

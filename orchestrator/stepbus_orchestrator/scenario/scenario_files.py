@@ -1,11 +1,9 @@
 """Which files belong to a run, so that it can be repeated from its recording alone.
 
-They are those that the scenario names, all in the folder where they lie, and what participants
-declare in `files`. The folder is the scenario's own; of a file beside or above that, such as
-`../models/urdf/arm.urdf`, it is the one beside it, `../models`.
+They are those that the scenario names; with one of these in the scenario's folder, all that lies in
+it; and what participants declare in `files`.
 """
 
-import contextlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Sequence
@@ -15,12 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import is_installed, package_path, read_file
+from stepbus_participant import is_installed, read_file
 from stepbus_participant.parameters import Keys
-from stepbus_schemas import WiringError
 
 IGNORE_FILE = ".stepbusignore"
-"""In a folder: patterns of files and folders in it that are not recorded, a line each."""
+"""In the scenario's folder: patterns of files and folders that are not recorded, a line each."""
 _MOST_FILES, _MOST_BYTES = 500, 16 << 20
 """Of a folder with more, only what is named is recorded."""
 BUILT = ("__pycache__", "build", "node_modules", "runs", "site-packages", "sweeps", "target")
@@ -29,9 +26,6 @@ _IGNORED = (*BUILT, ".*", "*.ipynb", "*.log", "*.mcap", "*.md")
 _MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
 """A folder that has one of these is a virtual environment, a sweep or a run."""
 _SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
-_URL = re.compile(r"(?:package|model)://([\w.-]+/[^\s\"'<>,\]})]+)")
-_NAMING = (".sdf", ".srdf", ".urdf", ".xacro", ".xml", ".yaml", ".yml")
-"""Files in which `package://` names others, or `model://`, as it is called in SDF."""
 
 
 @dataclass
@@ -57,29 +51,18 @@ class Files:
         """Return a path relative to the scenario's folder."""
         return Path(os.path.relpath(path, self.folder)).as_posix()
 
-    def root(self, path: Path) -> Path:
-        """Return the folder that a file brings: the scenario's, or else the one beside it."""
-        parts = Path(self.name(path)).parts
-        above = parts.count("..")
-        return self.folder.joinpath(*parts[: above + (len(parts) > above + 1)] if above else ())
-
 
 def find_files(scenario: Scenario) -> Files:
     """Return the files of a scenario."""
     files = Files(folder=scenario.folder)
-    roots: list[Path] = []
+    is_used = False
     for keys, text, is_program in _texts(scenario):
         if path := _named(files, keys, text, is_program=is_program):
             files.take([path])
-            roots.append(files.root(path))
-        elif _is_module(text, files.folder):
-            roots.append(files.folder)
-    taken: set[Path] = set()
-    while new := set(roots) - taken:
-        for root in sorted(new):
-            _take_folder(files, root, warns=not any(spec.files for spec in scenario.participants))
-        taken |= new
-        roots = [files.root(path) for path in _package_files(files.paths.values())]
+            is_used |= path.is_relative_to(files.folder)
+        is_used |= _is_module(text, files.folder)
+    if is_used:
+        _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for spec in scenario.participants:
         _take_declared(files, spec)
     files.paths = dict(sorted(files.paths.items()))
@@ -96,8 +79,6 @@ def _texts(scenario: Scenario) -> Iterator[tuple[Keys, str, bool]]:
         yield (*row, "participant"), source if source.endswith(".py") else spec.participant, False
         for index, word in enumerate(spec.exec):
             yield (*row, "exec", index), word, True
-            if word.startswith("-") and "=" in word:
-                yield (*row, "exec", index), word.partition("=")[2], False
         yield from ((keys, text, False) for keys, text in _texts_in(spec.params, (*row, "params")))
 
 
@@ -118,20 +99,11 @@ def _is_module(text: str, folder: Path) -> bool:
 
 def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | None:
     """Return the file that a text names; None where it names none, or one that is not recorded."""
-    if text.startswith("package://"):
-        return _package_file(text, files.folder)
     # Not resolve(): what a link of the folder points to may lie outside, the link itself does not.
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and is_file(path.parent.parent / "pyvenv.cfg"):
-        if not Path(text).is_absolute():
-            files.left_out.append(
-                f"{text}: a virtual environment is not recorded; write its absolute path "
-                "so that a rerun on this machine finds it"
-            )
-        return None
-    if is_program and os.access(path, os.X_OK) and not path.is_relative_to(files.folder):
+    if is_program and os.access(path, os.X_OK) and _is_elsewhere(files, text, path):
         return None
     # In a copy, the folders above the scenario's have other names.
     if os.path.normpath(text) != files.name(path):
@@ -144,12 +116,10 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     return path
 
 
-def _package_files(paths: Iterable[Path]) -> Iterator[Path]:
-    """Yield the files of the user's packages that others name by `package://`."""
-    for path in (path for path in paths if path.suffix.lower() in _NAMING):
-        urls = dict.fromkeys(_URL.findall(_text(path)))
-        files = (_package_file(f"package://{url}", path.parent) for url in urls)
-        yield from (file for file in files if file is not None)
+def _is_elsewhere(files: Files, text: str, path: Path) -> bool:
+    """Return whether a program is not the scenario's, such as that of a virtual environment."""
+    is_hidden = any(part.startswith(".") for part in Path(files.name(path)).parts)
+    return Path(text).is_absolute() or is_hidden
 
 
 def _text(path: Path) -> str:
@@ -160,18 +130,12 @@ def _text(path: Path) -> str:
         return ""
 
 
-def _package_file(url: str, folder: Path) -> Path | None:
-    """Return the file of a package that is a folder of the user's, and not installed."""
-    with contextlib.suppress(WiringError):
-        package_path(url)
-        return None
-    with contextlib.suppress(WiringError):
-        return Path(os.path.normpath(package_path(url, folder)))
-    return None
+def _take_folder(files: Files, *, is_declared: bool) -> None:
+    """Take what is in the scenario's folder, but for what is ignored; nothing where it is much.
 
-
-def _take_folder(files: Files, root: Path, *, warns: bool) -> None:
-    """Take what is in a folder, but for what is ignored; nothing where that is too much."""
+    is_declared: the scenario says in `files` what its programs load.
+    """
+    root = files.folder
     ignored = (*_IGNORED, *_patterns(root / IGNORE_FILE))
     paths: list[Path] = []
     size = 0
@@ -185,7 +149,7 @@ def _take_folder(files: Files, root: Path, *, warns: bool) -> None:
         paths += [p for p in below if is_file(p) and os.access(p, os.R_OK) and not is_scenario(p)]
         size += sum(path.stat().st_size for path in paths if path.parent == where)
         if len(paths) > _MOST_FILES or size > _MOST_BYTES:
-            if warns:
+            if not is_declared:
                 files.left_out.append(
                     f"{root} has more than {_MOST_FILES} files or {_MOST_BYTES >> 20} "
                     "MiB to record; list what your programs load in `files` of a "
@@ -208,11 +172,7 @@ def _patterns(path: Path) -> list[str]:
 
 
 def _take_declared(files: Files, spec: ParticipantSpec) -> None:
-    """Take what a participant declares, and the folders in the scenario's that a command names."""
-    entries = (entry for word in spec.exec for entry in word.split(os.pathsep))
-    for folder in (files.folder / entry for entry in entries if entry):
-        if is_folder(folder) and folder != files.folder and folder.is_relative_to(files.folder):
-            files.take(_all_below(folder))
+    """Take what a participant declares: files, and all that is in folders."""
     for index, pattern in enumerate(spec.files):
         try:
             matches = sorted(files.folder.glob(pattern))
@@ -222,7 +182,7 @@ def _take_declared(files: Files, spec: ParticipantSpec) -> None:
         if not paths:
             keys: Keys = ("participants", spec.name, "files", index)
             files.problems.append((keys, f"no file matches {pattern!r} in {files.folder}"))
-        files.take(paths)
+        files.take(Path(os.path.normpath(path)) for path in paths)
 
 
 def _all_below(folder: Path) -> list[Path]:

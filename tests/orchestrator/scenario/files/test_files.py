@@ -55,7 +55,7 @@ def test_what_runs_have_left_and_other_scenarios_do_not_belong_to_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "exec_", ["[python, own.py]", "[python, -m, own]", "[sh, --file=own.py]", "[./own.py]"]
+    "exec_", ["[python, own.py]", "[python, -m, own]", "[./own.py]"]
 )
 def test_a_command_names_files_too(tmp_path, exec_):
     write(tmp_path, "", "own.py").chmod(0o755)
@@ -67,47 +67,11 @@ def test_programs_may_lie_elsewhere(tmp_path):
     assert names(tmp_path, changed("[python, -c, pass]", "[/bin/sh, -c, /bin/sh]")) == []
 
 
-def test_a_file_in_a_folder_beside_is_shared_by_scenarios(tmp_path):
+def test_a_file_in_another_folder_is_recorded_alone(tmp_path):
     for name in ("models/urdf/arm.urdf", "models/meshes/link.stl", "unused.csv"):
         write(tmp_path, "", name)
     text = with_params("world: ../models/urdf/arm.urdf")
-    shared = ["../models/meshes/link.stl", "../models/urdf/arm.urdf"]
-    assert names(tmp_path / "inner", text) == shared
-
-
-def test_a_file_in_the_folder_above_brings_that(tmp_path):
-    for name in ("world.yaml", "arm.urdf", "inner/own.py"):
-        write(tmp_path, "", name)
-    text = with_params("world: ../world.yaml")
-    assert names(tmp_path / "inner", text) == ["../arm.urdf", "../world.yaml", "own.py"]
-
-
-def test_a_package_that_is_a_folder_above_is_found_by_name(tmp_path):
-    write(tmp_path, "", "my_robot/urdf/arm.urdf")
-    write(tmp_path, "", "my_robot/m.stl")
-    text = with_params("model: package://my_robot/urdf/arm.urdf")
-    assert names(tmp_path / "scenarios/inner", text) == [
-        "../../my_robot/m.stl",
-        "../../my_robot/urdf/arm.urdf",
-    ]
-
-
-@pytest.mark.parametrize(
-    "mesh",
-    [
-        '<robot><mesh filename="package://my_gripper/m.stl"/></robot>',
-        "<sdf><uri> model://my_gripper/m.stl </uri></sdf>",
-    ],
-)
-def test_packages_that_files_name_are_found_too(tmp_path, mesh):
-    write(tmp_path, "urdf: package://my_robot/arm.urdf", "inner/world.yaml")
-    write(tmp_path, mesh, "my_robot/arm.urdf")
-    write(tmp_path, "", "my_gripper/m.stl")
-    assert names(tmp_path / "inner", with_params("world: world.yaml")) == [
-        "../my_gripper/m.stl",
-        "../my_robot/arm.urdf",
-        "world.yaml",
-    ]
+    assert names(tmp_path / "inner", text) == ["../models/urdf/arm.urdf"]
 
 
 def test_an_absolute_path_out_of_the_folder_is_to_be_written_relative(tmp_path):

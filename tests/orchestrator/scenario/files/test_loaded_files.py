@@ -80,16 +80,6 @@ def test_many_files_are_too_many(perl):
     assert names(perl, "[perl, c.pl]") == ["c.pl"]
 
 
-def test_a_class_path_of_java_is_recorded(tmp_path):
-    for name in ("build/own/Controller.class", "lib/a.jar", "lib/notes.txt", "x.jar", "other.jar"):
-        program(tmp_path, name)
-    program(tmp_path, "java", "", 0o755)
-    (tmp_path / "java").write_bytes(b"\x7fELF\0")
-    assert names(tmp_path, "[./java, -cp, 'build:lib/*:x.jar', own.Controller]") == [
-        "build/own/Controller.class", "java", "lib/a.jar", "lib/notes.txt", "other.jar", "x.jar",
-    ]  # fmt: skip
-
-
 def test_declared_files_and_folders_are_recorded(tmp_path):
     for name in ("build/a.so", "build/deep/b.so", "one.dat", "two.dat", "notes.txt"):
         program(tmp_path, name)
@@ -110,14 +100,17 @@ def test_a_pattern_that_matches_nothing_is_a_problem(tmp_path):
     assert "no file matches 'built/'" in problems_of(tmp_path, text)[0]
 
 
-def test_a_virtual_environment_is_named_and_not_recorded(tmp_path):
-    program(tmp_path, ".venv/pyvenv.cfg")
+def test_files_of_another_folder_are_recorded_where_they_are_declared(tmp_path):
+    for name in ("models/urdf/arm.urdf", "models/meshes/link.stl"):
+        program(tmp_path, name)
+    files = "files: ['../models']"
+    assert names(tmp_path / "inner", "[sh]", files) == [
+        "../models/meshes/link.stl", "../models/urdf/arm.urdf",
+    ]  # fmt: skip
+
+
+@pytest.mark.parametrize("exec_", ["[.venv/bin/python, c.py]", "[{folder}/.venv/bin/python, c.py]"])
+def test_the_interpreter_of_a_virtual_environment_is_not_recorded(tmp_path, exec_):
     program(tmp_path, ".venv/bin/python", "", 0o755)
     program(tmp_path, "c.py")
-    text = started("[.venv/bin/python, c.py]")
-    scenario = load_text(tmp_path, text)
-    assert list(scenario.files) == ["c.py"]
-    (sentence,) = scenario.left_out
-    assert sentence.startswith(".venv/bin/python: a virtual environment is not recorded; write its")
-    absolute = load_text(tmp_path, started(f"[{tmp_path}/.venv/bin/python, c.py]"))
-    assert (list(absolute.files), list(absolute.left_out)) == (["c.py"], [])
+    assert names(tmp_path, exec_.format(folder=tmp_path)) == ["c.py"]
