@@ -1,7 +1,6 @@
 """The decision records are complete, numbered without gaps and listed."""
 
 import re
-from datetime import date
 
 import pytest
 from support.paths import CHECKOUT
@@ -11,7 +10,6 @@ RECORDS = sorted(path for path in FOLDER.glob("*.md") if path.name != "index.md"
 SECTIONS = ["Context", "Decision", "Consequences", "Alternatives considered"]
 FILE_NAME = re.compile(r"(\d{4})-[a-z0-9]+(?:-[a-z0-9]+)*\.md")
 TITLE = re.compile(r"# (\d+)\. (\S.*)\n")
-STATUS = re.compile(r"\nStatus: (?:accepted|superseded by \[\d{4}\]\([^)]+\)), (\d{4}-\d\d-\d\d)\n")
 ENTRY = re.compile(r"^- \[(\d{4})\]\(([^)]+)\) (.+)$", re.MULTILINE)
 
 
@@ -22,23 +20,11 @@ def title_of(path):
     return int(match[1]), match[2]
 
 
-def date_of(path):
-    """Return the date of the status line of a record."""
-    match = STATUS.search(path.read_text(encoding="utf-8"))
-    assert match is not None, f"{path.name}: add `Status: accepted, YYYY-MM-DD`"
-    return date.fromisoformat(match[1])
-
-
 def test_the_records_are_numbered_without_gaps():
     names = [FILE_NAME.fullmatch(path.name) for path in RECORDS]
     assert [path.name for path, name in zip(RECORDS, names, strict=True) if name is None] == []
     assert [int(name[1]) for name in names] == list(range(1, len(RECORDS) + 1))
     assert [title_of(path)[0] for path in RECORDS] == list(range(1, len(RECORDS) + 1))
-
-
-def test_the_records_are_in_the_order_of_their_dates():
-    dates = [date_of(path) for path in RECORDS]
-    assert dates == sorted(dates)
 
 
 @pytest.mark.parametrize("path", RECORDS, ids=lambda path: path.name)

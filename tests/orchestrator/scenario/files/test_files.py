@@ -54,9 +54,7 @@ def test_what_runs_have_left_and_other_scenarios_do_not_belong_to_it(tmp_path):
     assert names(tmp_path, with_params("law: 'law:MyLaw'")) == sorted(own)
 
 
-@pytest.mark.parametrize(
-    "exec_", ["[python, own.py]", "[python, -m, own]", "[./own.py]"]
-)
+@pytest.mark.parametrize("exec_", ["[python, own.py]", "[python, -m, own]", "[./own.py]"])
 def test_a_command_names_files_too(tmp_path, exec_):
     write(tmp_path, "", "own.py").chmod(0o755)
     text = changed("[python, -c, pass]", exec_)

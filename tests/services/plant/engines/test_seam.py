@@ -1,12 +1,10 @@
 """The seam: who knows which engine, which one is taken, and what both compute alike."""
 
-import ast
 import importlib.util
 import math
 
 import numpy as np
 import pytest
-from support.paths import CHECKOUT
 from support.services.mechanics import DISC, Row, fixed, make
 
 import stepbus
@@ -17,47 +15,6 @@ from stepbus_plant.engines import ENGINES, default_engine, is_here
 from stepbus_plant.geometry import Geometry, product, quaternion, rotation
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import OutputConfig, WiringError
-
-SOURCES = (
-    "services",
-    "tools",
-    "store/stepbus_store",
-    "store/scripts",
-    "orchestrator",
-    "participant",
-)
-FOLDER = "services/plant/stepbus_plant/engines/"
-OWNERS = {"pybullet": f"{FOLDER}bullet.py", "mujoco": f"{FOLDER}mujoco/"}
-
-
-def imported(tree):
-    """Yield the top package of every import, also of those by `import_module("name")`."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from (alias.name.partition(".")[0] for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module.partition(".")[0]
-        elif isinstance(node, ast.Call) and node.args:
-            name = getattr(node.func, "id", getattr(node.func, "attr", ""))
-            first = node.args[0]
-            if name in {"import_module", "__import__"} and isinstance(first, ast.Constant):
-                yield str(first.value).partition(".")[0]
-
-
-def importers():
-    """Yield the package of an engine and a file that imports it."""
-    for folder in SOURCES:
-        for path in sorted((CHECKOUT / folder).rglob("*.py")):
-            names = set(imported(ast.parse(path.read_text(encoding="utf-8"))))
-            for name in names & OWNERS.keys():
-                yield name, path.relative_to(CHECKOUT).as_posix()
-
-
-def test_only_an_engine_imports_its_package():
-    found = list(importers())
-    assert [row for row in found if not row[1].startswith(OWNERS[row[0]])] == []
-    # And both are found where they are.
-    assert {name for name, _ in found} == set(ENGINES) == set(OWNERS)
 
 
 def hide(monkeypatch, name):
