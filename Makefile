@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check container-check lint-workflows test test-rest test-engine fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check container-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -11,7 +11,9 @@ help:
 	@echo "make test-rest  run the fast tests that make fresh FRESH='--passed F' did not: BUT=F"
 	@echo "make test-engine run the tests of the plant with MuJoCo: ENGINE=mujoco"
 	@echo "make test-unit  run the tests that start no process, in under a minute"
+	@echo "make test-faults run the slow tests of a second user, a full disk, a killed run (part of test-slow)"
 	@echo "make test-slow  run the slow tests"
+	@echo "make nightly    run all that .ci/run leaves out (1 h)"
 	@echo "make coverage   run the fast tests and show which lines they execute"
 	@echo "make chaos      inject two hundred faults (part of test-slow)"
 	@echo "make check      check formatting, lint, types, imports, generated files, changelog, workflows"
@@ -72,6 +74,22 @@ FRESH_EXAMPLES := --fresh-examples
 test-slow: setup
 	@$(PYTHON) -m pytest -m slow -n $(WORKERS) --dist worksteal || [ $$? -eq 5 ]
 	@[ -z "$(FRESH_EXAMPLES)" ] || $(PYTHON) -m pytest -m hypothesis $(FRESH_EXAMPLES) --timeout 1200
+
+test-faults: setup
+	@$(PYTHON) -m pytest -m slow -n 3 --dist worksteal tests/orchestrator/faults --ignore tests/orchestrator/faults/test_chaos.py
+
+# What .ci/run leaves out, in samples of fixed size; `make campaign` and `make release-check` have more parts.
+nightly: setup robots
+	@scripts/install_toolchains.sh
+	@$(MAKE) --no-print-directory release-check
+	@$(MAKE) --no-print-directory pictures PICTURES=--check
+	@$(MAKE) --no-print-directory gallery GALLERY=--check
+	@$(MAKE) --no-print-directory examples
+	@$(MAKE) --no-print-directory simulate SIMULATE='--runs 10000 --seed 3'
+	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part runs --seed 3 --count 30 --patience 2.5'
+	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part recordings --seed 3 --mutations 300'
+	@$(MAKE) --no-print-directory campaign CAMPAIGN='--part store --seed 3 --sales 15'
+	@$(MAKE) --no-print-directory test-slow FRESH_EXAMPLES=
 
 chaos: setup
 	@$(PYTHON) -m pytest -m slow tests/orchestrator/faults/test_chaos.py
