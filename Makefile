@@ -100,8 +100,8 @@ check: setup
 	@$(PYTHON) -m mypy
 	@.venv/bin/lint-imports
 	@PYTHONPATH=store .venv/bin/lint-imports --config store/pyproject.toml
-	@$(PYTHON) -m stepbus_schemas.generate --check
-	@$(PYTHON) -m stepbus_orchestrator.scenario --check
+	@$(PYTHON) -m scripts.generate_messages --check
+	@$(PYTHON) -m scripts.generate_parameters --check
 	@$(PYTHON) scripts/check_changelog.py
 	@$(PYTHON) scripts/check_budget.py
 	@$(MAKE) --no-print-directory lint-workflows

@@ -10,7 +10,7 @@ from .messages import MESSAGE_TYPES
 from .protocol import ENVELOPE_TYPES
 from .schema import json_schema
 
-_HEADER = "<!-- Written by `python -m stepbus_schemas.generate`; do not edit. -->"
+_HEADER = "<!-- Written by `python -m scripts.generate_messages`; do not edit. -->"
 
 _INTRODUCTION = """\
 # Messages

@@ -4,10 +4,10 @@ import copy
 import re
 
 import pytest
+from scripts.generate_messages import broken, main, published, published_vectors
 from support.paths import DOCS
 
 from stepbus_schemas import ENVELOPE_TYPES, PROTOCOL_VERSION
-from stepbus_schemas.generate import broken, main, published, published_vectors
 
 PAGE = (DOCS / "protocol.md").read_text(encoding="utf-8")
 
@@ -29,15 +29,15 @@ def test_a_trigger_with_another_name_breaks_the_number():
 
 def test_a_type_that_is_gone_breaks_the_number(monkeypatch):
     rest = {name: cls for name, cls in ENVELOPE_TYPES.items() if name != "Batch/1"}
-    monkeypatch.setattr("stepbus_schemas.generate.ENVELOPE_TYPES", rest)
+    monkeypatch.setattr("scripts.generate_messages.ENVELOPE_TYPES", rest)
     assert list(broken(published_vectors())) == ["Batch/1"]
 
 
 def test_generate_writes_nothing_over_a_broken_number(monkeypatch, capsys):
     vectors = copy.deepcopy(published_vectors())
     vectors["Trigger/1"]["exact"] |= {b"\x81\xa5token\xa10".hex(): ""}
-    monkeypatch.setattr("stepbus_schemas.generate.published_vectors", lambda: vectors)
-    monkeypatch.setattr("stepbus_schemas.generate.write", lambda _root: pytest.fail("it wrote"))
+    monkeypatch.setattr("scripts.generate_messages.published_vectors", lambda: vectors)
+    monkeypatch.setattr("scripts.generate_messages.write", lambda _root: pytest.fail("it wrote"))
     assert main([]) == 1
     assert re.search(r"Trigger/1: 1 vectors .* raise PROTOCOL_VERSION", capsys.readouterr().out)
 

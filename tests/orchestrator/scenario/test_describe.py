@@ -7,10 +7,10 @@ import json
 import jsonschema
 import pytest
 from ruamel.yaml import YAML
+from scripts.generate_parameters import generated_files, main
 from support.paths import CHECKOUT
 from support.runs.scenario import shipped
 
-from stepbus_orchestrator.scenario.__main__ import generated_files, main
 from stepbus_orchestrator.scenario.locate import builtin_names
 
 COMMENT = "# yaml-language-server: $schema="

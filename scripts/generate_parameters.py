@@ -1,4 +1,4 @@
-"""Write what follows from declared parameters: `python -m stepbus_orchestrator.scenario`.
+"""Write what follows from declared parameters: `python -m scripts.generate_parameters`.
 
 That is `schemas/json/scenario.schema.json` and `world.schema.json`, and in the pages of `docs/`
 the tables between markers such as `<!-- parameters: stepbus_plant.params:Params -->`. A package
@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantRow, ScenarioFile
-from stepbus_orchestrator.scenario.parameter_docs import SchemaWriter, tables
 from stepbus_orchestrator.scenario.program import participant_classes
 from stepbus_participant import Settings, declared_parameters
 
-CHECKOUT = Path(__file__).resolve().parents[3]
+from .parameter_docs import SchemaWriter, tables
+
+CHECKOUT = Path(__file__).resolve().parents[1]
 _BLOCK = re.compile(
     r"(<!-- parameters: ([\w.]+):(\w+)( only)? -->\n).*?(<!-- /parameters -->)", re.DOTALL
 )
@@ -89,13 +90,11 @@ def _indented(value: Any) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write or check the files of the checkout this module lies in; return the exit code."""
-    name = "python -m stepbus_orchestrator.scenario"
+    """Write or check the files of this checkout; return the exit code."""
+    name = "python -m scripts.generate_parameters"
     parser = argparse.ArgumentParser(prog=name, description=__doc__)
     parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
     check = parser.parse_args(arguments).check
-    if not (CHECKOUT / "pyproject.toml").is_file():
-        parser.error(f"{CHECKOUT} is not a checkout of stepbus; run this from one")
     stale = False
     for path, text in generated_files(CHECKOUT).items():
         if path.is_file() and path.read_text(encoding="utf-8") == text:

@@ -1,4 +1,4 @@
-"""Write what follows from the message types: `python -m stepbus_schemas.generate [--check]`.
+"""Write what follows from the message types: `python -m scripts.generate_messages [--check]`.
 
 That is the JSON Schemas, the byte vectors and `docs/reference/messages.md`. With `--check`, it
 writes nothing and exits with 1 when a file is out of date.
@@ -20,16 +20,19 @@ from typing import Any
 
 import msgspec
 
-from .codec import Decoder, encode
-from .errors import MessageError
-from .messages import MESSAGE_TYPES
-from .protocol import ENVELOPE_TYPES, PROTOCOL_VERSION
-from .schema import json_schema
-from .tables import messages_page
-from .vectors import from_notation, line_by_line, vectors
+from stepbus_schemas import (
+    ENVELOPE_TYPES,
+    MESSAGE_TYPES,
+    PROTOCOL_VERSION,
+    Decoder,
+    MessageError,
+    encode,
+    json_schema,
+)
+from stepbus_schemas.tables import messages_page
+from stepbus_schemas.vectors import from_notation, line_by_line, vectors
 
-CHECKOUT = Path(__file__).resolve().parents[2]
-"""Where this file lies in a checkout of the repository."""
+CHECKOUT = Path(__file__).resolve().parents[1]
 
 SCHEMAS_FOLDER = "schemas/json"
 VECTORS_FILE = "schemas/vectors.json"
@@ -134,7 +137,7 @@ def stale_files(root: Path) -> list[Path]:
 
 
 def _stale(root: Path, files: Mapping[Path, str]) -> list[Path]:
-    # Those of scenarios and worlds come from stepbus_orchestrator.scenario.
+    # Those of scenarios and worlds come from generate_parameters.py.
     ours = {path for path in (root / SCHEMAS_FOLDER).glob("*.json") if ".schema." not in path.name}
     left_over = sorted(ours - set(files))
     return left_over + [
@@ -158,14 +161,14 @@ def write(root: Path) -> list[Path]:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Write or check the files of the checkout this module lies in; return the exit code."""
-    parser = argparse.ArgumentParser(prog="python -m stepbus_schemas.generate", description=__doc__)
+    """Write or check the files of this checkout; return the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="python -m scripts.generate_messages", description=__doc__
+    )
     parser.add_argument(
         "--check", action="store_true", help="write nothing; exit with 1 if a file is out of date"
     )
     check = parser.parse_args(arguments).check
-    if not (CHECKOUT / "pyproject.toml").is_file():
-        parser.error(f"{CHECKOUT} is not a checkout of stepbus; run this from one")
     wrong = broken(published_vectors())
     for name, rows in wrong.items():
         sys.stdout.write(
@@ -175,7 +178,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if wrong:
         return 1
     changed = stale_files(CHECKOUT) if check else write(CHECKOUT)
-    verb = "out of date, run `python -m stepbus_schemas.generate`" if check else "written"
+    verb = f"out of date, run `{name}`" if check else "written"
     for path in changed:
         sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
     return 1 if check and changed else 0
