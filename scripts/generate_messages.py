@@ -162,12 +162,9 @@ def write(root: Path) -> list[Path]:
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Write or check the files of this checkout; return the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="python -m scripts.generate_messages", description=__doc__
-    )
-    parser.add_argument(
-        "--check", action="store_true", help="write nothing; exit with 1 if a file is out of date"
-    )
+    command = "python -m scripts.generate_messages"
+    parser = argparse.ArgumentParser(prog=command, description=__doc__)
+    parser.add_argument("--check", action="store_true", help="write nothing, exit 1 when stale")
     check = parser.parse_args(arguments).check
     wrong = broken(published_vectors())
     for name, rows in wrong.items():
@@ -178,7 +175,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if wrong:
         return 1
     changed = stale_files(CHECKOUT) if check else write(CHECKOUT)
-    verb = f"out of date, run `{name}`" if check else "written"
+    verb = f"out of date, run `{command}`" if check else "written"
     for path in changed:
         sys.stdout.write(f"{path.relative_to(CHECKOUT)}: {verb}\n")
     return 1 if check and changed else 0
