@@ -157,4 +157,4 @@ def test_an_inertia_that_the_engine_replaces_is_told_once(tmp_path):
     text = (tmp_path / "wheel.urdf").read_text().replace('ixx="0.5"', 'ixx="5"')
     (tmp_path / "disc.urdf").write_text(text)
     (line,) = make_plant(tmp_path, body("arm", "disc")).warnings.take()
-    assert line.startswith("body arm: link 'disc': no body can have its inertia")
+    assert line.startswith("body arm: link 'disc': no body can have the inertia (5, 0.5, 0.5)")

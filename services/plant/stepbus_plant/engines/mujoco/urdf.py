@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from stepbus_plant.engine import JointInfo
-from stepbus_plant.engines.differences import STIFFNESS, refused
+from stepbus_plant.engines.differences import PYBULLET_CONTACT, refused
 from stepbus_plant.geometry import Array, Pose, quaternion
 from stepbus_schemas import Point, Quaternion, WiringError
 
@@ -30,9 +30,10 @@ class Place:
 
     def friction_of(self, link: ET.Element) -> tuple[float, float, float]:
         """Return lateral, spinning and rolling friction of a link."""
-        soft = [tag for tag in ("stiffness", "damping") if link.find(f"contact/{tag}") is not None]
-        if soft:
-            raise WiringError(refused(STIFFNESS))
+        for tag in PYBULLET_CONTACT:
+            given = link.find(f"contact/{tag}")
+            if given is not None and given.get("value") not in {"0", "0.0"}:
+                raise WiringError(refused(f"<{tag}> of a link's <contact>"))
 
         def value(kind: str) -> float:
             given = link.find(f"contact/{kind}_friction")

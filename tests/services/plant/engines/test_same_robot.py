@@ -1,0 +1,96 @@
+"""Both engines and the controller's model compute with the same robot, however a URDF is written."""
+
+import math
+
+import numpy as np
+import pytest
+from support.services.mechanics import (
+    ROOT,
+    STEP,
+    G,
+    advance,
+    command,
+    fixed,
+    joint,
+    link,
+    make,
+    robot,
+    state,
+)
+
+from stepbus_kinematics import RobotModel
+
+LEVER = 0.3
+MOMENT = 0.02
+
+
+def arm(axis, kind="continuous", limit="", moments=(MOMENT,) * 3):
+    """Return a link of 1 kg whose centre is 0.3 m off its joint."""
+    rod = link("rod", 1.0, moments, centre=f"{LEVER} 0 0")
+    return robot(ROOT, rod, joint("hinge", kind, "rod", axis, limit))
+
+
+def start(folder, engine, urdf, world=""):
+    return make(folder, engine, {"arm": fixed(urdf)}, world)
+
+
+@pytest.mark.parametrize("axis", ["0 2 0", "0 0.99 0", "0 1e-3 0", "0 1 0"])
+def test_an_axis_of_any_length_is_a_direction(tmp_path, engine, axis):
+    plant = advance(start(tmp_path, engine, arm(axis)), 1)
+    acceleration = state(plant, "hinge")[1] / STEP
+    assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
+
+
+@pytest.mark.parametrize("axis", ["0 0 -0.5", "0 0 -3"])
+def test_a_prismatic_axis_of_any_length_falls_freely(tmp_path, engine, axis):
+    urdf = arm(axis, "prismatic", 'lower="-9" upper="9" effort="9" velocity="99"')
+    plant = advance(start(tmp_path, engine, urdf), 100)
+    assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
+    height = plant.physics.engine.frames(0, [0])[0][0][2]
+    assert height == pytest.approx(-state(plant, "hinge")[0], rel=1e-6)
+
+
+def test_a_continuous_joint_has_no_stops_though_its_limit_gives_some(tmp_path, engine):
+    urdf = arm("0 0 1", limit='lower="-0.1" upper="0.1" effort="99" velocity="99"')
+    plant = start(tmp_path, engine, urdf)
+    command(plant, "torque", 1.0)
+    advance(plant, 1000)
+    assert state(plant, "hinge")[0] == pytest.approx(0.5 / (MOMENT + LEVER**2), rel=2e-3)
+    assert plant.physics.joints["hinge"].upper == math.inf
+
+
+def test_a_revolute_joint_without_stops_has_none_anywhere_and_is_named(tmp_path, engine):
+    plant = start(tmp_path, engine, arm("0 0 1", "revolute"))
+    command(plant, "torque", 1.0)
+    advance(plant, 1000)
+    assert state(plant, "hinge")[0] == pytest.approx(0.5 / (MOMENT + LEVER**2), rel=2e-3)
+    assert RobotModel(tmp_path / "arm.urdf", ["hinge"]).upper[0] == math.inf
+    (note,) = [text for _, text in plant.physics.notes]
+    assert "joint 'hinge' is revolute without lower and upper" in note
+
+
+IMPOSSIBLE = {
+    # The trace is kept: a third of it about every axis, as MuJoCo's balanceinertia has it.
+    "a moment above the others' sum": ((1.0, 1.0, 3.0), "0", 5 / 3),
+    "a product above the moments": ((1.0, 1.0, 1.0), "2", 1.0),
+    # A rounded plate, whose moments about its edges are 1/12: 1/12 + 1/12 = 1/6.
+    "a rounded plate": ((0.0833333, 0.0833333, 0.166667), "0", 1 / 6),
+}
+
+
+@pytest.mark.parametrize(("moments", "product", "right"), IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+def test_an_impossible_inertia_is_repaired_alike(tmp_path, engine, moments, product, right):
+    root, rod = arm("0 0 1", moments=moments).split('<link name="rod">')
+    rod = rod.replace('ixy="0"', f'ixy="{product}"')
+    urdf = f'{root}<link name="rod">{rod}'
+    plant = start(tmp_path, engine, urdf, "gravity: [0, 0, 0]")
+    command(plant, "torque", 1.0)
+    advance(plant, 1)
+    whole = right + LEVER**2
+    assert state(plant, "hinge")[1] / STEP == pytest.approx(1.0 / whole, rel=1e-5)
+    model = RobotModel(tmp_path / "arm.urdf", ["hinge"])
+    assert model.inverse_dynamics(*np.array([[0.0], [0.0], [1.0]]))[0] == pytest.approx(
+        whole, rel=1e-5
+    )
+    (note,) = [text for _, text in plant.physics.notes]
+    assert "link 'rod': no body can have the inertia" in note
