@@ -135,6 +135,8 @@ class _Execution:
             # It was not expected of any file.
             kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
             failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
+        except MemoryError:
+            failure = RunFailure("the orchestrator has no memory left; raise its limit (ulimit -v)")
         finally:
             ending = self._close(reason, failure)
         if self._run is not None and not isinstance(ending, RunFailure):
