@@ -17,7 +17,6 @@ from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_participant import Disk
 from stepbus_schemas import json_schema, reached
 
-
 _FAILURES = (OSError, MemoryError)
 """What a write that failed raises."""
 
