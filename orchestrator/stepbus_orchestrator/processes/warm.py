@@ -127,6 +127,7 @@ class _Parent:
             with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(self._pid, signal.SIGKILL)
                 # As long as it is a zombie, its session is its own.
+                # no time-out: it was killed
                 os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOWAIT)
                 while ticket and (forked := self._forked(ticket)):
                     for pid in forked:
