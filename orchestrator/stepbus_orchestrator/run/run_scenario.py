@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.extensions import with_defaults
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder, read_files
 from stepbus_orchestrator.run.host import Host, Opening
 from stepbus_orchestrator.run.hosts import InProcess, Processes
-from stepbus_orchestrator.run.phases import run_phases
+from stepbus_orchestrator.run.phases import OWN_WORK_S, run_phases
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of
 from stepbus_orchestrator.run.run import Run
@@ -129,12 +129,15 @@ class _Execution:
             if self._file is not None:
                 for what in self._scenario.left_out:
                     self._events.add_warning("recording", f"a rerun does not find {what}")
+            self._warn_of_own_work()
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
             # It was not expected of any file.
             kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
             failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
+        except MemoryError:
+            failure = RunFailure("the orchestrator has no memory left; raise its limit (ulimit -v)")
         finally:
             ending = self._close(reason, failure)
         if self._run is not None and not isinstance(ending, RunFailure):
@@ -143,6 +146,17 @@ class _Execution:
         if self._options.is_recorded:
             self._save(result)
         return result
+
+    def _warn_of_own_work(self) -> None:
+        """Name the programs that had left the run, and were ended all the same."""
+        for one in self._run.state.participants.values() if self._run else ():
+            if one.works_on:
+                limit_s = max(OWN_WORK_S, one.limit_s("stop"))
+                self._events.add_warning(
+                    one.name,
+                    "had left the complete run, but still worked on, and was killed; it has "
+                    f"{limit_s:g} s, or more with participants.{one.name}.stop_timeout",
+                )
 
     def _describe(self, file: McapFile) -> None:
         """Record all that is needed to run again; raises RecordingFailed."""

@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any
@@ -18,6 +19,7 @@ Overrides = Mapping[str, Any] | Sequence[str]
 TOP_KEYS = tuple(
     name for name in ScenarioFile.__struct_encode_fields__ if name not in {"extends", "templates"}
 )
+_INDEX = re.compile(r"[0-9]{1,9}")
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 
@@ -76,7 +78,7 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
     key, rest = str(keys[0]), keys[1:]
     here = ".".join(map(str, at)) or "the scenario"
     if isinstance(node, list):
-        index = int(key) if key.isdecimal() else len(node)
+        index = int(key) if _INDEX.fullmatch(key) else len(node)
         if index >= len(node):
             raise WiringError(
                 f"{here}: no index {key!r}; the list has {len(node)} values, counted from 0"

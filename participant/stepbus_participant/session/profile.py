@@ -6,7 +6,7 @@ import os
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self, TextIO
@@ -51,7 +51,8 @@ class Sampler:
         self._over.set()
         self._worker.join(_JOIN_S)
         del self._frame
-        write_file(self._path, json.dumps(self._profile()).encode())
+        with _unless_full(self._path):
+            write_file(self._path, json.dumps(self._profile()).encode())
 
     def _work(self) -> None:
         sampled_at = time.perf_counter()
@@ -89,6 +90,15 @@ class Sampler:
         return {"$schema": _SCHEMA, "shared": {"frames": frames}, "profiles": [sampled]}
 
 
+@contextlib.contextmanager
+def _unless_full(path: Path) -> Iterator[None]:
+    """Leave out what the disk has no room for: the recording itself ends the run."""
+    try:
+        yield
+    except OSError as exc:
+        sys.stderr.write(f"the profile {path} is incomplete: {exc.strerror}\n")
+
+
 _COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
 _BUFFER_BYTES = 1 << 18
 _now_ns = time.perf_counter_ns
@@ -111,7 +121,7 @@ class Profiler:
         self._name = name
         self._path = Path(order.folder) / f"{name}.csv"
         self._compute_ns = 0
-        self._file: TextIO
+        self._file: TextIO | None = None
 
     def outbox(self, *parts: Any) -> Outbox:
         """Return an outbox that is timed, and finishes the row of each step."""
@@ -120,20 +130,35 @@ class Profiler:
     def finish(self, step: int, waited_ns: int, transport_ns: int) -> None:
         """Finish the row of a step. transport_ns: with compute, which is subtracted."""
         compute_ns = self._compute_ns
-        row = (step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns)
-        self._file.write(",".join(map(str, row)) + "\n")
+        self._write((step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns))
         self._compute_ns = self.record_ns = 0
 
     @contextlib.contextmanager
     def writing(self, loop: StepLoop, frame: FrameType) -> Iterator[None]:
         """Write a row for each step of a loop; frame: of the function whose calls are sampled."""
         loop.output, loop.update = self._timed(loop.output), self._timed(loop.update)
-        fd = make_file(self._path)
-        with os.fdopen(fd, "w", _BUFFER_BYTES) as self._file, self._sampled(frame):
-            self._file.write(",".join(_COLUMNS) + "\n")
-            # Until here, empty batches have proven the link.
-            self.record_ns = 0
-            yield
+        self._file = os.fdopen(make_file(self._path), "w", _BUFFER_BYTES)
+        self._write(_COLUMNS)
+        # Until here, empty batches have proven the link.
+        self.record_ns = 0
+        try:
+            with self._sampled(frame):
+                yield
+        finally:
+            self._close()
+
+    def _write(self, row: Sequence[object]) -> None:
+        if self._file is not None:
+            try:
+                self._file.write(",".join(map(str, row)) + "\n")
+            except OSError:
+                self._close()
+
+    def _close(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            with _unless_full(self._path):
+                file.close()
 
     def _timed(self, function: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any) -> Any:

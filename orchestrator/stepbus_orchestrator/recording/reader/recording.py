@@ -1,6 +1,5 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -18,8 +17,6 @@ from stepbus_schemas import Description, Message, WiringError
 
 from .port import Port
 from .source import Source
-
-_STEP = re.compile(r"[0-9]{1,18}")
 
 
 class UnknownPort(WiringError, KeyError):
@@ -76,8 +73,8 @@ class Recording:
     def incomplete(self) -> Mapping[str, int]:
         """Return participant → first step without its outputs, for a failed run."""
         rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
-        known = ((name, step) for name, step in rows.items() if _STEP.fullmatch(step))
-        return {name: int(step) for name, step in known}
+        steps = ((name, layout.step_of(text)) for name, text in rows.items())
+        return {name: step for name, step in steps if step is not None}
 
     @property
     def last_whole_step(self) -> int:

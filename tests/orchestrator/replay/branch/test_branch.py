@@ -314,6 +314,7 @@ def test_a_failed_run_says_what_lacks(tmp_path):
         ("on_fault", {"participant": "controller", "first": "x"}),
         ("branch", {"plant": "-1"}),
         ("incomplete", {"controller": "²"}),
+        ("branch", {"plant": "9" * 5000}),
     ],
 )
 def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):

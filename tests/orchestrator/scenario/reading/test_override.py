@@ -80,6 +80,10 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
             "plant.exec.7=x",
             "participants.plant.exec: no index '7'; the list has 3 values, counted from 0",
         ),
+        (
+            f"plant.exec.{'9' * 5000}=x",
+            f"participants.plant.exec: no index '{'9' * 5000}'; the list has 3 values, counted from 0",
+        ),
         ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
         ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
         ("plant.every=0", "participants.plant.every: must be at least 1, not 0"),
