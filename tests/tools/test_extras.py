@@ -22,8 +22,8 @@ sys.exit(main(sys.argv[1:]))
 
 def with_only(extra, *words, cwd):
     """Run a command where no module of another extra can be imported."""
-    kept = {*packages._EXTRAS["run"], *packages._EXTRAS[extra], *BROUGHT.get(extra, ())}
-    hidden = {module for modules in packages._EXTRAS.values() for module in modules} - kept
+    kept = {*packages.EXTRAS["run"], *packages.EXTRAS[extra], *BROUGHT.get(extra, ())}
+    hidden = {module for modules in packages.EXTRAS.values() for module in modules} - kept
     return subprocess.run(
         [sys.executable, "-c", HIDING, ",".join(sorted(hidden)), *words],
         cwd=cwd,
