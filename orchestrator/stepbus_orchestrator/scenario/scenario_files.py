@@ -124,7 +124,7 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and is_file(path.parent.parent / "pyvenv.cfg"):
+    if is_program and is_in_environment(path):
         if not Path(text).is_absolute():
             files.left_out.append(
                 f"{text}: a virtual environment is not recorded; write its absolute path "
@@ -236,6 +236,11 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
+
+
+def is_in_environment(path: Path) -> bool:
+    """Return whether a program is in a virtual environment."""
+    return is_file(path.parent.parent / "pyvenv.cfg")
 
 
 def is_folder(path: Path) -> bool:
