@@ -107,7 +107,7 @@ def test_what_values_contradict_is_checked_in_the_users_own_code(tmp_path):
     [
         ("import no_such_module", "cannot import main.py: ModuleNotFoundError: No module named 'no_such_module'"),
         ("print('hello')\nraise SystemExit(3)", "main.py exits on import; move `raise SystemExit(…)` below `if __name__ =="),
-        ("import os; os._exit(1)", "main.py:Own cannot be imported to check it: Command"),
+        ("import os; os._exit(1)", "main.py:Own cannot be checked: its process ends with exit code 1"),
         ("Own = 3", "'Own' in main.py is not a participant; write `class Own(stepbus.Participant)`"),
         ("class Own: pass", "'Own' in main.py is not a participant; write `class Own(stepbus.Participant)`"),
         ("del Own", "no class 'Own' in main.py"),
