@@ -13,7 +13,7 @@ from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_in_environment
 from stepbus_orchestrator.scenario.template import without_replaced
-from stepbus_participant import SettingsError, suggest
+from stepbus_participant import SettingsError, file_in, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import Message, WiringError, type_name
 
@@ -158,9 +158,9 @@ def _renamed(value: Any, rename: Callable[[str], str]) -> Any:
         return {key: _renamed(item, rename) for key, item in value.items()}
     if not isinstance(value, str):
         return value
-    file, colon, name = value.rpartition(":") if ".py:" in value else (value, "", "")
+    file = file_in(value)
     is_path = "/" in file or Path(file).suffix
-    return f"{rename(file)}{colon}{name}" if is_path and is_file(Path(file)) else value
+    return rename(file) + value.removeprefix(file) if is_path and is_file(Path(file)) else value
 
 
 def override_texts(given: Overrides) -> list[str]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import is_installed, package_path, read_file
+from stepbus_participant import file_in, is_installed, package_path, read_file
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
@@ -92,13 +92,13 @@ def _texts(scenario: Scenario) -> Iterator[tuple[Keys, str, bool]]:
         yield ("types",), name, False
     for spec in scenario.participants:
         row: Keys = ("participants", spec.name)
-        source = spec.participant.rpartition(":")[0]
-        yield (*row, "participant"), source if source.endswith(".py") else spec.participant, False
+        yield (*row, "participant"), file_in(spec.participant), False
         for index, word in enumerate(spec.exec):
             yield (*row, "exec", index), word, True
             if word.startswith("-") and "=" in word:
                 yield (*row, "exec", index), word.partition("=")[2], False
-        yield from ((keys, text, False) for keys, text in _texts_in(spec.params, (*row, "params")))
+        texts = _texts_in(spec.params, (*row, "params"))
+        yield from ((keys, file_in(text), False) for keys, text in texts)
 
 
 def _texts_in(value: Any, keys: Keys) -> Iterator[tuple[Keys, str]]:

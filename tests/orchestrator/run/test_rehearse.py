@@ -33,7 +33,7 @@ class Own(Participant):
     outputs = {"command": JointCommand}
 """
 URDF = "model: package://stepbus_scenarios/two_link/two_link.urdf"
-LAW = "controller.params={law: own:%s, " + URDF + ", stiffness: %s}"
+LAW = "controller.params={law: own.py:%s, " + URDF + ", stiffness: %s}"
 
 
 @pytest.fixture
@@ -55,10 +55,10 @@ def problems(scenario, *settings):
 @pytest.mark.parametrize(
     ("setting", "found"),
     [
-        (LAW % ("Stif", 1), ["controller.params.law: module 'own' ({folder}/own.py) has no class 'Stif'"]),
+        (LAW % ("Stif", 1), ["controller.params.law: {folder}/own.py has no class 'Stif'"]),
         (LAW % ("Stiff", -1), ["controller.params.stiffness: must be above 0, not -1"]),
-        (LAW % ("NoTorque", 1), ["controller.params.law: class own:NoTorque needs a method 'torque'"]),
-        ("mission.params={task: own:Still, joints: [joint1, joint2]}", ["mission.params.task: cannot create Still: KeyError: 'pose'"]),
+        (LAW % ("NoTorque", 1), ["controller.params.law: class own.py:NoTorque needs a method 'torque'"]),
+        ("mission.params={task: own.py:Still, joints: [joint1, joint2]}", ["mission.params.task: cannot create Still: KeyError: 'pose'"]),
         ("controller.params.kp={joint1: 1, jont2: 2}", [
             "controller.params.kp.jont2: unknown joint 'jont2'; did you mean 'joint2'?",
             "controller.params.kp: joint 'joint2' is missing",
@@ -85,13 +85,30 @@ def test_ports_that_a_class_of_the_users_does_not_have_are_found(scenario):
 def test_the_problems_of_all_participants_are_found_at_once(scenario):
     settings = (LAW % ("NoTorque", 1), "plant.params.joints=[join1]")
     assert problems(scenario, *settings) == [
-        "controller.params.law: class own:NoTorque needs a method 'torque'",
+        "controller.params.law: class own.py:NoTorque needs a method 'torque'",
         "plant.params.joints: 'join1' is unknown; did you mean 'joint1'?",
     ]
 
 
-def test_a_law_that_is_right_is_valid(scenario):
-    load(scenario, [LAW % ("Stiff", 1)], last_check=rehearsal.rehearse)
+@pytest.mark.parametrize("law", ["own.py:Stiff", "own:Stiff", "below/own.py:Stiff"])
+def test_a_law_of_a_file_or_module_is_valid_and_its_file_recorded(scenario, tmp_path, law):
+    write(tmp_path, OWN, "below/own.py")
+    setting = (LAW % ("Stiff", 1)).replace("own.py:Stiff", law)
+    checked = load(scenario, [setting], last_check=rehearsal.rehearse)
+    assert ("below/own.py" if "below" in law else "own.py") in checked.files
+
+
+def test_a_law_of_a_scenario_in_another_folder_is_found(scenario, tmp_path):
+    write(tmp_path, OWN, "laws/own.py")
+    write(
+        tmp_path,
+        "extends: two_link/pd\nparticipants: {controller: {params: {law: laws/own.py:Stiff}}}\n",
+        "base.yaml",
+    )
+    more = "participants: {controller: {params: {kp: null, kd: null, stiffness: 1}}}\n"
+    path = write(tmp_path, f"extends: ../base.yaml\n{more}", "sub/scenario.yaml")
+    checked = load(path, last_check=rehearsal.rehearse)
+    assert checked.participant("controller").params["law"] == "../laws/own.py:Stiff"
 
 
 def test_a_class_that_crashes_is_a_sentence(scenario, tmp_path, capsys):
