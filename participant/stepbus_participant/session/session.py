@@ -29,7 +29,7 @@ from stepbus_schemas import (
 from .admission import await_delivery, await_start, declared_ports, join
 from .control import Control, OrchestratorLost, Stopped, Watch
 from .inputs import Input, PeerFault, make_sources
-from .outbox import Outbox, OutputError
+from .outbox import Outbox, OutputError, names_of
 from .profile import Profiler
 from .step_loop import StepLoop
 
@@ -120,9 +120,9 @@ class Session:
                 participant.close()
 
     def _run(self, participant: Participant) -> None:
-        descriptions = await_start(
-            self._bus, self._ready(participant), self._sources, self._outbox, self._control
-        )
+        ready = self._ready(participant)
+        descriptions = await_start(self._bus, ready, self._sources, self._outbox, self._control)
+        self._outbox.describe(names_of(ready.outputs, descriptions))
         self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
         self._outbox.write_slots(
             {port: self._slots.writer(port, count) for port, count in self._control.slots.items()}
