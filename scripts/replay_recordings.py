@@ -20,7 +20,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import re
 import signal
 import subprocess
 import sys
@@ -77,8 +76,8 @@ class Replay:
             return self.problem.splitlines()[0] if self.problem else ""
         place = f"step {first['step']}: {first['topic']}"
         if first.get("field"):
-            name = f"[{first['name']}]" if first.get("name") else r"\g<0>"
-            place += ": " + re.sub(r"\[\d+\]", name, first["field"], count=1)
+            name, (field, _, rest) = first.get("name"), first["field"].partition("[")
+            place += f": {field}[{name}]{rest.partition(']')[2]}" if name else f": {first['field']}"
         if first.get("type") != "value":
             return f"{place}: {first.get('type')}"
         return f"{place}: recording {first['first']}, replay {first['second']}"

@@ -165,7 +165,7 @@ def _field(count: FieldCount) -> str:
 
 def _named(path: str, name: str) -> str:
     """Return a path with the name of its first index: `values[1]`, `joint2` → `values[joint2]`."""
-    return _INDEX.sub(f"[{name}]", path, count=1) if name else path
+    return _INDEX.sub(lambda _: f"[{name}]", path, count=1) if name else path
 
 
 class PortComparison:
