@@ -76,7 +76,8 @@ class Replay:
             return self.problem.splitlines()[0] if self.problem else ""
         place = f"step {first['step']}: {first['topic']}"
         if first.get("field"):
-            place += f": {first['field']}"
+            name, (field, _, rest) = first.get("name"), first["field"].partition("[")
+            place += f": {field}[{name}]{rest.partition(']')[2]}" if name else f": {first['field']}"
         if first.get("type") != "value":
             return f"{place}: {first.get('type')}"
         return f"{place}: recording {first['first']}, replay {first['second']}"

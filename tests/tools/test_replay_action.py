@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 import yaml
+from scripts.replay_recordings import Replay
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests/scenarios/golden/two_link.mcap"
@@ -121,3 +122,12 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     assert folder.name in page  # the replayed curves lie over those of the recording
     again = stepbus("replay", folder / "new.mcap", "--participant", "controller", "--json")
     assert json.loads(again.stdout)["equal"]
+
+
+def test_the_first_divergence_names_the_joint():
+    first = {"step": 7, "topic": "controller/command", "type": "value", "first": 1.0, "second": 2.0}
+    for name, place in (("elbow", "values[elbow]"), ("", "values[1]")):
+        result = {"divergence": {**first, "field": "values[1]", "name": name}}
+        one = Replay(recording=Path("a.mcap"), participant="controller", code=10, result=result)
+        expected = f"step 7: controller/command: {place}: recording 1.0, replay 2.0"
+        assert one.divergence == expected

@@ -17,8 +17,8 @@ from stepbus_orchestrator.run.describe import (
     OutputPort,
     ParticipantDescription,
     describe,
-    rehearse,
 )
+from stepbus_orchestrator.run.rehearse import rehearse
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_orchestrator.scenario.slots import slot_counts
@@ -47,9 +47,9 @@ def validate_command(
     """Check a scenario and show its schedule.
 
     Checks a scenario without running it, and lists all problems at once, with file, line and path.
-    If there are none, each plant loads its world once, to find errors that only show then. Prints
-    which participant publishes at which step, and how many shared-memory slots each bulk output
-    takes.
+    If there are none, the classes of stepbus load their worlds, laws and tasks once, and your own
+    are imported, to find errors that only show then. Prints which participant publishes at which
+    step, and how many shared-memory slots each bulk output takes.
 
     steps: how many steps of the schedule to show.
 

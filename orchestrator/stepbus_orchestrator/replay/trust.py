@@ -1,5 +1,6 @@
 """What a recording would start here, and whether you are asked: not for your work tree."""
 
+import os
 import shlex
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_y
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.program import programs_in
+from stepbus_orchestrator.scenario.scenario_files import is_file
 from stepbus_participant import read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
@@ -30,20 +32,25 @@ class Programs:
     fingerprint: of all that it can start. commands: participant → its command line, or its class
     where that is in a file of the recording: installed ones are yours. files: from the recording,
     which a program may execute. is_yours: whether all of it stands in your work tree like this, or
-    is installed.
+    is installed. edited: files of your work tree that differ from those of the recording.
     """
 
     fingerprint: str
     commands: Mapping[str, Sequence[str]]
     files: Sequence[str]
     is_yours: bool
+    edited: Sequence[str] = ()
 
     def lines(self) -> list[str]:
         """Return what would be started, one line each; no character of it controls a terminal."""
         width = max(map(len, self.commands), default=0)
         commands = (f"{name:{width}}  {shlex.join(c)}" for name, c in self.commands.items())
         files = [f"its files: {', '.join(self.files)}"] if self.files else []
-        return [_harmless(line) for line in (*commands, *files)]
+        return [_harmless(line) for line in (*commands, *files, *self.notes())]
+
+    def notes(self) -> list[str]:
+        """Return a sentence for each file that you have edited since."""
+        return [f"{name} differs from the recording, whose own copy runs" for name in self.edited]
 
 
 def programs_of(
@@ -65,6 +72,7 @@ def programs_of(
     files = sources.files
     specs = recorded_programs(recording)
     code = {name: files[name] for name in files if PurePosixPath(name).suffix.lower() not in _DATA}
+    edited: Sequence[str] = ()
     if tree is not None and participant is not None:
         commands = {participant: _command(tree.programs[participant])}
         shown, is_own = [f"those in {tree.folder}"], tree.is_yours
@@ -73,13 +81,22 @@ def programs_of(
         started = [] if own_program else [n for n in specs if participant in {None, n}]
         commands = {n: _command(specs[n]) for n in started if _is_recorded(specs[n], modules)}
         # An installed participant may execute a file too: the law of a controller is a class.
-        others = {name: content for name, content in code.items() if not _is_shipped(name, content)}
+        own = {name: content for name, content in files.items() if not _is_shipped(name, content)}
+        others = {name: own[name] for name in code if name in own}
+        home = _work_tree(recording, specs) if commands or own else None
         shown = list(code)
-        is_own = not (commands or others) or _stands_in_a_work_tree(
-            recording, specs if commands else {}, others
+        is_own = not (commands or others) or (
+            home is not None and _stands_in(home, specs if commands else {}, others)
         )
+        if home is not None:
+            there = {name: home.folder / name for name in own if is_file(home.folder / name)}
+            edited = [os.path.relpath(f) for name, f in there.items() if not _has(f, own[name])]
     return Programs(
-        fingerprint=sources.fingerprint, commands=commands, files=shown, is_yours=is_own
+        fingerprint=sources.fingerprint,
+        commands=commands,
+        files=shown,
+        is_yours=is_own,
+        edited=edited,
     )
 
 
@@ -101,17 +118,20 @@ def _is_shipped(name: str, content: bytes) -> bool:
     return any(_has(scenario / name, content) for scenario in scenarios)
 
 
-def _stands_in_a_work_tree(
-    recording: Recording, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
+def _work_tree(recording: Recording, specs: Mapping[str, ParticipantSpec]) -> WorkTree | None:
+    """Return the scenario of a recording in the work tree; None where there is none, or several."""
+    try:
+        return find_work_tree(recording, next(iter(specs), ""))
+    except WiringError:
+        return None
+
+
+def _stands_in(
+    tree: WorkTree, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
 ) -> bool:
     """Return whether a work tree of yours has the same programs, and the same files of code."""
-    try:
-        tree = find_work_tree(recording, next(iter(recorded_programs(recording)), ""))
-    except WiringError:
-        return False
     return (
-        tree is not None
-        and tree.is_yours
+        tree.is_yours
         and tree.programs == {**tree.programs, **specs}
         and all(is_yours(tree.folder / n) and _has(tree.folder / n, c) for n, c in code.items())
     )

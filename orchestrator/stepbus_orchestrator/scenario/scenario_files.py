@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import is_installed, package_path, read_file
+from stepbus_participant import file_in, is_installed, package_path, read_file
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import WiringError
 
@@ -92,13 +92,13 @@ def _texts(scenario: Scenario) -> Iterator[tuple[Keys, str, bool]]:
         yield ("types",), name, False
     for spec in scenario.participants:
         row: Keys = ("participants", spec.name)
-        source = spec.participant.rpartition(":")[0]
-        yield (*row, "participant"), source if source.endswith(".py") else spec.participant, False
+        yield (*row, "participant"), file_in(spec.participant), False
         for index, word in enumerate(spec.exec):
             yield (*row, "exec", index), word, True
             if word.startswith("-") and "=" in word:
                 yield (*row, "exec", index), word.partition("=")[2], False
-        yield from ((keys, text, False) for keys, text in _texts_in(spec.params, (*row, "params")))
+        texts = _texts_in(spec.params, (*row, "params"))
+        yield from ((keys, file_in(text), False) for keys, text in texts)
 
 
 def _texts_in(value: Any, keys: Keys) -> Iterator[tuple[Keys, str]]:
@@ -124,7 +124,7 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and is_file(path.parent.parent / "pyvenv.cfg"):
+    if is_program and is_in_environment(path):
         if not Path(text).is_absolute():
             files.left_out.append(
                 f"{text}: a virtual environment is not recorded; write its absolute path "
@@ -236,6 +236,11 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
+
+
+def is_in_environment(path: Path) -> bool:
+    """Return whether a program is in a virtual environment."""
+    return is_file(path.parent.parent / "pyvenv.cfg")
 
 
 def is_folder(path: Path) -> bool:

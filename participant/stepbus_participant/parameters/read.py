@@ -188,7 +188,7 @@ class _Reader:
         words = words_of(options)
         is_choice = all(is_plugin(item) or words_of([item]) for item in options)
         if words and (isinstance(data, str) or is_choice):
-            own = ["module:Class"] if any(map(is_plugin, options)) else []
+            own = ["file.py:Class"] if any(map(is_plugin, options)) else []
             near = nearest(data, words) if isinstance(data, str) else ""
             text = f"must be {listed([*words, *own])}, not {show(data)}{near}"
             return self.wrong(keys, text, words[0])

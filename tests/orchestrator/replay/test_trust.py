@@ -68,6 +68,16 @@ def test_with_trust_it_is_started_and_nothing_is_remembered(stranger, words):
     assert cli.main(["replay", str(stranger), *REPLAY]) == ExitCode.UNTRUSTED
 
 
+@pytest.mark.parametrize("words", [("rerun",), ("branch", "--at", "5"), ("replay", *REPLAY)])
+def test_a_file_that_was_edited_since_is_mentioned(recorded, tmp_path, capsys, words):
+    program = tmp_path / "source" / "joints.py"
+    program.write_text(program.read_text() + "# edited\n")
+    said = "source/joints.py differs from the recording, whose own copy runs\n"
+    for trust in ([], ["--trust"]):
+        cli.main([words[0], str(recorded), *words[1:], *trust])
+        assert said in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", [("rerun", "--out", "again"), ("replay", *REPLAY)])
 def test_what_stands_in_the_work_tree_is_started_wherever_the_recording_lies(
     recorded, tmp_path, command

@@ -100,6 +100,16 @@ def test_all_loops_are_named(tmp_path):
     assert loops(tmp_path, text) == ["a → b → a", "c → d → c"]
 
 
+def test_loops_that_share_a_participant_are_all_named(tmp_path):
+    text = wiring("a.x <- b.o\n b.x <- a.o\n b.y <- c.o\n c.x <- b.o")
+    assert loops(tmp_path, text) == ["a → b → a", "b → c → b"]
+
+
+def test_each_input_that_closes_a_loop_is_named(tmp_path):
+    text = wiring("a.x <- b.o\n b.x <- a.o\n b.y <- a.o")
+    assert loops(tmp_path, text) == ["a → b → a"] * 2
+
+
 def test_a_loop_at_different_rates_is_a_loop_too(tmp_path):
     text = changed("publishes: first", "every: 2")
     assert loops(tmp_path, text) == ["plant → controller → plant"]
