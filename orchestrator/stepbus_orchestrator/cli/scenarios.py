@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -56,7 +57,8 @@ def validate_command(
     $ stepbus validate two_link
     $ stepbus validate my/scenario.yaml --steps 20
     """
-    loaded = load(scenario, set, last_check=rehearse)
+    warnings: list[str] = []
+    loaded = load(scenario, set, last_check=partial(rehearse, warnings=warnings))
     schedule = Schedule(loaded)
     shown = schedule.text(steps)
     is_cut = loaded.steps is None or steps < loaded.steps
@@ -71,8 +73,10 @@ def validate_command(
             "order": schedule.order,
             "schedule": shown.split(),
             "slots": slots,
+            "warnings": warnings,
         },
         lines=[
+            *(f"warning: {text}" for text in warnings),
             f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
             shown + (" …" if is_cut else ""),
             *(

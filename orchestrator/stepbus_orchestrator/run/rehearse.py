@@ -6,6 +6,7 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 
+from stepbus_orchestrator.run.folder import warnings_in
 from stepbus_orchestrator.run.kernel.admission import misfits, welcome_of
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import PYTHON, missing
@@ -16,8 +17,10 @@ from stepbus_schemas import PROTOCOL_VERSION, Hello, encode
 _LONGEST_S = 120.0
 
 
-def rehearse(scenario: Scenario, problems: Problems) -> None:
+def rehearse(scenario: Scenario, problems: Problems, warnings: list[str]) -> None:
     """Have each class do what it does at the start of a run, and add what is wrong.
+
+    warnings: gets those of the participants.
 
     All are asked at once, each in a process of its own: an engine may crash, and code of the user's
     may never return. Classes of ours are made, so that the plant loads its world and the controller
@@ -32,8 +35,10 @@ def rehearse(scenario: Scenario, problems: Problems) -> None:
             elif spec.participant and not spec.is_external:
                 asked.append((spec, stack.enter_context(_asked(scenario, spec))))
         for spec, process in asked:
-            for keys, text in _answer(scenario, spec, process):
+            answer, printed = _answer(scenario, spec, process)
+            for keys, text in answer:
                 problems.add(("participants", spec.name, *keys), text)
+            warnings += [f"{spec.name}: {text}" for text in warnings_in(printed)]
 
 
 @contextmanager
@@ -60,17 +65,17 @@ def _asked(scenario: Scenario, spec: ParticipantSpec) -> Iterator[subprocess.Pop
 
 def _answer(
     scenario: Scenario, spec: ParticipantSpec, process: subprocess.Popen[bytes]
-) -> Sequence[tuple[Keys, str]]:
-    """Return what a class says of itself: keys of the participant, and a text."""
+) -> tuple[Sequence[tuple[Keys, str]], bytes]:
+    """Return what a class says of itself, keys and a text each, and what it prints."""
     try:
         said, errors = process.communicate(timeout=_LONGEST_S)
         answer = json.loads(said)
     except subprocess.TimeoutExpired:
-        return [(("participant",), f"{spec.participant} is not ready after {_LONGEST_S:g} s")]
+        return [(("participant",), f"{spec.participant} is not ready after {_LONGEST_S:g} s")], b""
     except ValueError:
         last = errors.decode(errors="replace").strip().rpartition("\n")[2]
         why = last or f"its process ends with exit code {process.returncode}"
-        return [(("participant",), f"{spec.participant} cannot be checked: {why}")]
+        return [(("participant",), f"{spec.participant} cannot be checked: {why}")], errors
     found = [(tuple(keys), text) for keys, text in answer.pop("problems")]
     hello = Hello(protocol=PROTOCOL_VERSION, name=spec.name, token="", pid=0, **answer)
-    return [*found, *misfits(hello, welcome_of(scenario, spec, token=""))]
+    return [*found, *misfits(hello, welcome_of(scenario, spec, token=""))], errors

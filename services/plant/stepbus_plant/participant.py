@@ -15,6 +15,7 @@ from stepbus_participant import (
     Problems,
     Step,
     installed_version,
+    warn,
 )
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander, Ramp
@@ -87,6 +88,8 @@ class Plant(Participant):
         world = load_world(params.world, stock, problems.below(("params", "stock")))
         self._period_ns = config.step_ns * config.every
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
+        for subject, text in self.plant.physics.notes:
+            warn(f"{subject}: {text}")
         self._drivers: dict[str, Commander] = {}
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []

@@ -1,5 +1,8 @@
 """What only loading a world shows is said by `stepbus validate`, with file, line and nearest name."""
 
+import json
+import re
+
 import pytest
 
 from stepbus_orchestrator import cli
@@ -110,3 +113,32 @@ def test_validate_lists_all_of_them_at_once(arm, capsys):
         f"{where}:12: imus.torso.link: link 'lnk2' is unknown; did you mean 'link2'?",
         f"{where}:12: imus.torso.period: 7ms is not a multiple of the plant's step (5ms)",
     ]
+
+
+MJCF = """<mujoco model="arm"><worldbody><body name="base">
+<body name="link1"><joint name="joint1" axis="0 1 0" armature="0.1"/><geom size="0.1" pos="0.5 0 0"/>
+<body name="link2" pos="1 0 0"><joint name="joint2" axis="0 1 0"/><geom size="0.1" pos="0.5 0 0"/></body>
+</body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("change", "warning"),
+    [
+        (
+            lambda urdf: re.sub("<inertia .*?/>", '<inertia ixx="1" iyy="1" izz="3" ixy="0" ixz="0" iyz="0"/>', urdf, count=1),
+            "no body can have the inertia (1, 1, 3)",
+        ),
+        (lambda _urdf: MJCF, "armature"),
+    ],
+)  # fmt: skip
+def test_validate_and_the_run_show_what_a_robot_lacks(arm, tmp_path, capsys, change, warning):
+    folder = arm()
+    urdf = next(folder.glob("*.urdf"))
+    urdf.write_text(change(urdf.read_text()))
+    assert cli.main(["validate", str(folder / "scenario.yaml")]) == 0
+    assert warning in capsys.readouterr().out
+    words = ["--set", "duration=50ms", "--no-report", "--out", str(tmp_path / "run")]
+    assert cli.main(["run", str(folder / "scenario.yaml"), *words]) == 0
+    assert warning in capsys.readouterr().out
+    result = json.loads((tmp_path / "run/result.json").read_bytes())
+    assert [w["source"] for w in result["warnings"]] == ["plant"]
