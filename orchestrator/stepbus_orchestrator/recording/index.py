@@ -7,15 +7,17 @@ is. Any other file is scanned from its beginning (`scanner.py`).
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.records import (
     HEAD,
@@ -25,7 +27,7 @@ from stepbus_orchestrator.recording.records import (
     records_of,
     split,
 )
-from stepbus_participant.parameters import parse_yaml
+from stepbus_participant.parameters import is_name, parse_yaml
 from stepbus_schemas import StepbusError
 
 _FOOTER = struct.Struct("<QQI")  # start of the summary, of its offsets, CRC
@@ -54,8 +56,12 @@ class Index:
     damage: what is wrong with the file, empty when nothing is. ends_a_step: whether nothing of its
     last step is missing, as far as that is known without reading its messages. loose_from: where
     messages begin that are in no chunk yet, as the file was not closed.
+
+    Participants and ports become file names and lines of a terminal: a recording with a name that
+    no scenario may give raises RecordingFailed, whatever reads it.
     """
 
+    path: Path
     schemas: dict[int, str] = field(default_factory=dict)
     schema_texts: dict[str, bytes] = field(default_factory=dict)
     channels: dict[int, mcap.Channel] = field(default_factory=dict)
@@ -80,7 +86,11 @@ class Index:
             content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
         except StepbusError:
             return {}
-        return content if isinstance(content, dict) else {}
+        if not isinstance(content, dict):
+            return {}
+        participants = content.get("participants")
+        self._check_names(participants if isinstance(participants, dict) else ())
+        return content
 
     def add(self, record: object) -> None:
         """Add what a record says, unless it is a message."""
@@ -89,6 +99,7 @@ class Index:
                 self.schemas[record.id] = record.name
                 self.schema_texts[record.name] = record.data
             case mcap.Channel():
+                self._check_names(layout.split_topic(record.topic))
                 self.channels.setdefault(record.id, record)
             case mcap.Attachment():
                 self.attachments[record.name] = record.data
@@ -96,6 +107,14 @@ class Index:
                 self.metadata[record.name] = record.metadata
             case mcap.Header():
                 self.library = record.library
+
+    def _check_names(self, names: Iterable[object]) -> None:
+        for name in names:
+            if not (isinstance(name, str) and is_name(name)):
+                raise RecordingFailed(
+                    f"{self.path}: {name!r} is no name of a participant or port; stepbus has not "
+                    "recorded this file"
+                )
 
 
 def read_summary(file: RecordFile) -> Index | None:
@@ -107,7 +126,7 @@ def read_summary(file: RecordFile) -> Index | None:
 
 
 def _read_summary(file: RecordFile) -> Index | None:
-    section, index = _section(file), Index()
+    section, index = _section(file), Index(path=file.path)
     if section is None:
         return None
     _add_at(file, len(MAGIC), index)
