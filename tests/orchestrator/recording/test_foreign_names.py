@@ -57,7 +57,7 @@ def test_a_port_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, topic,
 
 @pytest.mark.parametrize("length", [0, 200])
 def test_a_recording_that_is_being_written_is_refused_for_its_names_too(tmp_path, length):
-    port = ("JointCommand/1", ["joint1"], [JointCommand(values=[0.0])] * 9)
+    port = ("JointCommand/1", ["joint1"], [JointCommand(mode="torque", values=[0.0])] * 9)
     path = write(tmp_path / "run.mcap", **{"../x": port})
     path.write_bytes(path.read_bytes()[: -length or None])
     tail = Tail(path)
