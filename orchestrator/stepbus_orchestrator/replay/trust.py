@@ -98,7 +98,7 @@ def _command(spec: ParticipantSpec) -> Sequence[str]:
 
 def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
     """Return whether a program is one of the recording, and no class that a package declares."""
-    if not spec.participant:
+    if spec.exec or not spec.participant:
         return bool(spec.exec)
     top = spec.participant.partition(":")[0].partition(".")[0]
     return spec.participant not in participant_classes() or top in modules
