@@ -141,7 +141,7 @@ def test_a_recorded_participant_named_like_a_path_is_refused_and_no_file_is_touc
     file.close()
     code, log, summary, _ = act(tmp_path, recordings="run.mcap")
     assert (code, (tmp_path / "new.mcap").read_text()) == (1, "keep")
-    assert "'/../../..' is no name of a participant" in log
+    assert "'/../../..' is not a valid name" in log
     assert "new.mcap" not in summary
 
 

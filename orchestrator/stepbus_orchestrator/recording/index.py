@@ -57,8 +57,8 @@ class Index:
     last step is missing, as far as that is known without reading its messages. loose_from: where
     messages begin that are in no chunk yet, as the file was not closed.
 
-    Participants and ports become file names and lines of a terminal: a recording with a name that
-    no scenario may give raises RecordingFailed, whatever reads it.
+    Names become those of files, and lines of a terminal: a recording with a scenario, participant
+    or port whose name no scenario accepts raises RecordingFailed, whatever reads it.
     """
 
     path: Path
@@ -90,6 +90,7 @@ class Index:
             return {}
         participants = content.get("participants")
         self._check_names(participants if isinstance(participants, dict) else ())
+        self._check_names([content["name"]] if "name" in content else [])
         return content
 
     def add(self, record: object) -> None:
@@ -112,8 +113,7 @@ class Index:
         for name in names:
             if not (isinstance(name, str) and is_name(name)):
                 raise RecordingFailed(
-                    f"{self.path}: {name!r} is no name of a participant or port; stepbus has not "
-                    "recorded this file"
+                    f"{self.path}: {name!r} is not a valid name; stepbus has not recorded this file"
                 )
 
 

@@ -24,10 +24,11 @@ READERS = [
 ]
 
 
-def with_participant(path, name):
-    """Write a recording whose scenario has a participant of a name."""
+def with_participant(path, name, scenario_name="s"):
+    """Write a recording whose scenario, and a participant in it, have these names."""
     file = McapFile(path)
-    scenario = {"name": "s", "participants": {name: {"participant": "stepbus_plant:Plant"}}}
+    row = {"participant": "stepbus_plant:Plant"}
+    scenario = {"name": scenario_name, "participants": {name: row}}
     file.attach("scenario.yaml", "application/yaml", json.dumps(scenario).encode())
     file.close()
     return path
@@ -43,15 +44,21 @@ def with_port(path, topic):
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_participant_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, name):
-    with pytest.raises(RecordingFailed, match="is no name of a participant or port"):
+    with pytest.raises(RecordingFailed, match="is not a valid name"):
         Recording(with_participant(tmp_path / "run.mcap", name))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_scenario_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, name):
+    with pytest.raises(RecordingFailed, match="is not a valid name"):
+        Recording(with_participant(tmp_path / "run.mcap", "plant", name))
 
 
 @pytest.mark.parametrize("name", NAMES)
 @pytest.mark.parametrize("topic", ["{}/state", "plant/{}"])
 def test_a_port_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, topic, name):
     path = with_port(tmp_path / "run.mcap", topic.format(name))
-    with pytest.raises(RecordingFailed, match="is no name of a participant or port"):
+    with pytest.raises(RecordingFailed, match="is not a valid name"):
         Recording(path)
 
 
@@ -61,7 +68,7 @@ def test_a_recording_that_is_being_written_is_refused_for_its_names_too(tmp_path
     path = write(tmp_path / "run.mcap", **{"../x": port})
     path.write_bytes(path.read_bytes()[: -length or None])
     tail = Tail(path)
-    with pytest.raises(RecordingFailed, match="is no name of a participant or port"):
+    with pytest.raises(RecordingFailed, match="is not a valid name"):
         tail.poll()
     tail.close()
 
