@@ -7,7 +7,7 @@ is. Any other file is scanned from its beginning (`scanner.py`).
 from __future__ import annotations
 
 import struct
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -89,8 +89,10 @@ class Index:
         if not isinstance(content, dict):
             return {}
         participants = content.get("participants")
-        self._check_names(participants if isinstance(participants, dict) else ())
-        self._check_names([content["name"]] if "name" in content else [])
+        names = list(participants) if isinstance(participants, dict) else []
+        for name in names + [content[key] for key in ("name",) if key in content]:
+            if not (isinstance(name, str) and is_name(name)):
+                raise self._not_ours(name)
         return content
 
     def add(self, record: object) -> None:
@@ -100,7 +102,8 @@ class Index:
                 self.schemas[record.id] = record.name
                 self.schema_texts[record.name] = record.data
             case mcap.Channel():
-                self._check_names(layout.split_topic(record.topic))
+                if not all(map(is_name, layout.split_topic(record.topic))):
+                    raise self._not_ours(record.topic)
                 self.channels.setdefault(record.id, record)
             case mcap.Attachment():
                 self.attachments[record.name] = record.data
@@ -109,12 +112,11 @@ class Index:
             case mcap.Header():
                 self.library = record.library
 
-    def _check_names(self, names: Iterable[object]) -> None:
-        for name in names:
-            if not (isinstance(name, str) and is_name(name)):
-                raise RecordingFailed(
-                    f"{self.path}: {name!r} is not a valid name; stepbus has not recorded this file"
-                )
+    def _not_ours(self, name: object) -> RecordingFailed:
+        return RecordingFailed(
+            f"{self.path} is not from stepbus, or from a newer version: {name!r} is not a valid "
+            "name"
+        )
 
 
 def read_summary(file: RecordFile) -> Index | None:
