@@ -102,7 +102,8 @@ class Index:
                 self.schemas[record.id] = record.name
                 self.schema_texts[record.name] = record.data
             case mcap.Channel():
-                if not all(map(is_name, layout.split_topic(record.topic))):
+                # Those of timing.mcap have one name.
+                if not all(map(is_name, record.topic.split("/", 1))):
                     raise self._not_ours(record.topic)
                 self.channels.setdefault(record.id, record)
             case mcap.Attachment():
