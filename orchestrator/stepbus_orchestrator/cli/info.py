@@ -87,7 +87,7 @@ def info_command(recording: RecordingPath) -> Answer:
     with Recording(recording) as opened:
         found = _info(opened)
     return Answer(value={**msgspec.structs.asdict(found), "duration_s": found.duration_s},
-                  lines=_lines(found))  # fmt: skip
+                  lines=[line.replace("\n", " ") for line in _lines(found)])  # fmt: skip
 
 
 def _info(recording: Recording) -> Info:

@@ -39,7 +39,7 @@ def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
         f"{recording} contains programs that are not in your work tree. They would run with "
         "your permissions:"
     )
-    if tree is not None:
+    if tree is not None and not tree.is_yours:
         shown = (
             f"{tree.shown()} can be written by other users. Its programs would run with your "
             "permissions:"

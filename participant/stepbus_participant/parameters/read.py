@@ -41,6 +41,11 @@ _LARGEST = 1e300
 _WITH_UNIT = re.compile(r"([-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?) *(\D{0,12})")
 
 
+def is_name(text: str) -> bool:
+    """Return whether a scenario may call a participant or a port like this: it is never a path."""
+    return len(text) <= LONGEST_NAME and re.fullmatch(NAME_FORM, text) is not None
+
+
 def read(
     settings: type[S],
     data: object,
@@ -209,8 +214,7 @@ class _Reader:
         return 0 if data in ("0s", "0ms") else self._duration(node, data, keys)
 
     def _name(self, _node: Any, data: Any, keys: Keys) -> str:
-        is_name = isinstance(data, str) and len(data) <= LONGEST_NAME
-        if not isinstance(data, str) or (is_name and re.fullmatch(NAME_FORM, data)):
+        if not isinstance(data, str) or is_name(data):
             return str(self.value(inspect.StrType(), data, keys))
         text = (
             f"{data!r} is not a valid name; use 1 to {LONGEST_NAME} letters, digits, '_' and '-', "

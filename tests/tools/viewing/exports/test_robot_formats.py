@@ -317,6 +317,6 @@ def test_a_recording_of_another_system_is_one_sentence(bag, recording, tmp_path,
     end = {"video": ".mp4", "scene": ".html"}.get(option, ".mcap")
     assert main(["export", str(foreign), f"--{option}", str(tmp_path / f"out{end}")]) != 0
     error = capsys.readouterr().err
-    assert error.startswith(f"stepbus: {foreign} has no ")
+    assert error.startswith(f"stepbus: {foreign} is not from stepbus, or from a newer version: ")
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
