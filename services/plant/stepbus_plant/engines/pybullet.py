@@ -54,7 +54,7 @@ class BulletEngine:
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1,
             numSolverIterations=solver_iterations,
-            # With it, a joint more than 0.04 rad or m past its stop stays there. Contacts ignore it.
+            # With it, a joint that is 0.04 rad or m past its stop stays there; contacts ignore it.
             useSplitImpulse=0,
             **self._here,
         )
