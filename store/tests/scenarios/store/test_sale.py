@@ -132,7 +132,7 @@ def test_several_orders_are_sold_in_a_row(tmp_path):
 
 def test_a_command_that_hosts_the_sale_leaves_no_complaint_of_a_library_at_its_end(tmp_path):
     words = ["run", "store", "--in-process", "--no-report", "--set", "duration=160ms"]
-    command = [sys.executable, "-P", "-m", "stepbus_orchestrator", *words]
+    command = [sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *words]
     done = subprocess.run(
         command, cwd=tmp_path, check=False, capture_output=True, text=True, timeout=120
     )
