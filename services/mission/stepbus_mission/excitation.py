@@ -17,8 +17,9 @@ from stepbus_schemas import JointReference
 _REGISTER = 15
 """Length of the shift register: the sequence repeats after 2¹⁵ − 1 bits."""
 _FIRST_START = 10582
-"""Start for seed 0, selected from 886: the first 100 bits have means of at most 0.26 for seeds below
-16 and up to seven joints. From 0, where the register is almost empty, 79 of 100 bits are negative."""
+"""Start for seed 0, selected from 886: the first 100 bits have means of at most 0.26, for seeds
+below 16 and up to seven joints. From 0, where the register is almost empty, 79 of 100 bits are
+negative."""
 _SEED_STRIDE = 20252
 """Bits from a seed to the next: 0.618 of the sequence, as the golden ratio spreads points evenly,
 and without a common divisor with its length."""
