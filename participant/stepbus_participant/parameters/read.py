@@ -204,14 +204,15 @@ class _Reader:
 
     # Marked types of settings.py
 
-    def _duration(self, _node: Any, data: Any, keys: Keys) -> int:
+    def _duration(self, _node: Any, data: Any, keys: Keys, *, may_be_zero: bool = False) -> int:
         if not isinstance(data, str):
             text = f"must be a duration with a unit, e.g. 5ms, not {show(data)}"
             return self.wrong(keys, text, 0)
-        return self.problems.attempt(keys, partial(parse_duration, data)) or 0
+        parse = partial(parse_duration, data, may_be_zero=may_be_zero)
+        return self.problems.attempt(keys, parse) or 0
 
     def _pause(self, node: Any, data: Any, keys: Keys) -> int:
-        return 0 if data in ("0s", "0ms") else self._duration(node, data, keys)
+        return self._duration(node, data, keys, may_be_zero=True)
 
     def _name(self, _node: Any, data: Any, keys: Keys) -> str:
         if not isinstance(data, str) or is_name(data):

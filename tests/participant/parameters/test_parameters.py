@@ -78,7 +78,7 @@ def test_what_is_right_is_read_into_types():
             "kp": {"b": 2, "a": 1},
             "ki": [3, 4],
             "latency": "1/200s",
-            "at": "0s",
+            "at": "0.00s",
             "springs": ["soft", {"kind": "hard", "stiffness": 5}],
         }
     )

@@ -52,7 +52,11 @@ class BulletEngine:
         self._frames: dict[int, tuple[Pose, Pose]] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1, numSolverIterations=solver_iterations, **self._here
+            deterministicOverlappingPairs=1,
+            numSolverIterations=solver_iterations,
+            # With it, a joint that is 0.04 rad or m past its stop stays there; contacts ignore it.
+            useSplitImpulse=0,
+            **self._here,
         )
         bullet.setTimeStep(step_s, **self._here)
         bullet.setGravity(*gravity, **self._here)

@@ -33,8 +33,10 @@ _SIZE = (640, 480)
 _SIZES = (16, 4096)
 """The smallest and the largest width or height [pixels]."""
 _MOST_GIF_FRAMES = 750
+_GIF_TICK_NS = 10_000_000
+"""A GIF counts in hundredths of a second [ns]."""
 _SHORTEST_GIF_NS = 40_000_000
-"""A GIF counts in hundredths of a second, and viewers slow down what is faster."""
+"""Viewers slow down what is faster [ns]."""
 _RARE_NS = 1_000_000_000
 """Images that are farther apart on the average make no film [ns]."""
 _TICK = Fraction(1, 90_000)
@@ -159,10 +161,7 @@ def _time(text: str, default: int) -> int:
     """Return a simulation time [ns]."""
     if not text:
         return default
-    return 0 if _ZERO.fullmatch(text.strip()) else parse_duration(text)
-
-
-_ZERO = re.compile(r"0+(\.0*)?\s*(ns|us|ms|s|min|h)?")
+    return 0 if text.strip() == "0" else parse_duration(text, may_be_zero=True)
 
 
 def _size(text: str) -> tuple[int, int] | None:
@@ -291,7 +290,9 @@ def _write_gif(path: Path, shots: Iterator[Shot], _plan: _Plan) -> list[str]:
             times.append(t_ns)
     if not frames:
         raise ValueError("no image in this time range")
-    lasts = [round((b - a) * 1e-6) for a, b in pairwise(times)] + [500]
+    # Round times, not the intervals between them: their errors would add up.
+    ends = [round((t_ns - times[0]) / _GIF_TICK_NS) for t_ns in times]
+    lasts = [10 * (b - a) for a, b in pairwise(ends)] + [500]
     frames[0].save(
         path, "GIF", save_all=True, append_images=frames[1:], duration=lasts, loop=0, optimize=True
     )
