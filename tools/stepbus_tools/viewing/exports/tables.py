@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
@@ -16,8 +17,18 @@ import numpy as np
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
 from stepbus_participant import need
-from stepbus_schemas import StepbusError
-from stepbus_tools.columns import CLOCK, NUMBERS, Cells, Column, Table, readable
+from stepbus_schemas import MessageError, StepbusError
+from stepbus_tools.columns import (
+    CLOCK,
+    LISTS,
+    NUMBERS,
+    Cells,
+    Column,
+    ColumnType,
+    Table,
+    readable,
+    to_json,
+)
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
     Exporter,
@@ -38,7 +49,7 @@ _LONG = (
     Column(name="signal", type="string", text="participant.port.column"),
     Column(name="unit", type="string", text="unit of the value"),
     Column(name="value", type="double", text="value, where it is a number"),
-    Column(name="text", type="string", text="value, where it is none"),
+    Column(name="text", type="string", text="value, where no double holds it"),
 )
 """The columns of a file with all ports: a row for each value."""
 
@@ -72,12 +83,12 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
         for table, batch in _pieces(recording, tables, lost):
             try:
                 values = table.values(batch)
+                for rows in _long(table, values) if is_file else [values]:
+                    sinks[table].write(rows)
             except StepbusError as exc:
                 end = f"its rows end before step {batch.steps[0]}"
                 lost[table.port.topic] = f"{table.port.topic}: {exc}; {end}"
                 continue
-            for rows in _long(table, values) if is_file else [values]:
-                sinks[table].write(rows)
             reached(int(batch.steps[-1]))
     written = [target] if is_file else list(paths.values())
     if form == "csv" and not is_file:
@@ -133,10 +144,16 @@ def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:
         texts: Cells = [None] * count
         if column.type in NUMBERS:
             numbers = [None if cell is None else float(cell) for cell in cells]
+            texts = [_digits(cell) for cell in cells]
         else:
             texts = [_text(cell) for cell in cells]
         name = f"{table.name}.{column.name}"
         yield steps, t, [name] * count, [column.unit] * count, numbers, texts
+
+
+def _digits(cell: Any) -> str | None:
+    """Return an integer that no double holds."""
+    return str(cell) if isinstance(cell, int | np.integer) and float(cell) != int(cell) else None
 
 
 def _text(cell: Any) -> str | None:
@@ -147,7 +164,7 @@ def _text(cell: Any) -> str | None:
             return f"{len(cell)} bytes"
         case str():
             return cell
-    return json.dumps(cell)
+    return to_json(cell)
 
 
 def _about(table: Table) -> dict[str, str]:
@@ -192,13 +209,18 @@ class _Csv:
 
     def write(self, values: Sequence[Cells]) -> None:
         """Write rows. values: of each column."""
-        columns = [
-            cells.tolist()
-            if isinstance(cells, np.ndarray)
-            else [_text(c) if form == "list" or isinstance(c, bytes) else c for c in cells]
-            for cells, form in zip(values, self._types, strict=True)
-        ]
+        columns = [_written(*pair) for pair in zip(values, self._types, strict=True)]
         self._writer.writerows(zip(*columns, strict=True))
+
+
+def _written(cells: Cells, form: ColumnType) -> Sequence[Any]:
+    """Return cells as CSV has them. Polars reads a column with `nan` as text, with `NaN` not."""
+    if form in (*LISTS, "binary"):
+        return [_text(cell) for cell in cells]
+    plain: Sequence[Any] = cells.tolist() if isinstance(cells, np.ndarray) else cells
+    if form != "double":
+        return plain
+    return ["NaN" if isinstance(cell, float) and math.isnan(cell) else cell for cell in plain]
 
 
 class _Parquet:
@@ -229,7 +251,8 @@ class _Parquet:
             "bool": arrow.bool_(),
             "string": arrow.string(),
             "binary": arrow.binary(),
-            "list": arrow.list_(arrow.float64()),
+            "list<double>": arrow.list_(arrow.float64()),
+            "list<int64>": arrow.list_(arrow.int64()),
             "json": arrow.string(),
         }
         metadata = {"unit": column.unit, "description": column.text}
@@ -248,18 +271,24 @@ class _Parquet:
             self._writer.close()
 
     def write(self, values: Sequence[Cells]) -> None:
-        """Write rows, in groups that read well."""
-        arrow = self._arrow
-        arrays = [
-            arrow.array(cells, type=field.type)
-            for cells, field in zip(values, self._schema, strict=True)
-        ]
-        table = arrow.table(arrays, schema=self._schema)
+        """Write rows, in groups that read well; raises MessageError for an integer above int64."""
+        fields = zip(values, self._schema, strict=True)
+        arrays = [self._array(cells, field) for cells, field in fields]
+        table = self._arrow.table(arrays, schema=self._schema)
         self._held.append(table)
         self._rows += table.num_rows
         self._bytes += table.nbytes
         if self._rows >= _GROUP_ROWS or self._bytes >= _GROUP_BYTES:
             self._flush()
+
+    def _array(self, cells: Cells, field: Any) -> Any:
+        try:
+            return self._arrow.array(cells, type=field.type)
+        except (OverflowError, self._arrow.ArrowInvalid) as exc:
+            raise MessageError(
+                f"{field.name} has an integer above {2**63 - 1}, too large for {field.type}; "
+                "export it as CSV"
+            ) from exc
 
     def _flush(self) -> None:
         if self._held:
