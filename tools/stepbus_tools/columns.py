@@ -158,7 +158,7 @@ class Table:
 
 
 def to_json(value: Any) -> str:
-    """Return a value as JSON, which lacks some floats: "NaN", "Infinity", "-Infinity" are strings."""
+    """Return a value as JSON; "NaN", "Infinity" and "-Infinity" are strings, as JSON lacks them."""
     plain = msgspec.to_builtins(value)
     try:
         return json.dumps(plain, ensure_ascii=False, separators=(",", ":"), allow_nan=False)

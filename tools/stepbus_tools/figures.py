@@ -129,7 +129,7 @@ def _read(
 
 
 def _masked(row: Cells, form: ColumnType) -> MaskedArray:
-    """Return values, masked where absent. Integers are objects: they have more digits than a float."""
+    """Return values, masked where absent. Integers are objects: no float has all their digits."""
     if isinstance(row, np.ndarray) and form == "double":
         return np.ma.asarray(row)
     objects = np.empty(len(row), dtype=object)
@@ -146,8 +146,9 @@ class FieldError:
     """Error of one value of a port between two recordings: second minus first.
 
     port, field: such as `plant.joint_state`, `position.joint1`. unit: of all numbers here. count:
-    messages that were compared: both have the value. NaN differs infinitely from any number. rmse: root of the mean square. share: of the first's own root mean
-    square. mean: with its sign. max: largest size; at_s: when it was [s].
+    messages in which both have the value. rmse: root of the mean square. share: of the first's own
+    root mean square. mean: with its sign. max: largest size; at_s: when it was [s]. NaN is
+    infinitely far from any number.
     """
 
     port: str

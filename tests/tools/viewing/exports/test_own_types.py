@@ -7,7 +7,7 @@ import math
 import duckdb
 import numpy as np
 import polars as pl
-import pyarrow
+import pyarrow as pa
 import pyarrow.parquet as parquet
 import pytest
 from support.messages.recordings import write
@@ -71,7 +71,7 @@ def test_parquet_has_integers_as_int64(tmp_path):
     table = parquet.read_table(tmp_path / "tables/plant.state.parquet")
     assert table["i"].to_pylist() == EXTREMES[:2]
     assert table["many"].to_pylist() == [[i] for i in EXTREMES[:2]]
-    assert table.schema.field("many").type == pyarrow.list_(pyarrow.int64())
+    assert table.schema.field("many").type == pa.list_(pa.int64())
 
 
 def test_an_integer_too_large_for_parquet_loses_its_port_only(integers, tmp_path, capsys):
