@@ -157,6 +157,18 @@ class Table:
                 yield field, array.reshape(len(array), -1).astype(float)
 
 
+def distinct(names: Sequence[str], taken: Collection[str] = ()) -> list[str]:
+    """Return names that all differ: one that an earlier or a taken name has ends in `_`."""
+    used, made = set(taken), list[str]()
+    for name in names:
+        new = name
+        while new in used or (new != name and new in names):
+            new += "_"
+        used.add(new)
+        made.append(new)
+    return made
+
+
 def to_json(value: Any) -> str:
     """Return a value as JSON; "NaN", "Infinity" and "-Infinity" are strings, as JSON lacks them."""
     plain = msgspec.to_builtins(value)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -104,7 +105,8 @@ def _series(pandas: Any, column: Column, cells: MaskedArray) -> Any:
         return cells.data
     if column.type == "double":
         return cells.filled(np.nan)
-    held = np.where(np.ma.getmaskarray(cells), None, cells.data.astype(object))
+    held = cells.data.copy()
+    held[np.ma.getmaskarray(cells)] = None
     fits = column.type == "bool" or all(cell is None or cell < 2**63 for cell in held)
     types = {"bool": "boolean", "int64": "Int64"}
     return pandas.array(held, dtype=types[column.type] if fits else object)
@@ -118,23 +120,25 @@ def _read(
     fields = [field for field in table.fields if any(one.name in wanted for one in field.columns)]
     names = [column.name for field in fields for column in field.columns]
     times: list[NDArray[np.int64]] = []
-    cells: dict[str, list[MaskedArray]] = {name: [] for name in wanted}
+    cells: dict[str, list[Cells]] = {name: [] for name in wanted}
     for batch in recording.batches([table.port]):
         _, t_ns, _, *rows = table.values(batch[table.port.topic], [field.name for field in fields])
         times.append(np.asarray(t_ns))
         for name, row in zip(names, rows, strict=True):
             if name in wanted:
-                cells[name].append(_masked(row, wanted[name]))
-    return np.concatenate(times), {name: np.ma.concatenate(rows) for name, rows in cells.items()}
+                cells[name].append(row)
+    return np.concatenate(times), {name: _masked(cells[name], wanted[name]) for name in wanted}
 
 
-def _masked(row: Cells, form: ColumnType) -> MaskedArray:
+def _masked(pieces: Sequence[Cells], form: ColumnType) -> MaskedArray:
     """Return values, masked where absent. Integers are objects: no float has all their digits."""
-    if isinstance(row, np.ndarray) and form == "double":
-        return np.ma.asarray(row)
-    objects = np.empty(len(row), dtype=object)
-    objects[:] = row.tolist() if isinstance(row, np.ndarray) else list(row)
-    absent = [cell is None for cell in objects]
+    arrays = [piece for piece in pieces if isinstance(piece, np.ndarray)]
+    if form == "double" and len(arrays) == len(pieces):
+        return np.ma.array(np.concatenate(arrays))
+    lists = (piece.tolist() if isinstance(piece, np.ndarray) else piece for piece in pieces)
+    objects = np.empty(sum(map(len, pieces)), dtype=object)
+    objects[:] = list(chain.from_iterable(lists))
+    absent = np.array([cell is None for cell in objects], dtype=bool)
     if form == "double":
         objects[absent] = np.nan
         return np.ma.array(objects.astype(float), mask=absent)

@@ -117,3 +117,15 @@ def test_numbers_that_json_lacks_stay_numbers_for_readers_of_csv(tmp_path):
     np.testing.assert_array_equal(np.array(json.loads(table["table"][0]), float), [[math.inf, 1.0]])
     query = f"select many::DOUBLE[] from '{tmp_path}/csv/plant.state.csv'"
     np.testing.assert_array_equal(duckdb.sql(query).fetchall()[0][0], odd)
+
+
+@pytest.mark.parametrize("form", ["csv", "parquet"])
+def test_own_fields_named_like_the_clock_have_columns_of_their_own(tmp_path, capsys, form):
+    row = {"t": 1.5, "step": 2, "t_ns": 3, "t_": 4.5}
+    declaration = {"t": "float", "step": "int", "t_ns": "int", "t_": "float"}
+    path = record(tmp_path / "run.mcap", declaration, row)
+    assert main(["export", str(path), f"--{form}", str(tmp_path)]) == 0
+    read = pl.read_csv if form == "csv" else pl.read_parquet
+    table = read(tmp_path / f"plant.state.{form}")
+    assert table.row(0, named=True) == {"step": 0, "t_ns": 0, "t": 0.0, "step_": 2, "t__": 1.5, "t_": 4.5, "t_ns_": 3}  # fmt: skip
+    assert "plant/state: t is in the column t__; the name is taken" in capsys.readouterr().err

@@ -7,8 +7,10 @@ import json
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from functools import partial
 from io import StringIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, Self, TextIO
 
@@ -26,6 +28,7 @@ from stepbus_tools.columns import (
     Column,
     ColumnType,
     Table,
+    distinct,
     readable,
     to_json,
 )
@@ -79,7 +82,7 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
         if is_file:
             sinks = dict.fromkeys(tables, opened(target, _LONG, {}))
         else:
-            sinks = {t: opened(p, [*CLOCK, *t.columns], _about(t)) for t, p in paths.items()}
+            sinks = {t: opened(p, _wide(t), _about(t)) for t, p in paths.items()}
         for table, batch in _pieces(recording, tables, lost):
             try:
                 values = table.values(batch)
@@ -93,7 +96,8 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
     written = [target] if is_file else list(paths.values())
     if form == "csv" and not is_file:
         written.append(_describe(tables, target))
-    return Exported(paths=written, problems=list(lost.values()), lost=list(lost))
+    renamed = [] if is_file else list(chain.from_iterable(map(_renamed, tables)))
+    return Exported(paths=written, problems=[*renamed, *lost.values()], lost=list(lost))
 
 
 def _csv_size(recording: Recording, target: Path) -> float:
@@ -106,7 +110,7 @@ def _csv_size(recording: Recording, target: Path) -> float:
         batch = piece.get(table.port.topic)
         if batch is None or not len(batch.steps):
             continue
-        sink = _Csv(text, _LONG if is_file else [*CLOCK, *table.columns], {})
+        sink = _Csv(text, _LONG if is_file else _wide(table), {})
         # A port that cannot be read is named when it is exported.
         with suppress(StepbusError):
             values = table.values(batch)
@@ -122,6 +126,19 @@ def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path
     except OSError as exc:
         raise RecordingFailed(f"{folder} cannot be made: {exc.strerror or exc}") from exc
     return {table: folder / f"{table.name}.{form}" for table in tables}
+
+
+def _wide(table: Table) -> list[Column]:
+    """Return the columns of a port's file; their names differ, whatever its fields are called."""
+    columns = [*CLOCK, *table.columns]
+    names = distinct([column.name for column in columns])
+    return [replace(column, name=name) for column, name in zip(columns, names, strict=True)]
+
+
+def _renamed(table: Table) -> Iterator[str]:
+    for old, new in zip(table.columns, _wide(table)[len(CLOCK) :], strict=True):
+        if old.name != new.name:
+            yield f"{table.port.topic}: {old.name} is in the column {new.name}; the name is taken"
 
 
 def _pieces(
@@ -183,7 +200,7 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
         writer = csv.writer(file)
         writer.writerow(["file", "column", "type", "unit", "description"])
         for table in tables:
-            for one in (*CLOCK, *table.columns):
+            for one in _wide(table):
                 writer.writerow([f"{table.name}.csv", one.name, one.type, one.unit, one.text])
     return path
 
