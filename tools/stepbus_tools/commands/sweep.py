@@ -106,7 +106,7 @@ def _summary(result: SweepResult) -> Iterator[str]:
     yield f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed"
     yield from (f"  {count} {cause}" for cause, count in result.causes.items())
     if result.metric_errors:
-        yield f"{result.metric_errors} runs without your metrics; see the column metric_error"
+        yield f"{result.metric_errors} runs lack a metric; see the column metric_error"
     if (best := result.best) is not None:
         values = ", ".join(f"{path}={yaml_text(value)}" for path, value in best.values.items())
         yield f"best   run {best.run}: {result.metric} {best.metrics[str(result.metric)]}, {values}"

@@ -1,6 +1,7 @@
 """What the summary of a run says of its recording, in lines."""
 
 import csv
+import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -122,5 +123,5 @@ class Tracked:
         for unit in ("rad", "m"):
             joints = [joint for joint in rmse if self._units[joint] == unit]
             if joints:
-                worst = max(joints, key=lambda joint: rmse[joint])
+                worst = max(joints, key=lambda joint: (math.isnan(rmse[joint]), rmse[joint]))
                 yield f"{engineering(rmse[worst], unit)} ({worst})"

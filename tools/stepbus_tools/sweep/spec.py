@@ -112,7 +112,7 @@ def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
             if axis is not None:
                 above = ("vary", number)
                 variants += _variants(spec.scenario, overrides, axis, problems.below(above))
-    axes = [axis for axis in parsed if axis is not None]
+    axes = [_typed(spec, axis) for axis in parsed if axis is not None]
     design: Design | None = Design([])
     if spec.optimize is None and len(axes) == len(parsed):
         design = problems.attempt(
@@ -207,6 +207,17 @@ def _loads(scenario: str) -> bool:
     except ScenarioError:
         return False
     return True
+
+
+def _typed(spec: Spec, axis: Axis) -> Axis:
+    """Return an axis with all numbers that its parameter takes: fractions where it takes one."""
+    if axis.span is None or not axis.span.is_whole:
+        return axis
+    try:
+        load(spec.scenario, [*spec.set, f"{axis.paths[0]}={axis.span.low + 0.5}"])
+    except ScenarioError:
+        return axis
+    return dataclasses.replace(axis, span=dataclasses.replace(axis.span, is_whole=False))
 
 
 def _variants(

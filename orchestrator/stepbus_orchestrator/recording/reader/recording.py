@@ -157,8 +157,8 @@ class Recording:
 
         signals: ports, fields or single values; none: all. The index is the simulation time `t`
         [s]; columns have names such as `plant.joint_state.position.joint1`; times without a message
-        are NaN. `frame.attrs["units"]` has the units. Raises UnknownPort or WiringError for an
-        unknown signal, ExtraMissing without pandas.
+        are NaN, or NA in columns of integers and booleans. `frame.attrs["units"]` has the units.
+        Raises UnknownPort or WiringError for an unknown signal, ExtraMissing without pandas.
         """
         return view("frame")(self, signals)
 

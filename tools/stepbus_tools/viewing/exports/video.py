@@ -25,7 +25,7 @@ from stepbus_tools.viewing.viewpoint import parse_viewpoint
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
-from .instants import Rate
+from .instants import NS, Rate
 
 _FRAMES_PER_S = 25.0
 _MOST_FRAMES_PER_S = 120.0
@@ -68,9 +68,9 @@ class _Plan:
 
     def times(self) -> list[int]:
         """Return the time of each frame [ns]."""
-        fps = self.fps or _FRAMES_PER_S
-        count = math.floor((self.end_ns - self.start_ns) * 1e-9 * fps + 1e-6)
-        return [self.start_ns + round(number * 1e9 / fps) for number in range(count + 1)]
+        rate = Fraction(str(self.fps or _FRAMES_PER_S))
+        count = math.floor((self.end_ns - self.start_ns) * rate / NS)
+        return [self.start_ns + round(number * NS / rate) for number in range(count + 1)]
 
     def share(self, t_ns: int) -> float:
         """Return how much of the film is over at a time [ns], 0 to 1."""
@@ -259,7 +259,7 @@ def _write_mp4(path: Path, shots: Iterator[Shot], plan: _Plan) -> list[str]:
                 stream.pix_fmt = "yuv420p"
                 stream.codec_context.time_base = _TICK
                 stream.options = {"crf": "20", "preset": "veryfast"}
-            tick = round((t_ns - plan.start_ns) * 1e-9 / _TICK)
+            tick = round(Fraction(t_ns - plan.start_ns, NS) / _TICK)
             if tick <= newest or even.shape[:2] != (stream.height, stream.width):
                 continue
             frame = av.VideoFrame.from_ndarray(even, format="rgb24")
