@@ -220,13 +220,14 @@ class _Robot:
                 )
 
     def endless(self) -> Iterator[str]:
-        """Yield revolute joints that give no stops."""
+        """Yield revolute and prismatic joints that give no stops."""
+        remedies = {"revolute": "make it continuous, or give both", "prismatic": "give both"}
         for joint in self._joints:
-            limit = joint.find("limit")
-            if joint.get("type") == "revolute" and not {"lower", "upper"} & set(limit.attrib):
+            limit, kind = joint.find("limit"), joint.get("type")
+            if kind in remedies and not {"lower", "upper"} & set(limit.attrib):
                 yield (
-                    f"{_who(joint)} is revolute without lower and upper, which stand for 0 and 0 "
-                    "in a URDF; it turns without stops: make it continuous, or give both"
+                    f"{_who(joint)} is {kind} without lower and upper, which stand for 0 and 0 "
+                    f"in a URDF; it moves without stops: {remedies[kind]}"
                 )
 
     def _moved_without_mass(self) -> Iterator[tuple[Any, Any, bool]]:
@@ -264,7 +265,7 @@ class _Robot:
                 yield element.line, f"{_who(owner)}: {where} is not finite"
             elif element.tag != "axis" or key != "xyz" or not _moves(owner):
                 continue
-            elif text.split() and not floats(text):
+            elif not floats(text):
                 # PyBullet reads 0 for a word that is no number.
                 yield element.line, f"{_who(owner)}: its axis {text!r} must be three numbers"
             elif floats(text) == [0, 0, 0]:

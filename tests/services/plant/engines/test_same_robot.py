@@ -19,6 +19,7 @@ from support.services.mechanics import (
 )
 
 from stepbus_kinematics import RobotModel
+from stepbus_participant import SettingsError
 
 LEVER = 0.3
 MOMENT = 0.02
@@ -67,6 +68,19 @@ def test_a_revolute_joint_without_stops_has_none_anywhere_and_is_named(tmp_path,
     assert RobotModel(tmp_path / "arm.urdf", ["hinge"]).upper[0] == math.inf
     (note,) = [text for _, text in plant.physics.notes]
     assert "joint 'hinge' is revolute without lower and upper" in note
+
+
+def test_a_prismatic_joint_without_stops_falls_freely_and_is_named(tmp_path, engine):
+    plant = start(tmp_path, engine, arm("0 0 -1", "prismatic", 'effort="9" velocity="99"'))
+    advance(plant, 100)
+    assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
+    (note,) = [text for _, text in plant.physics.notes]
+    assert "joint 'hinge' is prismatic without lower and upper" in note
+
+
+def test_an_empty_axis_is_refused_by_name(tmp_path, engine):
+    with pytest.raises(SettingsError, match="joint 'hinge': its axis '' must be three numbers"):
+        start(tmp_path, engine, arm(""))
 
 
 IMPOSSIBLE = {
