@@ -34,7 +34,8 @@ DIFFERENCES = (
     Difference("joint damping", "explicit: large values diverge", "implicit: always stable"),
     Difference(
         "contacts",
-        "sequential impulses; resting shapes are up to 1 mm apart",
+        "sequential impulses; boxes and balls touch; a mesh or URDF cylinder rests 1 mm above a box, "
+        "and 2 mm above another",
         "one convex problem; resting shapes overlap, with the square of `physics_step`: a 1 kg "
         "box by 0.4 µm at 1 ms, 10 µm at 5 ms, 156 µm at 20 ms",
     ),
@@ -47,7 +48,7 @@ DIFFERENCES = (
     Difference(
         "meshes",
         "convex hulls, one per object in an OBJ",
-        "convex hulls, one per file; a flat mesh is visible but does not collide",
+        "convex hulls, one per file; a flat mesh has none, and is refused as a collision shape",
     ),
     Difference("lidar on a mesh", "hits its convex hull", "hits its triangles"),
     Difference("lidar ray that starts inside a shape", "no hit", "hits the inside"),

@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 from support.services.mechanics import (
+    FLOOR,
     ROOT,
     STEP,
     G,
+    Row,
     advance,
     command,
     fixed,
@@ -20,6 +22,7 @@ from support.services.mechanics import (
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import SettingsError
+from stepbus_schemas import WiringError
 
 LEVER = 0.3
 MOMENT = 0.02
@@ -108,3 +111,48 @@ def test_an_impossible_inertia_is_repaired_alike(tmp_path, engine, moments, prod
     )
     (note,) = [text for _, text in plant.physics.notes]
     assert "link 'rod': no body can have the inertia" in note
+
+
+CORNERS = (
+    np.array(
+        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] + [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]]
+    )
+    - 0.5
+)
+SIDES = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]  # fmt: skip
+
+
+def text_stl(edge):
+    """Return a cube of an edge [m] as an STL written as text."""
+    facets = "".join(
+        "facet normal 0 0 0\nouter loop\n"
+        + "".join(f"vertex {' '.join(map(str, corner))}\n" for corner in edge * CORNERS[list(side)])
+        + "endloop\nendfacet\n"
+        for side in SIDES
+    )
+    return f"solid cube\n{facets}endsolid cube\n"
+
+
+def test_a_mesh_in_an_stl_written_as_text_is_solid(tmp_path, engine):
+    (tmp_path / "cube.stl").write_text(text_stl(0.6))
+    cube = robot(link("cube", 1.0, (0.06,) * 3, '<mesh filename="cube.stl"/>'))
+    bodies = {"ground": fixed(FLOOR), "cube": Row(cube, "position: [0, 0, 0.31]")}
+    plant = advance(make(tmp_path, engine, bodies), 1000)
+    # PyBullet keeps hulls a margin of 1 mm apart from what they stand on.
+    assert plant.physics.engine.centre(1)[0][2] == pytest.approx(0.3, abs=2e-3)
+    (distance,) = plant.physics.engine.cast(
+        np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 0.0]])
+    )
+    assert distance == pytest.approx((2.0 - 0.6) / 2.0, abs=2e-3)
+
+
+def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, engine):
+    (tmp_path / "flat.stl").write_text("solid flat\nendsolid flat\n")
+    thing = robot(link("thing", 1.0, (1.0,) * 3, '<mesh filename="flat.stl"/>'))
+    with pytest.raises(WiringError, match=r"thing\.urdf: link 'thing' .*flat\.stl|flat\.stl"):
+        start_one(tmp_path, engine, thing)
+
+
+def start_one(folder, engine, urdf):
+    plant = make(folder, engine, {"thing": fixed(urdf)})
+    plant.world.source.refuse(plant.mistakes)
