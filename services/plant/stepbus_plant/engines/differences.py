@@ -34,8 +34,8 @@ DIFFERENCES = (
     Difference("joint damping", "explicit: large values diverge", "implicit: always stable"),
     Difference(
         "contacts",
-        "sequential impulses; boxes and balls touch; a mesh or URDF cylinder rests 1 mm above a box, "
-        "and 2 mm above another",
+        "sequential impulses; boxes and balls touch; a mesh or URDF cylinder rests 1 mm above a "
+        "box, and 2 mm above another",
         "one convex problem; resting shapes overlap, with the square of `physics_step`: a 1 kg "
         "box by 0.4 µm at 1 ms, 10 µm at 5 ms, 156 µm at 20 ms",
     ),

@@ -1,5 +1,6 @@
 """Both engines and the controller's model compute with the same robot, however a URDF is written."""
 
+import gc
 import math
 
 import numpy as np
@@ -22,6 +23,8 @@ from support.services.mechanics import (
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import SettingsError
+from stepbus_plant.engine import Light
+from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import WiringError
 
 LEVER = 0.3
@@ -113,12 +116,7 @@ def test_an_impossible_inertia_is_repaired_alike(tmp_path, engine, moments, prod
     assert "link 'rod': no body can have the inertia" in note
 
 
-CORNERS = (
-    np.array(
-        [[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]] + [[0, 0, 1], [1, 0, 1], [0, 1, 1], [1, 1, 1]]
-    )
-    - 0.5
-)
+CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]) - 0.5
 SIDES = [(0, 2, 1), (1, 2, 3), (4, 5, 6), (5, 7, 6), (0, 1, 4), (1, 5, 4), (2, 6, 3), (3, 6, 7), (0, 4, 2), (2, 4, 6), (1, 3, 5), (3, 7, 5)]  # fmt: skip
 
 
@@ -156,3 +154,48 @@ def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, eng
 def start_one(folder, engine, urdf):
     plant = make(folder, engine, {"thing": fixed(urdf)})
     plant.world.source.refuse(plant.mistakes)
+
+
+PALETTE = '<material name="paint"><color rgba="1 0 0 1"/></material>'
+WALL = '<box size="0.2 2 2"/>'
+FLAT = Light(direction=(0, 0, 1), distance=1, ambient=1, diffuse=0, specular=0, has_shadow=False)
+
+
+def middle_pixel(folder, engine, wall):
+    """Return colour and depth buffer of the middle pixel of a camera that looks at a wall."""
+    rgb, depth = look(make(folder, engine, {"wall": fixed(wall)}))
+    return rgb[4, 4].tolist(), float(depth[4, 4])
+
+
+def look(plant):
+    view = view_matrix((0.0, 0.0, 0.0), 3.0, math.radians(90), 0.0)
+    projection = projection_matrix(1.0, 1.0, 0.1, 10.0)
+    return plant.physics.engine.image((8, 8), view, projection, FLAT)
+
+
+def test_a_material_that_is_defined_once_and_used_by_name_keeps_its_colour(tmp_path, engine):
+    visual = f'<visual><geometry>{WALL}</geometry><material name="paint"/></visual>'
+    wall = robot(PALETTE, link("wall", 1.0, (1.0,) * 3, more=visual))
+    (red, green, blue), _ = middle_pixel(tmp_path, engine, wall)
+    assert red > 150
+    assert (green, blue) == (0, 0)
+
+
+def test_a_camera_sees_the_collision_shapes_of_a_link_without_a_visual_in_white(tmp_path, engine):
+    wall = robot(link("wall", 1.0, (1.0,) * 3, WALL))
+    (red, green, blue), depth = middle_pixel(tmp_path, engine, wall)
+    assert red == green == blue > 150
+    assert depth < 1.0
+
+
+def test_a_plant_that_is_dropped_takes_no_image_of_another_one_along(tmp_path, engine):
+    (tmp_path / "first").mkdir()
+    wall = robot(link("wall", 1.0, (1.0,) * 3, WALL))
+    plants = [
+        make(folder, engine, {"wall": fixed(wall)}) for folder in (tmp_path, tmp_path / "first")
+    ]
+    images = [look(plant)[0] for plant in plants]
+    # The first one's context is freed while that of the second is the current one.
+    del plants[0]
+    gc.collect()
+    assert np.array_equal(look(plants[0])[0], images[1])

@@ -25,7 +25,7 @@ class Place:
     """folder: of the URDF. palette: its colours; None: shapes are seen. friction: over its own."""
 
     folder: Path
-    palette: Mapping[str, ET.Element | None] | None
+    palette: Mapping[str, ET.Element] | None
     friction: Mapping[str, float]
 
     def friction_of(self, link: ET.Element) -> tuple[float, float, float]:
@@ -112,7 +112,7 @@ def _loaded(file: str, _state: tuple[int, int]) -> tuple[Array, Any]:
     return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
 
 
-def colour(visual: ET.Element, palette: Mapping[str, ET.Element | None]) -> tuple[float, ...]:
+def colour(visual: ET.Element, palette: Mapping[str, ET.Element]) -> tuple[float, ...]:
     """Return red, green, blue and alpha of a visual, 0 to 1."""
     material = visual.find("material")
     own = None if material is None else material.find("color")
