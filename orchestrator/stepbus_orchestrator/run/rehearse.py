@@ -17,7 +17,7 @@ from stepbus_schemas import PROTOCOL_VERSION, Hello, encode
 _LONGEST_S = 120.0
 
 
-def rehearse(scenario: Scenario, problems: Problems, warnings: list[str]) -> None:
+def rehearse(scenario: Scenario, problems: Problems, warnings: list[str] | None = None) -> None:
     """Have each class do what it does at the start of a run, and add what is wrong.
 
     warnings: gets those of the participants.
@@ -38,7 +38,8 @@ def rehearse(scenario: Scenario, problems: Problems, warnings: list[str]) -> Non
             answer, printed = _answer(scenario, spec, process)
             for keys, text in answer:
                 problems.add(("participants", spec.name, *keys), text)
-            warnings += [f"{spec.name}: {text}" for text in warnings_in(printed)]
+            if warnings is not None:
+                warnings += [f"{spec.name}: {text}" for text in warnings_in(printed)]
 
 
 @contextmanager
