@@ -35,7 +35,11 @@ _MARKED: Mapping[str, Schema] = {
         "items": {"type": "string"},
         "uniqueItems": True,
     },
-    "plugin": {"title": "`module:Class`", "type": "string", "pattern": r"^[\w.]+:\w+$"},
+    "plugin": {
+        "title": "`file.py:Class`",
+        "type": "string",
+        "pattern": r"^([\w.]+|.+\.py):\w+$",
+    },
 }
 """Mark of a type → what its schema has beside, or instead of, that of the marked type."""
 

@@ -47,7 +47,11 @@ from scripts.release_venv import Environment, borrowed, removed, try_demo
 PARTS = ("build", "metadata", "contents", "demo", "extras", "docs")
 QUICK = PARTS[:4]
 PROJECTS = {"stepbus": ".", "stepbus-store": "store"}
-PYTHON_OF_THE_HASH = (3, 11)
+HASHES = {
+    "pybullet": (r"^messages  ([0-9a-f]{64})$", ((3, 11),)),
+    "mujoco": (r"^`([0-9a-f]{64})`\.$", ((3, 11), (3, 12), (3, 13))),
+}
+"""Engine → the line of README.md with the hash of its messages, and the Pythons that it is for."""
 DOCS_PATIENCE_S = 1800.0
 
 
@@ -133,11 +137,12 @@ def check_contents(release: Release) -> list[str]:
 
 def wanted_hash(python: tuple[int, int], *, any_arithmetic: bool, engine: str) -> str | None:
     """Return the hash of two_link's messages that README.md shows; None: any will do."""
-    if any_arithmetic or python != PYTHON_OF_THE_HASH or engine != "pybullet":
+    line, pythons = HASHES[engine]
+    if any_arithmetic or python not in pythons:
         return None
-    match = re.search(r"^messages  ([0-9a-f]{64})$", (ROOT / "README.md").read_text(), re.MULTILINE)
+    match = re.search(line, (ROOT / "README.md").read_text(), re.MULTILINE)
     if match is None:
-        raise Failed("README.md shows no line `messages` with a hash")
+        raise Failed(f"README.md shows no hash of the messages with {engine}")
     return match[1]
 
 

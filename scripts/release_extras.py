@@ -10,6 +10,7 @@ from scripts.release_venv import (
     assert_equal,
     hash_of,
     installed,
+    try_view,
 )
 
 USES = ROOT / "scripts/release_uses"
@@ -46,6 +47,13 @@ while not ended:
     steps, ended = steps + 1, terminated or truncated
 env.close()
 print(isinstance(env, gymnasium.Env), steps >= 19)
+"""
+MADE = """
+import gymnasium, stepbus_gym
+env = gymnasium.make("stepbus/two_link-v0")
+env.reset(seed=1)
+env.step(env.action_space.sample())
+env.close()
 """
 
 
@@ -84,7 +92,7 @@ def use_mujoco(environment: Environment, folder: Path) -> str:
 
 def use_report(environment: Environment, folder: Path) -> str:
     """Write report.html and a plot of a recording."""
-    environment.run("stepbus", "report", "run.mcap", "--no-replay", "--out", "r.html", cwd=folder)
+    environment.run("stepbus", "report", "run.mcap", "--out", "r.html", cwd=folder)
     signal = "plant.joint_state.position[0]"
     environment.run("stepbus", "plot", "run.mcap", signal, "--out", "p.png", cwd=folder)
     return _written(folder, "r.html", "p.png")
@@ -132,6 +140,39 @@ def use_gym(environment: Environment, folder: Path) -> str:
     return "an episode to its end"
 
 
+def use_quick_start(environment: Environment, folder: Path) -> str:
+    """Do what getting_started.md and reports.md do, and what the action does with a difference."""
+    environment.run("stepbus", "run", "two_link", *SHORT[:2], "--out", "arm", cwd=folder)
+    environment.run("stepbus", "report", "arm", cwd=folder)
+    replay = ("replay", "arm", "--participant", "controller", "--update", "new.mcap")
+    environment.run("stepbus", *replay, cwd=folder)
+    environment.run("stepbus", "report", "arm", "new.mcap", "--out", "both.html", cwd=folder)
+    environment.run("stepbus", "new", "own", cwd=folder)
+    environment.run("stepbus", "run", "own", *SHORT[:2], cwd=folder)
+    return _written(folder, "arm/report.png", "arm/report.html", "both.html")
+
+
+def use_viewing(environment: Environment, folder: Path) -> str:
+    """Do what viewing.md does."""
+    environment.run("stepbus", "run", "two_link", *SHORT, "--out", "viewed", cwd=folder)
+    environment.run("stepbus", "export", "viewed", "--scene", "scene.html", cwd=folder)
+    return f"{_written(folder, 'scene.html')}; view: {try_view(environment, folder, 'viewed')}"
+
+
+def use_sweeps(environment: Environment, folder: Path) -> str:
+    """Do what sweeps.md does, and repeat a run."""
+    axis = ("--vary", "controller.params.kp=50:200:2", "--set", SHORT[1])
+    environment.run("stepbus", "sweep", "two_link", *axis, "--out", "swept", cwd=folder)
+    environment.run("stepbus", "rerun", "swept", "1", cwd=folder)
+    return _written(folder, "swept/results.parquet", "swept/report.html")
+
+
+def use_gymnasium(environment: Environment, folder: Path) -> str:
+    """Do what gymnasium.md does."""
+    environment.run("python", "-c", MADE, cwd=folder)
+    return "an environment by its name"
+
+
 EXTRAS: Mapping[str, tuple[str, Use]] = {
     "none": ("", use_none),
     "run": ("run", use_run),
@@ -143,8 +184,12 @@ EXTRAS: Mapping[str, tuple[str, Use]] = {
     "view": ("view", use_view),
     "sweep": ("sweep", use_sweep),
     "gym": ("gym", use_gym),
+    "quick-start": ("sim,report", use_quick_start),
+    "viewing": ("sim,view", use_viewing),
+    "sweeps": ("sim,sweep", use_sweeps),
+    "gymnasium": ("gym,sim", use_gymnasium),
 }
-"""Name → what is installed, and what is done with it."""
+"""Name → what is installed, and what is done with it; the last four: as a page says."""
 
 
 def try_extra(name: str, place: Path, wheel: Path, python: str, cache: Path) -> str:

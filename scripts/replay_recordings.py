@@ -20,6 +20,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -30,6 +31,10 @@ from pathlib import Path
 from typing import Any
 
 DIFFERENT = 10
+NAME = re.compile("[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
+"""Of a participant, as in a scenario: it becomes the name of a folder."""
+_LINE = "%\r\n"
+"""What a workflow command cannot have as it is."""
 
 
 class WrongOptionError(Exception):
@@ -76,7 +81,8 @@ class Replay:
             return self.problem.splitlines()[0] if self.problem else ""
         place = f"step {first['step']}: {first['topic']}"
         if first.get("field"):
-            place += f": {first['field']}"
+            name, (field, _, rest) = first.get("name"), first["field"].partition("[")
+            place += f": {field}[{name}]{rest.partition(']')[2]}" if name else f": {first['field']}"
         if first.get("type") != "value":
             return f"{place}: {first.get('type')}"
         return f"{place}: recording {first['first']}, replay {first['second']}"
@@ -102,9 +108,12 @@ def options_from(env: Mapping[str, str]) -> Options:
         timeout = -1.0
     if not 0 < timeout < float("inf"):
         raise WrongOptionError(f"timeout: {env['TIMEOUT']!r} is not a number of seconds above 0")
+    participants = env.get("PARTICIPANTS", "").split()
+    if wrong := [name for name in participants if not NAME.fullmatch(name)]:
+        raise WrongOptionError(f"participants: {wrong[0]!r} is no name of a participant")
     return Options(
         recordings=list(dict.fromkeys(recordings)),
-        participants=env.get("PARTICIPANTS", "").split(),
+        participants=participants,
         tolerance=env.get("TOLERANCE", ""),
         trust=trust == "true",
         timeout=timeout,
@@ -153,6 +162,7 @@ def replays(options: Options) -> Iterator[Replay]:
                     recording=recording, participant="", code=code, result={}, problem=errors
                 )
                 continue
+            # `stepbus info` refuses a recording with a name that is a path.
             names = list(json.loads(output)["programs"])
         for name in names:
             yield replay(
@@ -176,7 +186,7 @@ def replay(recording: Path, participant: str, folder: Path, options: Options) ->
             "report", str(recording), str(new), "--out", str(page), timeout=options.timeout
         )
         if failed:
-            say(f"no report: {problem}")
+            log(f"no report: {problem}")
     else:
         new.unlink(missing_ok=True)
     files = tuple(sorted(f"{folder.name}/{one.name}" for one in folder.iterdir()))
@@ -203,33 +213,43 @@ def summary(results: list[Replay]) -> str:
     ]
     for one in results:
         cells = [
-            f"`{one.recording}`",
-            one.participant,
+            code(str(one.recording)),
+            plain(one.participant),
             one.verdict,
             str(one.result.get("steps", "")),
+            plain(one.divergence),
         ]
-        lines.append("| " + " | ".join(escaped(cell) for cell in [*cells, one.divergence]) + " |")
+        lines.append("| " + " | ".join(cells) + " |")
     for one in wrong:
         lines += ["", *details(one)]
     return "\n".join(lines) + "\n"
 
 
-def escaped(cell: str) -> str:
-    """Return a cell of a Markdown table."""
-    return cell.replace("|", "\\|").replace("\n", " ")
+def plain(text: str) -> str:
+    """Return Markdown that shows a text as it is, in one line."""
+    return re.sub(r"([\\`*_~\[\]<>|&])", r"\\\1", visible(text))
+
+
+def code(text: str) -> str:
+    """Return Markdown that shows a text as code; plain where it has signs that would end that."""
+    return plain(text) if "`" in text or "|" in text else f"`{visible(text)}`"
+
+
+def visible(text: str) -> str:
+    """Return a text in one line; no character of it controls a terminal."""
+    return "".join(sign if sign.isprintable() else f"\\x{ord(sign):02x}" for sign in text)
 
 
 def details(one: Replay) -> list[str]:
     """Return the inputs and changed ports of one difference, or the error message."""
     title = " ".join(filter(None, (f"{one.recording}", one.participant)))
-    lines = [
-        f"### {title}",
+    head = [
+        f"### {plain(title)}",
         "",
-        one.divergence if one.result else "The replay failed.",
+        plain(one.divergence) if one.result else "The replay failed.",
         "",
-        "```text",
     ]
-    lines += one.problem.splitlines()
+    lines = one.problem.splitlines()
     for change in one.result.get("changes", []):
         lines.append(f"changed since the recording: {change}")
     for port, value in one.result.get("inputs", {}).items():
@@ -239,16 +259,24 @@ def details(one: Replay) -> list[str]:
     for port in one.result.get("ports", []):
         total = sum(port[key] for key in ("equal", "within", "different", "missing", "added"))
         lines.append(f"{port['topic']}: {total - port['equal'] - port['within']} of {total} differ")
-    lines.append("```")
+    text = "\n".join(map(visible, lines))
+    # Longer than any in the text: only this one ends the block.
+    fence = "`" * max([3, *(1 + len(ticks) for ticks in re.findall("`+", text))])
+    block = [f"{fence}text", text, fence]
     if one.files:
-        lines += ["", "In the artifact: " + ", ".join(f"`{name}`" for name in one.files)]
-    return lines
+        block += ["", "In the artifact: " + ", ".join(map(code, one.files))]
+    return head + block
 
 
-def say(line: str) -> None:
-    """Print one line of the job's log."""
-    sys.stdout.write(line + "\n")
+def say(text: str) -> None:
+    """Print to the job's log."""
+    sys.stdout.write(text + "\n")
     sys.stdout.flush()
+
+
+def log(text: str) -> None:
+    """Print one line to the job's log that is no workflow command, whatever it has."""
+    say(visible(text).replace("::", ": :").replace("##[", "## ["))
 
 
 def append(variable: str, text: str) -> None:
@@ -261,10 +289,21 @@ def append(variable: str, text: str) -> None:
 
 def annotation(one: Replay) -> str:
     """Return the line by which GitHub marks a recording in the files of a pull request."""
-    text = f"{one.participant or 'recording'}: {one.divergence}"
-    for sign, code in (("%", "%25"), ("\r", "%0D"), ("\n", "%0A")):
-        text = text.replace(sign, code)
-    return f"::error file={one.recording},title=stepbus replay::{text}"
+    return error_command(
+        f"{one.participant or 'recording'}: {one.divergence}", file=str(one.recording)
+    )
+
+
+def error_command(text: str, **properties: str) -> str:
+    """Return the workflow command that reports an error."""
+    given = {**properties, "title": "stepbus replay"}
+    row = ",".join(f"{key}={percent(value, _LINE + ':,')}" for key, value in given.items())
+    return f"::error {row}::{percent(text, _LINE)}"
+
+
+def percent(text: str, signs: str) -> str:
+    """Return a text with some of its signs as GitHub encodes them in workflow commands."""
+    return "".join(f"%{ord(sign):02X}" if sign in signs else sign for sign in text)
 
 
 def report_on(results: list[Replay]) -> int:
@@ -284,7 +323,10 @@ def replay_all() -> int:
     for one in replays(options_from(os.environ)):
         results.append(one)
         line = f"{one.recording} {one.participant}: {one.verdict.strip('*')}"
-        say(annotation(one) if one.code else line)
+        if one.code:
+            say(annotation(one))
+        else:
+            log(line)
     return report_on(results)
 
 
@@ -296,8 +338,8 @@ def main() -> int:
         return replay_all()
     except WrongOptionError as error:
         with contextlib.suppress(OSError):
-            say(f"::error title=stepbus replay::{error}")
-            append("GITHUB_STEP_SUMMARY", f"## stepbus replay\n\n{error}\n")
+            say(error_command(str(error)))
+            append("GITHUB_STEP_SUMMARY", f"## stepbus replay\n\n{code(str(error))}\n")
         return 2
     except OSError as error:
         place = error.filename or "the job's log or summary"

@@ -38,8 +38,8 @@ def compare(first: Source, second: Source) -> Comparison:
     `diff` tests whether two recordings are equal; `compare` measures how far apart two runs are,
     e.g. with different parameters or step sizes. Values are compared at the times of the recording
     with fewer messages, with the value that the other holds at that time. Only values with the same
-    unit in both are compared. Read one error with `compare(a,
-    b)["plant.joint_state.position.joint1"].rmse`, or all with `compare(a, b).frame()`.
+    unit in both are compared; NaN is infinitely far from any number. Read one error with
+    `compare(a, b)["plant.joint_state.position.joint1"].rmse`, or all with `compare(a, b).frame()`.
 
     Raises RecordingFailed when a recording cannot be read.
     """

@@ -30,6 +30,8 @@ from stepbus_participant import (
     Participant,
     PortType,
     Step,
+    names_of,
+    own_types,
     parse_duration,
     suggest,
 )
@@ -193,9 +195,13 @@ class Bench:
         self.index = 0
         self._inputs = {name: Input(name, item, types) for name, item in inputs.items()}
         self._decoders = {name: Decoder(types[item.type]) for name, item in outputs.items()}
+        given = descriptions or {}
+        self._own = own_types({name: item.type for name, item in outputs.items()}, types)
+        for name, names in names_of(self.descriptions, given).items():
+            if name in self._own:
+                self._own[name].names = names
         self._step = Step(self._inputs, self.config.step_ns)
         if self.participant is not factory:
-            given = descriptions or {}
             self.participant.start({port: given.get(port, Description()) for port in inputs})
 
     def step(self, index: int | None = None, /, **messages: Message) -> dict[str, Any]:
@@ -231,9 +237,12 @@ class Bench:
         if type_name(type(message)) != output.type:
             raise OutputError(f"{where} takes {output.type}, got {type_name(type(message))}")
         try:
-            self._decoders[port](encode(message))
+            data = encode(message)
+            self._decoders[port](data)
         except (TypeError, OverflowError, ValueError, msgspec.MsgspecError) as exc:
             raise OutputError(f"{where} cannot be sent: {explained(exc)}") from exc
+        if port in self._own and (problem := self._own[port].problem(message, data)):
+            raise OutputError(f"{where} cannot be sent: {problem}")
 
     def call(self, verb: str, *args: Any) -> Any:
         """Call a method of the participant between two steps and return the answer."""

@@ -2,6 +2,10 @@
 
 With `--check`, it reads `[{"participant": …, "params": …}, …]` from standard input and writes for
 each a list of problems, `[keys, message]`: a user's code is not imported by the orchestrator.
+
+With `--rehearse my.py:Class`, it reads a `Welcome` from standard input, imports the class, makes an
+instance of one of ours, and writes `{"problems": [[keys, message], …], "inputs": …, "outputs": …,
+"types": …}`. A class of the user's is only imported: it may open a device.
 """
 
 import contextlib
@@ -9,15 +13,19 @@ import gc
 import json
 import os
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from stepbus_schemas import WiringError, error_text
+from stepbus_schemas import SHIPPED, Decoder, Types, Welcome, WiringError, error_text
 
-from .parameters.problems import Keys
+from .config import Config
+from .parameters.problems import Keys, Problem, SettingsError
 from .parameters.read import find_problems
+from .participant import Participant
 from .process import main
-from .user_classes import declared_parameters, import_participant, is_installed
+from .session.admission import Ports, declared_ports
+from .user_classes import declared_parameters, import_participant, is_installed, is_ours
 from .warm import WARM, become_participants
 
 
@@ -67,7 +75,48 @@ def _problems(name: str, params: dict[str, Any], folder: Path) -> list[tuple[Key
     return [(("params", *keys), message) for keys, message in problems]
 
 
+def _rehearse(name: str, folder: Path) -> int:
+    welcome = Decoder(Welcome)(sys.stdin.buffer.read())
+    source = name.rpartition(":")[0]
+    if not is_installed(source):
+        sys.path.insert(0, str(folder))
+    answer = os.dup(1)
+    os.dup2(2, 1)
+    ports = Ports(None, None, SHIPPED)
+    with contextlib.redirect_stdout(sys.stderr):
+        problems = _problems(name, welcome.params, folder)
+        if not problems:
+            cls = import_participant(name, folder)
+            ports = declared_ports(cls)
+            problems = _problems_of(cls, welcome) if is_ours(source) else []
+    said = {"problems": problems, "inputs": ports.inputs, "outputs": ports.outputs}
+    with os.fdopen(answer, "w", encoding="utf-8") as file:
+        json.dump({**said, "types": ports.types.declarations}, file)
+    return 0
+
+
+def _problems_of(cls: type[Participant], welcome: Welcome) -> list[tuple[Keys, str]]:
+    """Return what is wrong with a participant that is made and closed at once."""
+    try:
+        cls(Config.from_welcome(welcome, Types(welcome.types))).close()
+    except SettingsError as exc:
+        return [_at_its_key(problem, welcome.params) for problem in exc.problems]
+    except Exception as exc:  # noqa: BLE001  what it is told of may be code of the user's
+        text = str(exc) if isinstance(exc, WiringError) else error_text(exc)
+        return [((), line) for line in text.splitlines()]
+    return []
+
+
+def _at_its_key(problem: Problem, params: Mapping[str, Any]) -> tuple[Keys, str]:
+    """Return a problem by its key in the scenario: that of the world, of what has a file."""
+    if problem.file:
+        return ("params", *(["world"] if "world" in params else [])), str(problem)
+    return problem.keys[2:], problem.message
+
+
 if __name__ == "__main__":
+    if sys.argv[1:2] == ["--rehearse"]:
+        sys.exit(_rehearse(sys.argv[2], Path.cwd()))
     if sys.argv[1:] == ["--check"]:
         sys.exit(_check(json.load(sys.stdin), Path.cwd()))
     if sys.argv[1:] and sys.argv[1].rstrip() == WARM:

@@ -67,16 +67,20 @@ class Config:
         return self.params.get(name, default)
 
     def path(self, name: str) -> Path:
-        """Return the path of the file that a parameter names.
+        """Return the path of a file.
 
-        name: absolute, relative to the scenario's folder, or `package://<package>/<path>`, where
-        the package is an installed Python package or a folder of `cmeel.prefix/share`.
+        name: the value of a parameter, `config.path(config.params["model"])`: absolute, relative to
+        the scenario's folder, or `package://<package>/<path>`, where the package is an installed
+        Python package or a folder of `cmeel.prefix/share`.
         Raises WiringError if the file does not exist.
         """
         try:
             return find_file(name, self.folder)
         except WiringError as exc:
-            raise WiringError(f"participants.{self.name}.params: {exc}") from exc
+            hint = ""
+            if name in self.params:
+                hint = f"; for the value of that parameter, write config.params[{name!r}]"
+            raise WiringError(f"participants.{self.name}.params: {exc}{hint}") from exc
 
     def read(self, settings: type[_S], problems: Problems | None = None) -> _S:
         """Return `params` as an instance of the settings class that declares them.

@@ -12,7 +12,7 @@ from typing import Any
 
 from stepbus_schemas import WiringError
 
-_EXTRAS = {
+EXTRAS = {
     "run": (
         "greenlet",
         "isal",
@@ -74,7 +74,7 @@ def install_command(extra: str) -> str:
 def extra_hint(module: str) -> str:
     """Return `; pip install …` for a module, package or scenario that we know; else nothing."""
     top = re.split("[. ]", module, maxsplit=1)[0]
-    extra = next((extra for extra, modules in _EXTRAS.items() if top in modules), "")
+    extra = next((extra for extra, modules in EXTRAS.items() if top in modules), "")
     if extra == "robots":
         return "; to install, run `make robots`"
     return f"; {install_command(extra)}" if extra else ""

@@ -35,6 +35,15 @@ HOST: ContextVar[Host | None] = ContextVar("HOST", default=None)
 """Set by `stepbus run --in-process` where the program of a participant runs."""
 
 
+WARNING = "warning: "
+"""Begins a line of a participant's log that is shown to the user, and kept in `result.json`."""
+
+
+def warn(text: str) -> None:
+    """Write a warning to the participant's log: the user sees it at the end of the run."""
+    sys.stderr.write(f"{WARNING}{text}\n")
+
+
 def main(factory: Factory) -> int:
     """Join the run of this process's ticket and take part in it; return the exit code.
 

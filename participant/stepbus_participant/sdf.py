@@ -18,6 +18,13 @@ from .urdf_check import Element, twins
 
 _TYPES = ("revolute", "continuous", "prismatic", "fixed")
 _REFUSED = ("include", "model", "frame")
+_UNUSED = {
+    "static": "true",
+    "link/gravity": "false",
+    "link/kinematic": "true",
+    "joint/axis/dynamics/spring_stiffness": "",
+}
+"""What changes how a model moves, and no URDF says → its value; empty: any but 0."""
 _UNLIMITED = 1e15
 _VERSION = re.compile(r"[0-9]+(\.[0-9]+)*")
 _INERTIA = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
@@ -44,6 +51,7 @@ class _Sdf:
         for tag in _REFUSED:
             for element in self._model.findall(tag):
                 self._refuse(element, f"<{tag}> in a model is not supported; write its content out")
+        self._refuse_unused()
         version = root.get("version", "1.7")
         if not _VERSION.fullmatch(version):
             self._refuse(root, f"its version is {version!r}, not a version such as 1.9")
@@ -53,6 +61,20 @@ class _Sdf:
         self._links = {link.get("name", ""): link for link in self._model.findall("link")}
         self._joints = {joint.get("name", ""): joint for joint in self._model.findall("joint")}
         self._children = {_word(joint, "child"): joint for joint in self._joints.values()}
+
+    def _refuse_unused(self) -> None:
+        for inertial in self._model.findall("link/inertial"):
+            if inertial.get("auto") in {"true", "1"}:
+                text = '<inertial auto="true"> is not supported; write its mass and inertia'
+                self._refuse(inertial, text)
+        for path, value in _UNUSED.items():
+            for element in self._model.findall(path):
+                text = (element.text or "").strip()
+                same = {"1": "true", "0": "false"}.get(text, text)
+                if same == value if value else _is_not_zero(text):
+                    instead = ", and set `fixed_base: true` in the world" * (path == "static")
+                    text = f"<{element.tag}> {text} is not supported; remove it{instead}"
+                    self._refuse(element, text)
 
     def urdf(self) -> ET.Element:
         """Return the robot."""
@@ -211,6 +233,13 @@ class _Sdf:
 
     def _refuse(self, element: Any, text: str) -> Any:
         raise WiringError(f"{self._path}:{element.line}: {text}")
+
+
+def _is_not_zero(text: str) -> bool:
+    try:
+        return float(text) != 0.0
+    except ValueError:
+        return True
 
 
 def _word(element: Any, tag: str) -> str:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 from xml.dom import minidom
+from xml.etree import ElementTree as ET
 from xml.parsers.expat import ExpatError
 
 from stepbus_schemas import WiringError
@@ -11,15 +12,17 @@ from .mjcf import mjcf_to_urdf
 from .packages import need
 from .sdf import sdf_to_urdf
 from .urdf_check import Element, parse_urdf, urdf_problems
+from .urdf_clean import clean
 
 # S318: the files are the user's own, and expat itself stops an expansion without end.
 
 
 def read_urdf_text(path: Path) -> str:
-    """Return the text of a robot's URDF, which has been checked: it can be simulated.
+    """Return the text of a robot's URDF, checked and cleaned: it can be simulated (`urdf_clean`).
 
-    path: a URDF, which is returned as it is, an SDF or an MJCF (its root is <mujoco>), which are
-    converted (see `sdf` and `mjcf`), or a `.xacro`, which is expanded by the package xacro. There,
+    path: a URDF, which is returned as it is where nothing is to be cleaned, an SDF or an MJCF (its
+    root is <mujoco>), which are converted (see `sdf` and `mjcf`), or a `.xacro`, which is expanded
+    by the package xacro. There,
     `<xacro:include filename="package://<package>/<path>"/>` is found like every `package://` of
     stepbus, and relative names are relative to the file that has them.
     Raises WiringError when the file cannot be read or expanded, or a package is missing, or with
@@ -29,16 +32,17 @@ def read_urdf_text(path: Path) -> str:
 
 
 def read_model(path: Path) -> tuple[str, bool]:
-    """Return what `read_urdf_text` does, and whether that was made from a file of another format.
+    """Return what `read_urdf_text` does, and whether it is another text than that of the file.
 
-    The lines of what was made are not those of the file.
+    Its lines are then not those of the file.
     """
     text, is_made = _text(path)
-    problems = urdf_problems(_parsed(path, text))
+    root = _parsed(path, text)
+    problems = urdf_problems(root)
     if problems:
         rows = [(path if is_made else f"{path}:{line}", problem) for line, problem in problems]
         raise WiringError("\n".join(f"{place}: {problem}" for place, problem in rows))
-    return text, is_made
+    return (ET.tostring(root, encoding="unicode"), True) if clean(root) else (text, is_made)
 
 
 def _text(path: Path) -> tuple[str, bool]:

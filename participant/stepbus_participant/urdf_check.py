@@ -17,7 +17,7 @@ from stepbus_schemas import suggest
 
 _MOVING = ("revolute", "continuous", "prismatic")
 _TYPES = (*_MOVING, "fixed", "floating", "planar", "spherical")
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
 _INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
 _DECLARATION = re.compile(r"<\?xml[^?]*\?>")
@@ -26,7 +26,7 @@ _NOISE = 1e-12
 """Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
 
 LEFT_OUT = "left_out"
-"""Of a robot that was made from another format: an element with a sentence on what it lacks."""
+"""Of a robot that was cleaned, or made from another format: an element with a sentence on it."""
 
 _Problems = Iterator[tuple[int, str]]
 """Line and sentence."""
@@ -93,13 +93,13 @@ def urdf_problems(root: Element) -> list[tuple[int, str]]:
 def urdf_warnings(root: Element) -> list[str]:
     """Return what engines compute otherwise than a robot without problems says, a sentence each.
 
-    One of them may be what was left out when it was made from another format.
+    Some of them say what was changed when it was cleaned, or made from another format.
 
     There are well-known robots with such links; mostly these are small, or stand still.
     """
     robot = _Robot(root)
     left_out = [element.text or "" for element in root.findall(LEFT_OUT)]
-    return [*left_out, *robot.bodiless(), *robot.frozen(), *robot.odd_poses()]
+    return [*left_out, *robot.frozen(), *robot.endless(), *robot.odd_poses()]
 
 
 def twins(root: ET.Element) -> _Problems:
@@ -219,6 +219,17 @@ class _Robot:
                     "does not move it; remove its <inertial> to give it a negligible mass"
                 )
 
+    def endless(self) -> Iterator[str]:
+        """Yield revolute and prismatic joints that give no stops."""
+        remedies = {"revolute": "make it continuous, or give both", "prismatic": "give both"}
+        for joint in self._joints:
+            limit, kind = joint.find("limit"), joint.get("type")
+            if kind in remedies and not {"lower", "upper"} & set(limit.attrib):
+                yield (
+                    f"{_who(joint)} is {kind} without lower and upper, which stand for 0 and 0 "
+                    f"in a URDF; it moves without stops: {remedies[kind]}"
+                )
+
     def _moved_without_mass(self) -> Iterator[tuple[Any, Any, bool]]:
         """Yield each joint that carries nothing but links declared as massless, and its link.
 
@@ -229,9 +240,9 @@ class _Robot:
             masses = [link.find("inertial/mass") for link in carried]
             # A link without <inertial> is no mistake: it weighs next to nothing.
             is_massless = all(mass is not None and _value(mass, "value") == 0 for mass in masses)
-            moments = _moments(carried[0])
-            if is_massless and moments is not None:
-                yield joint, carried[0], any(moments)
+            inertia = moments(carried[0])
+            if is_massless and inertia is not None:
+                yield joint, carried[0], any(inertia)
 
     def inertials(self) -> _Problems:
         """Yield masses and inertias that no link can have."""
@@ -246,16 +257,6 @@ class _Robot:
                 yield from _mass(inertial, _who(link))
                 yield from _inertia(inertial, _who(link))
 
-    def bodiless(self) -> Iterator[str]:
-        """Yield links whose inertia no body can have."""
-        for link in self._links:
-            moments = _moments(link)
-            if moments is not None and _is_of_no_body(moments):
-                yield (
-                    f"{_who(link)}: no body can have its inertia: a principal moment is negative "
-                    "or exceeds the sum of the other two; PyBullet uses an inertia of 0"
-                )
-
     def poses(self) -> _Problems:
         """Yield origins and axes with a NaN or an infinity, and axes without a direction."""
         for owner, element, key, text in self._vectors():
@@ -264,16 +265,16 @@ class _Robot:
                 yield element.line, f"{_who(owner)}: {where} is not finite"
             elif element.tag != "axis" or key != "xyz" or not _moves(owner):
                 continue
-            elif text.split() and not _floats(text):
+            elif not floats(text):
                 # PyBullet reads 0 for a word that is no number.
                 yield element.line, f"{_who(owner)}: its axis {text!r} must be three numbers"
-            elif _floats(text) == [0, 0, 0]:
+            elif floats(text) == [0, 0, 0]:
                 yield element.line, f"{_who(owner)}: its axis is 0 0 0, which has no direction"
 
     def odd_poses(self) -> Iterator[str]:
         """Yield origins and axes that are not three numbers."""
         for owner, element, key, text in self._vectors():
-            if len(_floats(text)) != 3:
+            if len(floats(text)) != 3:
                 yield (
                     f"{_who(owner)}: {key}={text!r} of <{element.tag}> must be three numbers; "
                     "PyBullet reads a missing one as 0"
@@ -348,7 +349,7 @@ def _inertia(inertial: Any, who: str) -> _Problems:
     if inertia is None:
         yield inertial.line, f"{who}: its <inertial> has no <inertia>"
         return
-    for key in _MOMENTS:
+    for key in MOMENTS:
         value, given = _value(inertia, key), inertia.get(key)
         text = ""
         if value is None:
@@ -358,36 +359,21 @@ def _inertia(inertial: Any, who: str) -> _Problems:
             yield inertia.line, f"{who}: {key} {value:g} kg·m² of its inertia is negative"
 
 
-def _moments(link: Any) -> list[float] | None:
+def moments(link: Any) -> list[float] | None:
     """Return the six numbers of a link's inertia [kg·m²]; None where it has no such."""
     inertia = link.find("inertial/inertia")
-    values = [] if inertia is None else [_value(inertia, key) for key in _MOMENTS]
+    values = [] if inertia is None else [_value(inertia, key) for key in MOMENTS]
     known = [value for value in values if value is not None]
-    return known if len(known) == len(_MOMENTS) else None
-
-
-def _is_of_no_body(moments: Sequence[float]) -> bool:
-    """Return whether a principal moment is negative, or exceeds the sum of the other two.
-
-    One does where tr(I)/2 · 1 − I, the second moments of the mass, has a negative eigenvalue.
-    """
-    import numpy as np  # noqa: PLC0415  only a plant asks for this, which has it anyway
-
-    xx, yy, zz, xy, xz, yz = moments
-    half = (xx + yy + zz) / 2
-    second = np.diag([half] * 3) - np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    # One part in a million is a rounding error.
-    slack = _NOISE + 1e-6 * np.abs(second).max()
-    return bool(np.linalg.eigvalsh(second)[0] < -slack)
+    return known if len(known) == len(MOMENTS) else None
 
 
 def _value(element: Any, key: str) -> float | None:
     """Return the number of an attribute; None where it has none, or one that is not finite."""
-    numbers = _floats(element.get(key, ""))
+    numbers = floats(element.get(key, ""))
     return numbers[0] if len(numbers) == 1 else None
 
 
-def _floats(text: str) -> list[float]:
+def floats(text: str) -> list[float]:
     """Return the finite numbers of a text; nothing where one is not."""
     words = text.split()
     numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]

@@ -99,9 +99,9 @@ def make_plugin(
 ) -> Any:
     """Return an instance of a class of the user's own, made from `args` and its parameters.
 
-    key: the parameter that names the class, `module:Class`. own: its parameters: it gets them as
-    the settings that its attribute `Params` declares, or else as a map. method: what it has to
-    have. Raises SettingsError that lists every problem.
+    key: the parameter that names the class, `file.py:Class` or `module:Class`. own: its parameters:
+    it gets them as the settings that its attribute `Params` declares, or else as a map. method:
+    what it has to have. Raises SettingsError that lists every problem.
     """
     problems = config.problems().below(("params",))
     cls = problems.attempt((key,), lambda: load_class(name, config.folder))
@@ -125,33 +125,43 @@ def _make(wanted: Any, *args: Any) -> Any:
         raise WiringError(f"cannot create {wanted.__name__}: {error_text(exc)}") from exc
 
 
-def load_class(name: str, folder: Path) -> type[Any]:
-    """Return the class that `module:Class` names.
+def file_in(name: str) -> str:
+    """Return the file of a name such as `my.py:Class`; any other name as it is."""
+    source, _, _ = name.rpartition(":")
+    return source if source.endswith(".py") else name
 
-    folder: searched first, before the installed modules. Raises WiringError when there is no such
-    module or class in it, or when the module cannot be imported.
+
+def load_class(name: str, folder: Path) -> type[Any]:
+    """Return the class that `file.py:Class` or `module:Class` names.
+
+    folder: of the file; searched for the module before the installed ones. Raises WiringError when
+    there is no such file, module or class in it, or when it cannot be imported.
     """
-    module_name, _, class_name = name.partition(":")
+    module_name, _, class_name = name.rpartition(":")
     if not module_name or not class_name.isidentifier():
-        raise WiringError(f"{name!r} is not of the form module:Class")
+        raise WiringError(f"{name!r} is not of the form file.py:Class or module:Class")
+    if module_name.endswith(".py") and not (folder / module_name).is_file():
+        raise WiringError(f"no file {module_name!r} in {folder}")
     module = _import(module_name, folder)
     attribute = getattr(module, class_name, None)
     if not isinstance(attribute, type):
         file = getattr(module, "__file__", None) or "built in"
-        raise WiringError(f"module {module_name!r} ({file}) has no class {class_name!r}")
+        where = file if module_name.endswith(".py") else f"module {module_name!r} ({file})"
+        raise WiringError(f"{where} has no class {class_name!r}")
     return attribute
 
 
 def _import(module_name: str, folder: Path) -> Any:
-    """Import a module with `folder` searched first, and only for this import."""
+    """Import a file, or a module with `folder` searched first, and only for this import."""
     sys.path.insert(0, str(folder))
     try:
         forget_listings()
-        return import_module(module_name)
+        return import_source(module_name, folder)
     except ModuleNotFoundError as exc:
         text = f"module {exc.name!r} is neither in {folder} nor installed"
         raise WiringError(text if exc.name == module_name else f"{module_name}: {text}") from exc
     except Exception as exc:
-        raise WiringError(f"cannot import module {module_name!r}: {error_text(exc)}") from exc
+        kind = "file" if module_name.endswith(".py") else "module"
+        raise WiringError(f"cannot import {kind} {module_name!r}: {error_text(exc)}") from exc
     finally:
         sys.path.remove(str(folder))

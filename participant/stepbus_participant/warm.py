@@ -96,6 +96,8 @@ def _fork() -> int:
 
 def _settle(birth: Birth, log: int) -> None:
     """Be what `birth` says, as an own start would have made it."""
+    # First its ticket: the orchestrator knows it by that, or by the session.
+    _show(birth)
     os.setsid()
     null = os.open(os.devnull, os.O_RDWR)
     for number, file in enumerate((null, log, log)):
@@ -103,7 +105,6 @@ def _settle(birth: Birth, log: int) -> None:
     os.close(null)
     os.close(log)
     os.chdir(birth.folder)
-    _show(birth)
     os.environ[TICKET_VARIABLE] = birth.ticket
     sys.orig_argv[1:] = birth.words[1:]
     if "numpy.random" in sys.modules:

@@ -363,9 +363,9 @@ ENVELOPE_TYPES: dict[str, type[Envelope]] = dict(
 
 
 def due_step(step: int, delay: int = 0, every: int = 1) -> int:
-    """Return the step whose message an input takes at `step` (P6.1); negative: none is due yet.
+    """Return the step whose message an input takes at `step` (P6.1); `-every` or less: none yet.
 
     delay: least age of the message [steps]. every: its source fires at multiples of this [steps].
     """
     reach = step - delay
-    return reach - reach % every if reach >= 0 else -1
+    return reach - reach % every

@@ -1,11 +1,14 @@
 """Numbers of runs from Python: metrics, tables, and how far two runs are apart."""
 
+import math
 import sys
 
 import numpy as np
 import pytest
+from support.messages.recordings import write
 
 import stepbus
+from stepbus_schemas import JointState, Scalars
 
 JOINT = "plant.joint_state.position.joint1"
 
@@ -118,3 +121,31 @@ def test_without_pandas_a_frame_says_how_to_install_it(usual, monkeypatch):
         stepbus.Recording(usual).frame()
     with pytest.raises(stepbus.errors.ExtraMissing, match="needs pandas"):
         stepbus.compare(usual, usual).frame()
+
+
+def scalars(path, values):
+    messages = [Scalars(values=[value]) for value in values]
+    return write(path, state=("Scalars/1", ["x"], messages))
+
+
+@pytest.mark.parametrize("odd", [math.nan, math.inf, -math.inf])
+def test_a_number_differs_infinitely_from_nan_and_from_infinities(tmp_path, odd):
+    numbers = [0.5] * 20
+    usual = scalars(tmp_path / "usual.mcap", numbers)
+    spoiled = scalars(tmp_path / "spoiled.mcap", [*numbers[:7], odd, *numbers[8:]])
+    for pair in ((usual, spoiled), (spoiled, usual)):
+        compared = stepbus.compare(*pair)
+        error = compared["plant.state.values.x"]
+        assert compared.worst == error
+        assert (error.count, error.rmse, error.share, error.max) == (20, *[math.inf] * 3)
+        assert error.at_s == pytest.approx(0.07)
+    assert stepbus.compare(spoiled, spoiled).worst is None
+
+
+def test_a_value_that_a_message_lacks_is_not_compared(tmp_path):
+    for name, efforts in {"some": [None, [2.0], [3.0]], "all": [[1.0], [2.0], [5.0]]}.items():
+        rows = [JointState(position=[0.0], effort=effort) for effort in efforts]
+        write(tmp_path / f"{name}.mcap", state=("JointState/1", ["x"], rows))
+    error = stepbus.compare(tmp_path / "all.mcap", tmp_path / "some.mcap")["plant.state.effort.x"]
+    assert (error.count, error.max) == (2, 2.0)
+    assert error.rmse == pytest.approx(math.sqrt(2))

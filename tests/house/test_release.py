@@ -203,10 +203,14 @@ def test_the_hash_of_the_readme_counts_for_its_python_and_engine_only():
     wanted = release_check.wanted_hash((3, 11), any_arithmetic=False, engine="pybullet")
     assert wanted is not None
     assert wanted.startswith("ce5a318e80bd7091")
+    for python in ((3, 11), (3, 12), (3, 13)):
+        wanted = release_check.wanted_hash(python, any_arithmetic=False, engine="mujoco")
+        assert wanted is not None
+        assert wanted.startswith("68be20e0d1b41d57")
     for python, any_arithmetic, engine in (
         ((3, 12), False, "pybullet"),
         ((3, 11), True, "pybullet"),
-        ((3, 11), False, "mujoco"),
+        ((3, 14), False, "mujoco"),
     ):
         options = {"any_arithmetic": any_arithmetic, "engine": engine}
         assert release_check.wanted_hash(python, **options) is None

@@ -9,6 +9,9 @@ from pathlib import Path
 
 import pytest
 import yaml
+from scripts.replay_recordings import Replay
+
+from stepbus_orchestrator.recording import McapFile
 
 ROOT = Path(__file__).parents[2]
 GOLDEN = ROOT / "tests/scenarios/golden/two_link.mcap"
@@ -121,3 +124,50 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     assert folder.name in page  # the replayed curves lie over those of the recording
     again = stepbus("replay", folder / "new.mcap", "--participant", "controller", "--json")
     assert json.loads(again.stdout)["equal"]
+
+
+def test_the_first_divergence_names_the_joint():
+    first = {"step": 7, "topic": "controller/command", "type": "value", "first": 1.0, "second": 2.0}
+    for name, place in (("elbow", "values[elbow]"), ("", "values[1]")):
+        result = {"divergence": {**first, "field": "values[1]", "name": name}}
+        one = Replay(recording=Path("a.mcap"), participant="controller", code=10, result=result)
+        expected = f"step 7: controller/command: {place}: recording 1.0, replay 2.0"
+        assert one.divergence == expected
+
+
+def test_a_participant_named_like_a_path_is_refused_and_no_file_is_touched(tmp_path):
+    (tmp_path / "new.mcap").write_text("keep")
+    code, log, _, _ = act(tmp_path, recordings=str(GOLDEN), participants="/../../..")
+    assert (code, (tmp_path / "new.mcap").read_text()) == (2, "keep")
+    assert "participants: '/../../..' is no name of a participant" in log
+    assert not (tmp_path / "temp").exists()
+
+
+def test_a_recorded_participant_named_like_a_path_is_refused_and_no_file_is_touched(tmp_path):
+    (tmp_path / "new.mcap").write_text("keep")
+    file = McapFile(tmp_path / "run.mcap")
+    rows = "participants: {'/../../..': {exec: [python]}}"
+    file.attach("scenario.yaml", "text/plain", rows.encode())
+    file.close()
+    code, log, summary, _ = act(tmp_path, recordings="run.mcap")
+    assert (code, (tmp_path / "new.mcap").read_text()) == (1, "keep")
+    assert "'/../../..' is not a valid name" in log
+    assert "new.mcap" not in summary
+
+
+def test_a_file_name_is_no_workflow_command_and_no_markdown(tmp_path):
+    name = "a\n::warning::x, `b` <img> ##[group].mcap"
+    (tmp_path / name).write_text("no recording")
+    code, log, summary, _ = act(tmp_path, recordings="a*.mcap")
+    assert code == 1
+    assert log.count("\n") == 1
+    shown = "a%0A%3A%3Awarning%3A%3Ax%2C `b` <img> ##[group].mcap"
+    assert log.startswith(f"::error file={shown},title=stepbus replay::recording: ")
+    assert r"a\\x0a::warning::x, \`b\` \<img\> ##\[group\].mcap" in summary
+
+
+def test_a_line_of_the_log_is_no_workflow_command(tmp_path):
+    recording = tmp_path / "::warning::x ##[group].mcap"
+    recording.write_bytes(GOLDEN.read_bytes())
+    code, log, _, _ = act(tmp_path, recordings="::*.mcap", participants="controller")
+    assert (code, log) == (0, ": :warning: :x ## [group].mcap controller: equal\n")

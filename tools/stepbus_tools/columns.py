@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
@@ -16,10 +18,13 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Batch, Port, PortInfo, Recording
 from stepbus_schemas import MessageError
 
-ColumnType = Literal["double", "int64", "bool", "string", "binary", "list", "json"]
-"""list: of numbers, in a vector whose length changes. json: text of anything nested."""
+ColumnType = Literal[
+    "double", "int64", "bool", "string", "binary", "list<double>", "list<int64>", "json"
+]
+"""A list is of numbers, in a vector whose length changes. json: text of anything nested."""
 
 NUMBERS = ("double", "int64", "bool")
+LISTS = ("list<double>", "list<int64>")
 
 Cells = Sequence[Any] | NDArray[Any]
 """The values of one column."""
@@ -31,10 +36,9 @@ _SCALARS: Mapping[type, ColumnType] = {
     inspect.StrType: "string",
     inspect.BytesType: "binary",
 }
-_LISTED = ("double", "int64")
+_LISTED: Mapping[ColumnType | None, ColumnType] = {"double": "list<double>", "int64": "list<int64>"}
 _VECTORS = (inspect.ListType, inspect.TupleType, inspect.VarTupleType)
 _AXES: Mapping[str, Sequence[str]] = {"3": ("x", "y", "z"), "4": ("x", "y", "z", "w")}
-_to_json = msgspec.json.Encoder().encode
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +70,7 @@ class Field:
     @property
     def is_numeric(self) -> bool:
         """Return whether its values are numbers, one or several."""
-        return self.columns[0].type in (*NUMBERS, "list")
+        return self.columns[0].type in (*NUMBERS, *LISTS)
 
     def values(self, batch: Batch, array: NDArray[Any] | None) -> list[Cells]:
         """Return the values of each column, shape (m,); None where a message lacks them.
@@ -87,7 +91,7 @@ class Field:
         return [[row[i] for row in rows] for i in range(len(self.columns))]
 
     def _row(self, value: Any) -> list[Any]:
-        row: list[Any] = self._checked(np.array(value, dtype=float).reshape(1, -1))[0].tolist()
+        row: list[Any] = self._checked(np.array(value, dtype=object).reshape(1, -1))[0].tolist()
         return row
 
     def _checked(self, table: NDArray[Any]) -> NDArray[Any]:
@@ -99,7 +103,7 @@ class Field:
     def _cell(self, value: Any) -> Any:
         match self.columns[0].type:
             case "json" if value is not None:
-                return _to_json(value).decode()
+                return to_json(value)
             case "double" if value is not None:
                 return float(value)
         return value
@@ -130,8 +134,7 @@ class Table:
         """
         fields = [field for field in self.fields if names is None or field.name in names]
         arrays = batch.arrays(*(field.name for field in fields))
-        t_ns = np.rint(batch.t * 1e9).astype(np.int64)
-        columns: list[Cells] = [batch.steps, t_ns, batch.t]
+        columns: list[Cells] = [batch.steps, batch.t_ns, batch.t]
         for field in fields:
             columns += field.values(batch, arrays[field.name])
         return columns
@@ -146,12 +149,44 @@ class Table:
         arrays = batch.arrays(*(field.name for field in fields))
         for field in fields:
             array = arrays[field.name]
-            if field.columns[0].type != "list":
+            if field.columns[0].type not in LISTS:
                 yield field, np.array(field.values(batch, array), dtype=float).T
             elif array is None or not array.size:
                 yield field, None
             else:
                 yield field, array.reshape(len(array), -1).astype(float)
+
+
+def distinct(names: Sequence[str], taken: Collection[str] = ()) -> list[str]:
+    """Return names that all differ: one that an earlier or a taken name has ends in `_`."""
+    used, made = set(taken), list[str]()
+    for name in names:
+        new = name
+        while new in used or (new != name and new in names):
+            new += "_"
+        used.add(new)
+        made.append(new)
+    return made
+
+
+def to_json(value: Any) -> str:
+    """Return a value as JSON; "NaN", "Infinity" and "-Infinity" are strings, as JSON lacks them."""
+    plain = msgspec.to_builtins(value)
+    try:
+        return json.dumps(plain, ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    except ValueError:
+        return to_json(_finite(plain))
+
+
+def _finite(value: Any) -> Any:
+    match value:
+        case float() if not math.isfinite(value):
+            return json.dumps(value)
+        case list() | tuple():
+            return list(map(_finite, value))
+        case dict():
+            return {key: _finite(one) for key, one in value.items()}
+    return value
 
 
 def readable(recording: Recording) -> tuple[list[Table], dict[str, str]]:
@@ -185,9 +220,10 @@ def _field(port: PortInfo, name: str, node: Any) -> Field:
     form, ends = _scalar(real) or "json", list[str]()
     if isinstance(real, _VECTORS):
         shape = about.get("shape", ())
-        if _is_numeric(real):
+        number = _number(real)
+        if number is not None:
             ends = _ends(port, shape) if shape else [f".{i}" for i in range(len(_fixed(real)))]
-        form = "double" if ends else "list" if _scalar(_item(real)) in _LISTED else "json"
+        form = number if number and ends else _LISTED.get(_scalar(_item(real)), "json")
     columns = [
         Column(name=name + end, type=form, unit=unit, text=about.get("description", ""))
         for end in ends or [""]
@@ -218,13 +254,14 @@ def _item(node: Any) -> Any:
     return _present(node.item_types[0] if isinstance(node, inspect.TupleType) else node.item_type)
 
 
-def _is_numeric(node: Any) -> bool:
-    """Return whether a vector is of numbers at any depth; one of a fixed length: of floats."""
+def _number(node: Any) -> ColumnType | None:
+    """Return the type of a vector's numbers at any depth; one of a fixed length has floats."""
     while isinstance(node, _VECTORS):
         if not all(isinstance(one, inspect.FloatType) for one in _fixed(node)):
-            return False
+            return None
         node = _item(node)
-    return _scalar(node) in NUMBERS
+    form = _scalar(node)
+    return form if form in NUMBERS else None
 
 
 def _ends(port: PortInfo, shape: Sequence[str]) -> list[str]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,9 @@ from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.sweep_metrics import builtin_metrics
 
-from .columns import NUMBERS, Column, Table, readable
+from .columns import NUMBERS, Cells, Column, ColumnType, Table, readable
+
+MaskedArray = np.ma.MaskedArray[Any, Any]
 
 _UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 
@@ -74,7 +77,10 @@ def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:
         }
         if chosen:
             t_ns, values = _read(recording, table, list(chosen.values()))
-            rows = {f"{table.name}.{name}": cells for name, cells in values.items()}
+            rows = {
+                f"{table.name}.{name}": _series(pandas, chosen[name], cells)
+                for name, cells in values.items()
+            }
             parts.append(pandas.DataFrame(rows, index=pandas.Index(t_ns * 1e-9, name="t")))
             units |= {f"{table.name}.{name}": c.unit for name, c in chosen.items() if c.unit}
     if not parts:
@@ -93,29 +99,50 @@ def _check(recording: Recording, tables: Sequence[Table], signal: str) -> None:
         raise WiringError(f"{port.topic} has no values {parts[2]!r}{suggest(parts[2], names)}")
 
 
+def _series(pandas: Any, column: Column, cells: MaskedArray) -> Any:
+    """Return the values of a column for pandas, of its declared type where that holds them all."""
+    if column.type not in NUMBERS:
+        return cells.data
+    if column.type == "double":
+        return cells.filled(np.nan)
+    held = cells.data.copy()
+    held[np.ma.getmaskarray(cells)] = None
+    fits = column.type == "bool" or all(cell is None or cell < 2**63 for cell in held)
+    types = {"bool": "boolean", "int64": "Int64"}
+    return pandas.array(held, dtype=types[column.type] if fits else object)
+
+
 def _read(
     recording: Recording, table: Table, columns: Sequence[Column]
-) -> tuple[NDArray[np.int64], dict[str, Any]]:
-    """Return the times of all messages [ns], and column → its values, NaN or None where absent."""
+) -> tuple[NDArray[np.int64], dict[str, MaskedArray]]:
+    """Return the times of all messages [ns], and column → its values, masked where absent."""
     wanted = {column.name: column.type for column in columns}
     fields = [field for field in table.fields if any(one.name in wanted for one in field.columns)]
     names = [column.name for field in fields for column in field.columns]
     times: list[NDArray[np.int64]] = []
-    cells: dict[str, list[Any]] = {name: [] for name in wanted}
+    cells: dict[str, list[Cells]] = {name: [] for name in wanted}
     for batch in recording.batches([table.port]):
         _, t_ns, _, *rows = table.values(batch[table.port.topic], [field.name for field in fields])
         times.append(np.asarray(t_ns))
         for name, row in zip(names, rows, strict=True):
             if name in wanted:
-                is_number = wanted[name] in NUMBERS
-                cells[name].append(np.asarray(row, float) if is_number else _objects(row))
-    return np.concatenate(times), {name: np.concatenate(rows) for name, rows in cells.items()}
+                cells[name].append(row)
+    return np.concatenate(times), {name: _masked(cells[name], wanted[name]) for name in wanted}
 
 
-def _objects(row: Any) -> NDArray[Any]:
-    objects = np.empty(len(row), dtype=object)
-    objects[:] = list(row)
-    return objects
+def _masked(pieces: Sequence[Cells], form: ColumnType) -> MaskedArray:
+    """Return values, masked where absent. Integers are objects: no float has all their digits."""
+    arrays = [piece for piece in pieces if isinstance(piece, np.ndarray)]
+    if form == "double" and len(arrays) == len(pieces):
+        return np.ma.array(np.concatenate(arrays))
+    lists = (piece.tolist() if isinstance(piece, np.ndarray) else piece for piece in pieces)
+    objects = np.empty(sum(map(len, pieces)), dtype=object)
+    objects[:] = list(chain.from_iterable(lists))
+    absent = np.array([cell is None for cell in objects], dtype=bool)
+    if form == "double":
+        objects[absent] = np.nan
+        return np.ma.array(objects.astype(float), mask=absent)
+    return np.ma.array(objects, mask=absent)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -123,8 +150,9 @@ class FieldError:
     """Error of one value of a port between two recordings: second minus first.
 
     port, field: such as `plant.joint_state`, `position.joint1`. unit: of all numbers here. count:
-    messages that were compared. rmse: root of the mean square. share: of the first's own root mean
-    square. mean: with its sign. max: largest size; at_s: when it was [s].
+    messages in which both have the value. rmse: root of the mean square. share: of the first's own
+    root mean square. mean: with its sign. max: largest size; at_s: when it was [s]. NaN is
+    infinitely far from any number.
     """
 
     port: str
@@ -218,10 +246,12 @@ def compare(first: Path, second: Path) -> Comparison:
     )
 
 
-_Read = tuple[NDArray[np.int64], Mapping[str, Array]]
+_Read = tuple[NDArray[np.int64], Mapping[str, MaskedArray]]
 
 
-def _aligned(one: _Read, other: _Read) -> tuple[NDArray[np.int64], dict[str, tuple[Array, Array]]]:
+def _aligned(
+    one: _Read, other: _Read
+) -> tuple[NDArray[np.int64], dict[str, tuple[MaskedArray, MaskedArray]]]:
     """Return times [ns], and column → what both have then.
 
     The times are those of the one with fewer messages, while both have some: what the other then
@@ -235,27 +265,40 @@ def _aligned(one: _Read, other: _Read) -> tuple[NDArray[np.int64], dict[str, tup
 
 
 def _error(
-    port: str, column: Column, t_ns: NDArray[np.int64], first: Array, second: Array
+    port: str,
+    column: Column,
+    t_ns: NDArray[np.int64],
+    first: MaskedArray,
+    second: MaskedArray,
 ) -> FieldError | None:
     """Return how far the values of a column are apart; None where no time has one in both."""
+    known = ~(np.ma.getmaskarray(first) | np.ma.getmaskarray(second))
+    if not known.any():
+        return None
     with np.errstate(invalid="ignore", over="ignore", divide="ignore"):
-        apart = np.where(first == second, 0.0, second - first)
-        known = ~np.isnan(apart)
-        if not known.any():
-            return None
-        apart, sizes = apart[known], np.abs(apart[known])
-        rmse, worst = _rms(apart), int(np.argmax(sizes))
+        apart = _apart(first.data[known], second.data[known])
+        rmse, worst = _rms(apart), int(np.argmax(np.abs(apart)))
+        usual = first.data[known].astype(float)
+        share = rmse / _rms(usual[np.isfinite(usual)]) if 0 < rmse < np.inf else rmse
         return FieldError(
             port=port,
             field=column.name,
             unit=column.unit,
             count=len(apart),
             rmse=float(rmse),
-            share=float(rmse / _rms(first[known])) if rmse else 0.0,
+            share=float(share),
             mean=float(np.mean(apart)),
-            max=float(sizes[worst]),
+            max=float(abs(apart[worst])),
             at_s=float(t_ns[known][worst] * 1e-9),
         )
+
+
+def _apart(first: NDArray[Any], second: NDArray[Any]) -> Array:
+    """Return second minus first: 0 for two NaN, infinite for one and for opposite infinities."""
+    apart = (second - first).astype(float)
+    nan, other_nan = (np.isnan(values.astype(float)) for values in (first, second))
+    is_same = (first == second) | (nan & other_nan)
+    return np.where(is_same, 0.0, np.where(np.isnan(apart), np.inf, apart))
 
 
 def _rms(values: Array) -> np.float64:

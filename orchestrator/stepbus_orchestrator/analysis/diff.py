@@ -118,8 +118,9 @@ def _compare(
 ) -> PortResult:
     # Types that differ are compared as plain MessagePack.
     types = SHIPPED if _misfits(topic, one, other) else one.types
-    comparison = PortComparison(topic, one.ports[topic].type, tolerance, types)
-    are_alike = one.ports[topic].record == other.ports[topic].record
+    port = one.ports[topic]
+    comparison = PortComparison(topic, port.type, tolerance, types, names=port.names)
+    are_alike = port.record == other.ports[topic].record
     for step, first, second in merged(one[topic].entries(), other[topic].entries()):
         is_in_both = first is not None and second is not None
         if is_in_both or (are_alike and (first is not None or reach is None or step < reach)):

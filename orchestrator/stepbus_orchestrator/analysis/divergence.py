@@ -1,8 +1,10 @@
 """What comparing the messages of a port finds, and how it reads."""
 
 import math
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
+from functools import cached_property
 from typing import Any, Literal
 
 import msgspec
@@ -16,15 +18,17 @@ from stepbus_orchestrator.analysis.tolerance import (
     short,
 )
 from stepbus_orchestrator.errors import argument
-from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError
+from stepbus_schemas import SHIPPED, Decoder, MessageError, Types, WiringError, json_schema
 
+_INDEX = re.compile(r"\[(\d+)\]")
 DivergenceType = Literal["value", "encoding", "missing", "added"]
 
 
 class Divergence(msgspec.Struct, frozen=True, kw_only=True):
     """Where two recordings diverge.
 
-    field: with its index, e.g. `values[1]`; empty for a whole message. type: `value`: both are
+    field: with its index, e.g. `values[1]`; empty for a whole message. name: of that index in the
+    port's description, e.g. `joint2`; empty where it has none. type: `value`: both are
     there and differ; `encoding`: the same values in other bytes; `missing`, `added`: only the
     first, or only the second, has a message. first, second: both values.
     """
@@ -33,6 +37,7 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
     topic: str
     type: DivergenceType
     field: str = ""
+    name: str = ""
     first: Any = None
     second: Any = None
 
@@ -58,7 +63,8 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
         gap = difference(self.first, self.second)
         by = "" if gap is None else f" (difference {gap:.3g})"
         return (
-            f"{where}: {self.field}: {first} {short(self.first)}, {second} {short(self.second)}{by}"
+            f"{where}: {_named(self.field, self.name)}: {first} {short(self.first)}, "
+            f"{second} {short(self.second)}{by}"
         )
 
 
@@ -66,7 +72,8 @@ class FieldCount(msgspec.Struct, kw_only=True):
     """How much one field of a port differs.
 
     different: messages in which it is not equal to the bit. beyond: those in which it is beyond
-    the tolerance. largest: largest |first − second| of its numbers; at_step, at: where that is.
+    the tolerance. largest: largest |first − second| of its numbers; at_step, at: where that is;
+    name: of its index, as in `Divergence`.
     """
 
     field: str
@@ -75,8 +82,9 @@ class FieldCount(msgspec.Struct, kw_only=True):
     largest: float = 0.0
     at_step: int = -1
     at: str = ""
+    name: str = ""
 
-    def take(self, step: int, values: Sequence[Difference]) -> None:
+    def take(self, step: int, values: Sequence[Difference], name_of: Callable[[str], str]) -> None:
         """Count the differences of one message."""
         self.different += 1
         self.beyond += any(item.beyond for item in values)
@@ -84,6 +92,7 @@ class FieldCount(msgspec.Struct, kw_only=True):
             size = difference(item.first, item.second)
             if size is not None and size > self.largest:
                 self.largest, self.at_step, self.at = size, step, item.path
+                self.name = name_of(item.path)
 
 
 class PortResult(msgspec.Struct, frozen=True, kw_only=True):
@@ -148,25 +157,38 @@ def _field(count: FieldCount) -> str:
     if count.beyond < count.different:
         text += f", beyond the tolerance in {count.beyond}"
     if count.largest:
-        text += f"; largest difference {count.largest:.3g} ({count.at} at step {count.at_step})"
+        where = f"{_named(count.at, count.name)} at step {count.at_step}"
+        text += f"; largest difference {count.largest:.3g} ({where})"
     return text
+
+
+def _named(path: str, name: str) -> str:
+    """Return a path with the name of its first index: `values[1]`, `joint2` → `values[joint2]`."""
+    return _INDEX.sub(lambda _: f"[{name}]", path, count=1) if name else path
 
 
 class PortComparison:
     """Compares one port, message by message in the order of their steps.
 
     type_name: a message type, `Name/major`; an unknown one is compared as plain MessagePack.
-    types: of the scenario or recording. decode: decodes its messages. divergence: the first one so
-    far.
+    types: of the scenario or recording. names: of the port's description. decode: decodes its
+    messages. divergence: the first one so far.
     """
 
     def __init__(
-        self, topic: str, type_name: str, tolerance: Tolerance, types: Types = SHIPPED
+        self,
+        topic: str,
+        type_name: str,
+        tolerance: Tolerance,
+        types: Types = SHIPPED,
+        *,
+        names: Sequence[str] = (),
     ) -> None:
         self.topic = topic
         self.type_name = type_name
         self.divergence: Divergence | None = None
         self.decode = _decoder(type_name, types)
+        self._types, self._names = types, names
         self._tolerance = tolerance
         self._fields: dict[str, FieldTolerance | None] = {}
         self._counts: dict[str, FieldCount] = {}
@@ -220,7 +242,9 @@ class PortComparison:
             values = list(differences(name, one.get(name), other.get(name), self._allowed(name)))
             if values:
                 is_explained = True
-                self._counts.setdefault(name, FieldCount(field=name)).take(step, values)
+                self._counts.setdefault(name, FieldCount(field=name)).take(
+                    step, values, self._name_of
+                )
                 worst = worst or next((item for item in values if item.beyond), None)
         if worst is not None:
             return Divergence(
@@ -228,10 +252,24 @@ class PortComparison:
                 topic=self.topic,
                 type="value",
                 field=worst.path,
+                name=self._name_of(worst.path),
                 first=worst.first,
                 second=worst.second,
             )
         return None if is_explained else Divergence(step=step, topic=self.topic, type="encoding")
+
+    def _name_of(self, path: str) -> str:
+        """Return the name of the index in a path such as `values[1]`; nothing where it has none."""
+        match = _INDEX.search(path)
+        if match is None or int(match[1]) >= len(self._names):
+            return ""
+        return self._names[int(match[1])] if path[: match.start()] in self._per_name else ""
+
+    @cached_property
+    def _per_name(self) -> set[str]:
+        """Return the fields that have one value for each name of the port's description."""
+        fields = json_schema(self.type_name, self._types)["properties"]
+        return {name for name, field in fields.items() if field.get("shape", [])[:1] == ["n"]}
 
     def _allowed(self, name: str) -> FieldTolerance | None:
         if name not in self._fields:

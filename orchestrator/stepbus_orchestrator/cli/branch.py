@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from stepbus_orchestrator.analysis.diff import Diff
+from stepbus_orchestrator.analysis.divergence import port_lines
 from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command
 from stepbus_orchestrator.cli.rerun import OUT, new_folder
 from stepbus_orchestrator.cli.run import Names, after_run
@@ -148,9 +149,11 @@ def _lines(branch: Branch, difference: Diff | None, *, has_plots: bool) -> Itera
         why = "" if result.reason == "finished" else f" ({result.reason})"
         yield f"{result.scenario}: finished{why} after {result.steps} steps"
         if difference.divergence is not None:
-            yield (
-                f"diverges from the recording at {difference.divergence.text('recorded', 'now')}"
-            )
+            text = difference.divergence.text("recording", "branch")
+            yield f"diverges from the recording at {text}"
+            for port in difference.ports:
+                if port.divergence is not None:
+                    yield from port_lines(port, "recording", "branch", difference.divergence)
         elif difference.equal:
             yield "all messages equal the recording; the files differ"
             yield from (f"note: {note}" for note in difference.notes)

@@ -100,13 +100,15 @@ def _guarded() -> int:
             on_signals(signal.SIG_IGN)
             forget_swallowed()
             # To look for garbage once more, as Python does at its end, takes longer than most here.
-            gc.freeze()
+            # But libraries of participants (nanobind) print what they call leaks without it.
+            if not is_hosted:
+                gc.freeze()
     if code == 0 and output.is_needed and output.is_incomplete:
         code = _INTERNAL
     if is_hosted:
         from .supervisor import settle  # noqa: PLC0415  (see the top)
 
-        settle(code)
+        settle(code, is_mute=output.is_mute)
     return code
 
 

@@ -40,8 +40,8 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
 
     outcome, reason, wall_s: of the result.json of this run, if it is there. planned_steps: of the
     scenario; None: no fixed end. steps: with messages. cut_short: why it ends where it does.
-    incomplete: participant → first step whose outputs are missing. partly: topic that is not
-    recorded whole → how it is. programs: what was started.
+    incomplete: participant → first step whose outputs are missing. holes: gaps between its
+    messages. partly: topic that is not recorded whole → how it is. programs: what was started.
     versions: name → library → version. events: level → how many. size: of the recording [bytes];
     folder_size: with all that is beside it, where it is in the folder of a run.
     """
@@ -56,6 +56,7 @@ class Info(msgspec.Struct, frozen=True, kw_only=True):
     wall_s: float | None
     cut_short: str
     incomplete: Mapping[str, int]
+    holes: Sequence[str]
     programs: Mapping[str, str]
     ports: Sequence[TypeCount]
     partly: Mapping[str, str]
@@ -86,10 +87,12 @@ def info_command(recording: RecordingPath) -> Answer:
     with Recording(recording) as opened:
         found = _info(opened)
     return Answer(value={**msgspec.structs.asdict(found), "duration_s": found.duration_s},
-                  lines=_lines(found))  # fmt: skip
+                  lines=[line.replace("\n", " ") for line in _lines(found)])  # fmt: skip
 
 
 def _info(recording: Recording) -> Info:
+    # It reads all messages, and with them any damage.
+    holes = recording.holes()
     scenario, result = recording.scenario, result_beside(recording)
     step_ns = _duration_ns(scenario.get("step"))
     planned_ns = _duration_ns(scenario.get("duration"))
@@ -110,6 +113,7 @@ def _info(recording: Recording) -> Info:
         wall_s=result.wall_s if result else None,
         cut_short=recording.cut_short,
         incomplete=missing,
+        holes=holes,
         programs=_programs(scenario),
         ports=_ports(recording),
         partly={t: p.record for t, p in recording.ports.items() if p.record != RECORD_ALL},
@@ -188,6 +192,7 @@ def _lines(info: Info) -> Iterator[str]:
     yield f"scenario  {info.scenario or 'none recorded'}"
     yield f"outcome   {_outcome(info)}"
     yield f"length    {_length(info)}"
+    yield from (f"hole      {hole}" for hole in info.holes)
     yield f"programs  {_started(info.programs)}"
     yield from _messages(info)
     levels = ", ".join(f"{count} {level}" for level, count in info.events.items())
@@ -214,7 +219,8 @@ def _outcome(info: Info) -> str:
     elif info.outcome:
         ending = info.outcome + (f": {info.reason}" if info.reason != info.outcome else "")
     else:
-        ending = f"complete recording; outcome unknown without its {RESULT_FILE}"
+        kind = "recording with holes" if info.holes else "complete recording"
+        ending = f"{kind}; outcome unknown without its {RESULT_FILE}"
     rows = ", ".join(f"{name} from step {step}" for name, step in info.incomplete.items())
     return f"{ending}; missing outputs: {rows}" if rows else ending
 

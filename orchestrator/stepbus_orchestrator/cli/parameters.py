@@ -20,6 +20,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 
 from stepbus_orchestrator.cli.overview import MORE, summary_in
 from stepbus_orchestrator.cli.terminal.output import Answer
+from stepbus_orchestrator.scenario.override import named_from_here
 from stepbus_participant import parse_duration
 from stepbus_schemas import WiringError
 
@@ -189,7 +190,7 @@ def _keywords(name: str, row: _Row) -> dict[str, Any]:
     if many:
         usual = {"default": [], **({"action": "append"} if is_option else {"nargs": "*"})}
         if any(get_origin(option) is Mapping for option in types):
-            usual["metavar"] = "PATH=VALUE"
+            usual |= {"metavar": "PATH=VALUE", "type": named_from_here}
     elif bool in types:
         usual = {"action": "store_false" if default is True else "store_true"}
     elif default is not row.parameter.empty:
@@ -314,6 +315,7 @@ Set = Annotated[
     Sequence[str],
     {
         "metavar": "PATH=VALUE",
+        "type": named_from_here,
         "help": "override one value, e.g. controller.params.kp=80 or duration=2s; may be repeated",
     },
 ]

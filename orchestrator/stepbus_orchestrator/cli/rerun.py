@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command, number
+from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, say
@@ -94,13 +95,25 @@ def _rerun_row(folder: Path) -> Callable[..., Any] | None:
 def _answer_of_row(again: Any) -> Answer:
     """Return what became of one run of a sweep."""
     result: Result = again.result
-    line = f"sha256    {result.sha256}, in the sweep {again.row.sha256 or 'none'}"
-    if again.equal and result.steps:
-        line = f"{result.steps} steps, byte for byte as in the sweep\n{result.hashes()}"
     return Answer(
         value={"equal": again.equal, "row": again.row, "result": result},
-        lines=[line, f"recording {result.recording}"],
+        lines=_lines_of_row(again),
         code=ExitCode.FINISHED if again.equal else result.exit_code or ExitCode.DIFFERENT,
+    )
+
+
+def _lines_of_row(again: Any) -> Iterator[str]:
+    """Yield the summary of one run of a sweep, and write its page."""
+    result: Result = again.result
+    is_equal = again.equal and result.steps
+    if is_equal:
+        yield f"{result.steps} steps, byte for byte as in the sweep"
+    yield from after_run(result, has_plots=True)
+    yield f"recording {result.recording}"
+    yield (
+        result.hashes()
+        if is_equal
+        else (f"sha256    {result.sha256}, in the sweep {again.row.sha256 or 'none'}")
     )
 
 

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -17,8 +18,8 @@ from stepbus_orchestrator.run.describe import (
     OutputPort,
     ParticipantDescription,
     describe,
-    rehearse,
 )
+from stepbus_orchestrator.run.rehearse import rehearse
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_orchestrator.scenario.slots import slot_counts
@@ -47,16 +48,17 @@ def validate_command(
     """Check a scenario and show its schedule.
 
     Checks a scenario without running it, and lists all problems at once, with file, line and path.
-    If there are none, each plant loads its world once, to find errors that only show then. Prints
-    which participant publishes at which step, and how many shared-memory slots each bulk output
-    takes.
+    If there are none, the classes of stepbus load their worlds, laws and tasks once, and your own
+    are imported, to find errors that only show then. Prints which participant publishes at which
+    step, and how many shared-memory slots each bulk output takes.
 
     steps: how many steps of the schedule to show.
 
     $ stepbus validate two_link
     $ stepbus validate my/scenario.yaml --steps 20
     """
-    loaded = load(scenario, set, last_check=rehearse)
+    warnings: list[str] = []
+    loaded = load(scenario, set, last_check=partial(rehearse, warnings=warnings))
     schedule = Schedule(loaded)
     shown = schedule.text(steps)
     is_cut = loaded.steps is None or steps < loaded.steps
@@ -71,8 +73,10 @@ def validate_command(
             "order": schedule.order,
             "schedule": shown.split(),
             "slots": slots,
+            "warnings": warnings,
         },
         lines=[
+            *(f"warning: {text}" for text in warnings),
             f"{loaded.file}: valid; {length} of {loaded.step_ns * 1e-6:g} ms",
             shown + (" …" if is_cut else ""),
             *(

@@ -17,7 +17,15 @@ from collections.abc import Mapping
 from stepbus_orchestrator.processes.activity import children
 from stepbus_orchestrator.run.inprocess import turns
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TICK_S, TurnWatchdog
-from stepbus_orchestrator.run.inprocess.turns import CODE, INTERRUPTED, PULSE, TURN, Stage, Turns
+from stepbus_orchestrator.run.inprocess.turns import (
+    CODE,
+    INTERRUPTED,
+    MUTE,
+    PULSE,
+    TURN,
+    Stage,
+    Turns,
+)
 
 from .signals import SIGNALS
 
@@ -55,9 +63,13 @@ def _beat(memory: Turns) -> None:
         time.sleep(TICK_S)
 
 
-def settle(code: int) -> None:
-    """Tell the parent that nothing is left to do, but to end with this code."""
+def settle(code: int, *, is_mute: bool) -> None:
+    """Tell the parent that nothing is left to do, but to end with this code.
+
+    is_mute: whether stderr did not take what was to be printed.
+    """
     if turns.own is not None:
+        turns.own.words[MUTE] = is_mute
         turns.own.enter(Stage.LEAVING, code)
 
 
@@ -136,13 +148,19 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
     stage, turn = memory.stage, int(memory.words[TURN])
     if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
         return int(memory.words[CODE])
-    if killer is not None or (stage.is_run and turn):
-        from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
+    if killer is not None or (stage.is_run and turn) or (code and memory.words[MUTE]):
+        from stepbus_orchestrator.run.inprocess import post_mortem  # noqa: PLC0415
 
         from .terminal.output import write  # noqa: PLC0415
 
-        culprit, held_s = (turn, None) if killer is None else (killer.culprit, killer.held_s)
-        code, text = conclude(memory, pid, culprit, held_s=held_s, code=code)
+        if killer is not None:
+            code, text = post_mortem.conclude(
+                memory, pid, killer.culprit, held_s=killer.held_s, is_stopped=killer.is_stopped
+            )
+        elif stage.is_run:
+            code, text = post_mortem.conclude(memory, pid, turn, code=code)
+        else:
+            text = post_mortem.last_words(memory)
         write(sys.stderr, text)
         return code
     if code < 0:

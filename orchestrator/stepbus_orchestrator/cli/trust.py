@@ -3,7 +3,7 @@
 import sys
 from pathlib import Path
 
-from stepbus_orchestrator.cli.terminal.output import write
+from stepbus_orchestrator.cli.terminal.output import print_error, write
 from stepbus_orchestrator.errors import Untrusted, indented
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.trust import Programs, programs_of
@@ -27,6 +27,8 @@ def trusted_programs(
     programs = programs_of(opened, participant, own_program=own_program, tree=tree)
     if not (programs.is_yours or trust):
         _ask(recording, programs, tree)
+    for note in programs.notes():
+        print_error(note)
     return programs.fingerprint
 
 
@@ -37,7 +39,7 @@ def _ask(recording: Path, programs: Programs, tree: WorkTree | None) -> None:
         f"{recording} contains programs that are not in your work tree. They would run with "
         "your permissions:"
     )
-    if tree is not None:
+    if tree is not None and not tree.is_yours:
         shown = (
             f"{tree.shown()} can be written by other users. Its programs would run with your "
             "permissions:"

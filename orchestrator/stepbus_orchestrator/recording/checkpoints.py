@@ -19,10 +19,10 @@ from stepbus_schemas import UNDECODABLE, explained
 
 
 class _Index(msgspec.Struct):
-    """recording: SHA-256 of run.mcap. states: participant → step as text → SHA-256."""
+    """recording: SHA-256 of run.mcap. states: participant → step → SHA-256."""
 
     recording: str
-    states: dict[str, dict[str, str]]
+    states: dict[str, dict[int, str]]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,13 +38,13 @@ class CheckpointWriter:
 
     def __init__(self, out: Path) -> None:
         self._folder = out / layout.CHECKPOINTS_FOLDER
-        self._states: dict[str, dict[str, str]] = {}
+        self._states: dict[str, dict[int, str]] = {}
         self._is_made = False
 
     def add(self, name: str, step: int, state: bytes) -> None:
         """Write the state of a participant; raises RecordingFailed."""
         self._write(_file_name(name, step), state)
-        self._states.setdefault(name, {})[str(step)] = hashlib.sha256(state).hexdigest()
+        self._states.setdefault(name, {})[step] = hashlib.sha256(state).hexdigest()
 
     def finish(self, sha256: str) -> None:
         """Write the index; sha256: of the recording, which has ended. Raises RecordingFailed."""
@@ -73,7 +73,7 @@ class Checkpoints:
         self.problems: list[str] = []
         self._states = self._read_index(sha256)
 
-    def _read_index(self, sha256: str) -> dict[str, dict[str, str]]:
+    def _read_index(self, sha256: str) -> dict[str, dict[int, str]]:
         path = self._folder / layout.CHECKPOINTS_INDEX
         if not path.parent.is_dir():
             return {}
@@ -95,10 +95,10 @@ class Checkpoints:
         One that is damaged is left out, and becomes a problem.
         """
         states = self._states.get(name, {})
-        for saved_step in sorted((int(text) for text in states if text.isdecimal()), reverse=True):
+        for saved_step in sorted(states, reverse=True):
             if 0 < saved_step < step:
                 path = (self._folder / _file_name(name, saved_step)).absolute()
-                if self._is_sound(path, states[str(saved_step)]):
+                if self._is_sound(path, states[saved_step]):
                     yield SavedState(step=saved_step, path=path)
 
     def _is_sound(self, path: Path, sha256: str) -> bool:

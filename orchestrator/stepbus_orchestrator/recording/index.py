@@ -10,12 +10,14 @@ import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 from isal.isal_zlib import crc32
 from mcap import records as mcap
 from mcap.opcode import Opcode
 
+from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.records import (
     HEAD,
@@ -25,7 +27,7 @@ from stepbus_orchestrator.recording.records import (
     records_of,
     split,
 )
-from stepbus_participant.parameters import parse_yaml
+from stepbus_participant.parameters import is_name, parse_yaml
 from stepbus_schemas import StepbusError
 
 _FOOTER = struct.Struct("<QQI")  # start of the summary, of its offsets, CRC
@@ -54,8 +56,12 @@ class Index:
     damage: what is wrong with the file, empty when nothing is. ends_a_step: whether nothing of its
     last step is missing, as far as that is known without reading its messages. loose_from: where
     messages begin that are in no chunk yet, as the file was not closed.
+
+    Names become those of files, and lines of a terminal: a recording with a scenario, participant
+    or port whose name no scenario accepts raises RecordingFailed, whatever reads it.
     """
 
+    path: Path
     schemas: dict[int, str] = field(default_factory=dict)
     schema_texts: dict[str, bytes] = field(default_factory=dict)
     channels: dict[int, mcap.Channel] = field(default_factory=dict)
@@ -80,7 +86,14 @@ class Index:
             content = parse_yaml(layout.SCENARIO_ATTACHMENT, text)
         except StepbusError:
             return {}
-        return content if isinstance(content, dict) else {}
+        if not isinstance(content, dict):
+            return {}
+        participants = content.get("participants")
+        names = list(participants) if isinstance(participants, dict) else []
+        for name in names + [content[key] for key in ("name",) if key in content]:
+            if not (isinstance(name, str) and is_name(name)):
+                raise self._not_ours(name)
+        return content
 
     def add(self, record: object) -> None:
         """Add what a record says, unless it is a message."""
@@ -89,6 +102,9 @@ class Index:
                 self.schemas[record.id] = record.name
                 self.schema_texts[record.name] = record.data
             case mcap.Channel():
+                # Those of timing.mcap have one name.
+                if not all(map(is_name, record.topic.split("/", 1))):
+                    raise self._not_ours(record.topic)
                 self.channels.setdefault(record.id, record)
             case mcap.Attachment():
                 self.attachments[record.name] = record.data
@@ -96,6 +112,12 @@ class Index:
                 self.metadata[record.name] = record.metadata
             case mcap.Header():
                 self.library = record.library
+
+    def _not_ours(self, name: object) -> RecordingFailed:
+        return RecordingFailed(
+            f"{self.path} is not from stepbus, or from a newer version: {name!r} is not a valid "
+            "name"
+        )
 
 
 def read_summary(file: RecordFile) -> Index | None:
@@ -107,7 +129,7 @@ def read_summary(file: RecordFile) -> Index | None:
 
 
 def _read_summary(file: RecordFile) -> Index | None:
-    section, index = _section(file), Index()
+    section, index = _section(file), Index(path=file.path)
     if section is None:
         return None
     _add_at(file, len(MAGIC), index)

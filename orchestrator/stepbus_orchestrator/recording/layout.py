@@ -20,7 +20,8 @@ on, a chunk ends with a whole step: whatever ends a file between two chunks cuts
 FIRST = "stepbus"
 LIBRARIES = frozenset({FIRST, "stepbus 2", LIBRARY})
 """Chunks, attachments and the summary of these have checksums: none is a sign of damage."""
-_NUMBERED = re.compile(r"stepbus ([0-9]+)")
+_NUMBERED = re.compile(r"stepbus ([2-9]|[1-9][0-9]+)")
+_STEP = re.compile(r"[0-9]{1,18}")
 CHUNK_BYTES = 64 * 1024
 MESSAGE_ENCODING = "msgpack"
 SCHEMA_ENCODING = "jsonschema"
@@ -63,8 +64,12 @@ def recording_file(source: Source) -> Path:
 
 def is_newer(library: str) -> bool:
     """Return whether a file has a layout that a later version of stepbus has introduced."""
-    number = _NUMBERED.fullmatch(library)
-    return number is not None and library not in LIBRARIES and int(number[1]) > 1
+    return library not in LIBRARIES and _NUMBERED.fullmatch(library) is not None
+
+
+def step_of(text: str) -> int | None:
+    """Return a step of a metadata record; None where the text is none."""
+    return int(text) if _STEP.fullmatch(text) else None
 
 
 def topic_of(participant: str, port: str) -> str:

@@ -17,6 +17,9 @@ from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_participant import Disk
 from stepbus_schemas import json_schema, reached
 
+_FAILURES = (OSError, MemoryError)
+"""What a write that failed raises."""
+
 
 class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
@@ -88,8 +91,8 @@ class McapFile:
             raise self._refusal
         try:
             self._writer.add_messages(messages, t_ns, t_ns, sequence)
-        except OSError as exc:
-            raise self._refuse(exc) from exc
+        except _FAILURES as exc:
+            raise self.refuse(exc) from exc
 
     def flush(self) -> None:
         """Write all messages, so that the file has them even after a kill; it raises nothing.
@@ -99,9 +102,9 @@ class McapFile:
         if self._refusal is None:
             try:
                 self._writer.write_unfinished()
-            except OSError as exc:
+            except _FAILURES as exc:
                 # Of a chunk that was being compressed: whatever comes next is refused.
-                self._unreported = self._refuse(exc)
+                self._unreported = self.refuse(exc)
 
     def close(self, name: str = "", content: Mapping[str, str] | None = None) -> None:
         """Write what is left, a last metadata record and the index; harmless when repeated.
@@ -116,8 +119,8 @@ class McapFile:
         if self._refusal is None:
             try:
                 self._writer.settle()
-            except OSError as exc:
-                self._unreported = self._refuse(exc)
+            except _FAILURES as exc:
+                self._unreported = self.refuse(exc)
         self._file.release()
         try:
             last = None if content is None else mcap.Metadata(name, dict(content))
@@ -125,8 +128,8 @@ class McapFile:
                 self._writer.drop_chunks()
                 last = None
             self._writer.finish(last)
-        except OSError as exc:
-            raise self._refuse(exc) from exc
+        except _FAILURES as exc:
+            raise self.refuse(exc) from exc
         finally:
             self._file.close()
             closed = f"the recording {self.path} is closed; nothing can be added to it"
@@ -138,7 +141,7 @@ class McapFile:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
             changed = self._file.changed(self._writer.crc)
-        except OSError as exc:
+        except _FAILURES as exc:
             raise self._failure(exc) from exc
         if changed:
             reached("a recording was changed or removed")
@@ -154,16 +157,21 @@ class McapFile:
             raise self._refusal
         try:
             yield
-        except OSError as exc:
-            raise self._refuse(exc) from exc
+        except _FAILURES as exc:
+            raise self.refuse(exc) from exc
 
-    def _refuse(self, exc: OSError) -> RecordingFailed:
+    def refuse(self, exc: OSError | MemoryError) -> RecordingFailed:
         """Return the first failure, which refuses all that comes next."""
         reached("a recording cannot be written")
         self._refusal = self._refusal or self._failure(exc)
         return self._refusal
 
-    def _failure(self, exc: OSError) -> RecordingFailed:
+    def _failure(self, exc: OSError | MemoryError) -> RecordingFailed:
+        if isinstance(exc, MemoryError):
+            return RecordingFailed(
+                f"the recording {self.path} cannot be written: the orchestrator has no memory "
+                "left; free some memory or raise its limit (ulimit -v)"
+            )
         remedy = (
             "raise the file size limit (ulimit -f)"
             if exc.errno == errno.EFBIG

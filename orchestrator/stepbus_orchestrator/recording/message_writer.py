@@ -227,17 +227,23 @@ class MessageWriter:
             self._workers = None
 
     def _end_chunk(self) -> None:
-        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be."""
-        if not self._chunk.indexes:
+        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
+
+        It is kept until it is encoded: that may raise MemoryError.
+        """
+        chunk = self._chunk
+        if not chunk.indexes:
             return
-        chunk, self._chunk = self._chunk, Chunk()
         if chunk.is_big and self._workers is None:
             self._workers = Workers(self._put)
         workers = self._workers
         if workers is not None and (chunk.is_big or workers.are_busy):
             workers.give(partial(encode_chunk, chunk), chunk.size)
+            self._chunk = Chunk()
         else:
-            self._put(encode_chunk(chunk))
+            encoded = encode_chunk(chunk)
+            self._chunk = Chunk()
+            self._put(encoded)
 
     def _put(self, encoded: Encoded) -> None:
         """Write a chunk and its message indexes at once; raises OSError, and has lost them."""

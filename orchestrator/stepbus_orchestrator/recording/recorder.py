@@ -153,8 +153,7 @@ class Recorder(Sink):
         try:
             # A chain may be due at a step at which no participant publishes.
             for step in range(min(self._next, *steps), steps[-1] + 1) if steps else ():
-                self._write_outputs(step, collect=self._collect_what_is_valid)
-                self._write_chain(step, is_last=step == steps[-1])
+                self._write(step, None, self._collect_what_is_valid, is_last=step == steps[-1])
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
@@ -168,19 +167,32 @@ class Recorder(Sink):
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
-        self._write_outputs(step, closing)
-        self._write_chain(step, is_last=closing is not None)
+        self._write(step, closing, self._collect, is_last=closing is not None)
+
+    def _write(
+        self,
+        step: int,
+        closing: Collection[str] | None,
+        collect: Callable[[Published, list[tuple[int, bytes]]], None],
+        *,
+        is_last: bool,
+    ) -> None:
+        try:
+            self._write_outputs(step, closing, collect)
+            self._write_chain(step, is_last=is_last)
+        except MemoryError as exc:
+            # Outputs that were taken from the queue may be lost: nothing may follow them.
+            raise self._file.refuse(exc) from exc
 
     def _write_outputs(
         self,
         step: int,
-        closing: Collection[str] | None = None,
-        collect: Callable[[Published, list[tuple[int, bytes]]], None] | None = None,
+        closing: Collection[str] | None,
+        collect: Callable[[Published, list[tuple[int, bytes]]], None],
     ) -> None:
         """Write the outputs of one step, up to the first broken one; the chains have the same."""
         self._last_chain = b""
         messages: list[tuple[int, bytes]] = []
-        collect = collect or self._collect
         try:
             for published in self.revised(step, closing):
                 collect(published, messages)

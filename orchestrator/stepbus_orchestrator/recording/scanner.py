@@ -33,7 +33,7 @@ class Scanner:
     """
 
     def __init__(self, file: RecordFile) -> None:
-        self.index = Index()
+        self.index = Index(path=file.path)
         self.size = file.size
         self.intact_bytes = 0
         self.has_end = False

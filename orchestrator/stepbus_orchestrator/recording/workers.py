@@ -77,12 +77,22 @@ class Workers(Generic[T]):
         self._open = None
         if len(self._given) >= _AHEAD:
             self._take_next()
+        self._start_threads()
+        self._given.append(batch)
+        if self._threads:
+            self._todo.put(batch)
+        else:
+            batch.run()
+
+    def _start_threads(self) -> None:
         while len(self._threads) < self._most:
             thread = threading.Thread(target=self._run, name="recording", daemon=True)
-            thread.start()
+            try:
+                thread.start()
+            except RuntimeError:
+                # The limit of threads or of memory is reached: it does with those it has.
+                return
             self._threads.append(thread)
-        self._given.append(batch)
-        self._todo.put(batch)
 
     def drain(self) -> None:
         """Take all results that are not taken yet."""

@@ -12,6 +12,7 @@ from stepbus_orchestrator.recording.layout import (
     BRANCH_METADATA,
     CHAIN_TOPIC,
     INCOMPLETE_METADATA,
+    step_of,
     topic_of,
 )
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -107,12 +108,13 @@ def step_in(recording: Recording, record: str, key: str) -> int | None:
     Raises RecordingFailed for what is no step.
     """
     text = recording.metadata.get(record, {}).get(key)
-    if text is not None and not text.isdecimal():
+    step = None if text is None else step_of(text)
+    if text is not None and step is None:
         raise RecordingFailed(
             f"{recording.path}: metadata record {record!r}: {key} is {text!r}, not a step number; "
             "another program has changed the file"
         )
-    return None if text is None else int(text)
+    return step
 
 
 def check_whole(recording: Recording, scenario: Scenario, names: Iterable[str]) -> None:

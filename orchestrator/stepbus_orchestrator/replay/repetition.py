@@ -96,6 +96,10 @@ class Repetition(RunExtension):
 
     # --- comparing ------------------------------------------------------------------------
 
+    def _names(self, topic: str) -> Sequence[str]:
+        port = self.recording.ports.get(topic)
+        return () if port is None else port.names
+
     def compare(self, sink: Sink, scenario: Scenario) -> None:
         """Compare all that a sink writes from now on."""
         self._sink = sink
@@ -105,7 +109,11 @@ class Repetition(RunExtension):
         self.comparisons = {
             spec.name: {
                 port: PortComparison(
-                    topic_of(spec.name, port), output.type, self._tolerance, self.recording.types
+                    topic_of(spec.name, port),
+                    output.type,
+                    self._tolerance,
+                    self.recording.types,
+                    names=self._names(topic_of(spec.name, port)),
                 )
                 for port, output in spec.outputs.items()
             }

@@ -44,7 +44,7 @@ class Sources:
                 raise RecordingFailed(
                     f"{recording}: attached file {name!r} points outside its folder"
                 )
-        _refuse_modules(recording, attachments[SCENARIO_ATTACHMENT])
+        _refuse_unresolved(recording, attachments[SCENARIO_ATTACHMENT])
         return cls(attachments[SCENARIO_ATTACHMENT], files)
 
     @property
@@ -80,16 +80,20 @@ class Sources:
         return home / SCENARIO_ATTACHMENT
 
 
-def _refuse_modules(recording: Path, scenario: bytes) -> None:
-    """Raise RecordingFailed where a scenario would import a module: loading it would execute code.
+def _refuse_unresolved(recording: Path, scenario: bytes) -> None:
+    """Raise RecordingFailed where a scenario takes programs or message types from elsewhere.
 
-    No run records one: message types of a module are recorded in full.
+    A base or a template could bring programs that `programs_in` does not see, and loading types
+    from a module would execute it. No run records these: a recorded scenario is resolved.
     """
     try:
         data = parse_yaml(SCENARIO_ATTACHMENT, scenario.decode(errors="replace"))
     except SettingsError:
         return
-    given = data.get("types") if isinstance(data, dict) else None
+    content = data if isinstance(data, dict) else {}
+    if key := next((key for key in ("extends", "templates") if key in content), None):
+        raise RecordingFailed(f"{recording}: its scenario has the key {key!r}: refused")
+    given = content.get("types")
     for source in given if isinstance(given, list) else [given]:
         if isinstance(source, str) and not is_file_name(source):
             raise RecordingFailed(

@@ -1,9 +1,11 @@
 """What a recording would start here, and whether you are asked: not for your work tree."""
 
+import os
 import shlex
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
@@ -11,8 +13,9 @@ from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_orchestrator.scenario.program import programs_in
-from stepbus_participant import read_file
+from stepbus_orchestrator.scenario.program import participant_classes, programs_in
+from stepbus_orchestrator.scenario.scenario_files import is_file
+from stepbus_participant import is_installed, read_file
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import WiringError
 
@@ -27,23 +30,29 @@ _DATA = (
 class Programs:
     """What a recording would start, with your rights.
 
-    fingerprint: of all that it can start. commands: participant → its command line, or its class
-    where that is in a file of the recording: installed ones are yours. files: from the recording,
-    which a program may execute. is_yours: whether all of it stands in your work tree like this, or
-    is installed.
+    fingerprint: of all that it can start. commands: participant → its command line or class, and
+    the classes that its parameters name; not those that installed packages declare: these are
+    yours. files: from the recording, which a program may execute. is_yours: whether all of it
+    stands in your work tree like this, or is declared. edited: files of your work tree that differ
+    from those of the recording.
     """
 
     fingerprint: str
     commands: Mapping[str, Sequence[str]]
     files: Sequence[str]
     is_yours: bool
+    edited: Sequence[str] = ()
 
     def lines(self) -> list[str]:
         """Return what would be started, one line each; no character of it controls a terminal."""
         width = max(map(len, self.commands), default=0)
         commands = (f"{name:{width}}  {shlex.join(c)}" for name, c in self.commands.items())
         files = [f"its files: {', '.join(self.files)}"] if self.files else []
-        return [_harmless(line) for line in (*commands, *files)]
+        return [_harmless(line) for line in (*commands, *files, *self.notes())]
+
+    def notes(self) -> list[str]:
+        """Return a sentence for each file that you have edited since."""
+        return [f"{name} differs from the recording, whose own copy runs" for name in self.edited]
 
 
 def programs_of(
@@ -65,21 +74,36 @@ def programs_of(
     files = sources.files
     specs = recorded_programs(recording)
     code = {name: files[name] for name in files if PurePosixPath(name).suffix.lower() not in _DATA}
+    edited: Sequence[str] = ()
+    modules = {PurePosixPath(name).parts[0].removesuffix(".py") for name in code}
+    plugins = {n: _plugins(recording, n, modules) for n in specs if participant in {None, n}}
+    named = {name: classes for name, classes in plugins.items() if classes}
     if tree is not None and participant is not None:
+        # Overrides are parameters of the recording; without them, the tree has its own.
+        named = named if tree.overrides else {}
         commands = {participant: _command(tree.programs[participant])}
         shown, is_own = [f"those in {tree.folder}"], tree.is_yours
     else:
-        modules = {PurePosixPath(name).parts[0].removesuffix(".py") for name in code}
-        started = [] if own_program else [n for n in specs if participant in {None, n}]
+        started = [] if own_program else plugins
         commands = {n: _command(specs[n]) for n in started if _is_recorded(specs[n], modules)}
         # An installed participant may execute a file too: the law of a controller is a class.
-        others = {name: content for name, content in code.items() if not _is_shipped(name, content)}
+        own = {name: content for name, content in files.items() if not _is_shipped(name, content)}
+        others = {name: own[name] for name in code if name in own}
+        home = _work_tree(recording, specs) if commands or own else None
         shown = list(code)
-        is_own = not (commands or others) or _stands_in_a_work_tree(
-            recording, specs if commands else {}, others
+        is_own = not (commands or others) or (
+            home is not None and _stands_in(home, specs if commands else {}, others)
         )
+        if home is not None:
+            there = {name: home.folder / name for name in own if is_file(home.folder / name)}
+            edited = [os.path.relpath(f) for name, f in there.items() if not _has(f, own[name])]
+    commands |= {name: (*_command(specs[name]), *classes) for name, classes in named.items()}
     return Programs(
-        fingerprint=sources.fingerprint, commands=commands, files=shown, is_yours=is_own
+        fingerprint=sources.fingerprint,
+        commands=commands,
+        files=shown,
+        is_yours=is_own and not named,
+        edited=edited,
     )
 
 
@@ -88,9 +112,35 @@ def _command(spec: ParticipantSpec) -> Sequence[str]:
 
 
 def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
-    """Return whether a program is one of the recording, and no installed class."""
-    source = spec.participant.rpartition(":")[0]
-    return bool(spec.exec) or source.endswith(".py") or source.partition(".")[0] in modules
+    """Return whether a program is one of the recording, and no class that a package declares."""
+    if spec.exec or not spec.participant:
+        return bool(spec.exec)
+    top = spec.participant.partition(":")[0].partition(".")[0]
+    return spec.participant not in participant_classes() or top in modules
+
+
+def _plugins(recording: Recording, participant: str, modules: Collection[str]) -> list[str]:
+    """Return the classes that parameters name, such as `law`, of modules installed for other uses.
+
+    A class in a file of the recording counts as that file.
+    """
+    row = recording.scenario["participants"][participant]
+    params = row.get("params") if isinstance(row, dict) else None
+    return [text for text in _texts_in(params) if _is_foreign_class(text, modules)]
+
+
+def _texts_in(value: Any) -> Iterator[str]:
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, dict | list):
+        for item in value.values() if isinstance(value, dict) else value:
+            yield from _texts_in(item)
+
+
+def _is_foreign_class(text: str, modules: Collection[str]) -> bool:
+    module, _, attribute = text.partition(":")
+    is_class = attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
+    return is_class and module.partition(".")[0] not in modules and not is_installed(module)
 
 
 def _is_shipped(name: str, content: bytes) -> bool:
@@ -101,17 +151,20 @@ def _is_shipped(name: str, content: bytes) -> bool:
     return any(_has(scenario / name, content) for scenario in scenarios)
 
 
-def _stands_in_a_work_tree(
-    recording: Recording, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
+def _work_tree(recording: Recording, specs: Mapping[str, ParticipantSpec]) -> WorkTree | None:
+    """Return the scenario of a recording in the work tree; None where there is none, or several."""
+    try:
+        return find_work_tree(recording, next(iter(specs), ""))
+    except WiringError:
+        return None
+
+
+def _stands_in(
+    tree: WorkTree, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
 ) -> bool:
     """Return whether a work tree of yours has the same programs, and the same files of code."""
-    try:
-        tree = find_work_tree(recording, next(iter(recorded_programs(recording)), ""))
-    except WiringError:
-        return False
     return (
-        tree is not None
-        and tree.is_yours
+        tree.is_yours
         and tree.programs == {**tree.programs, **specs}
         and all(is_yours(tree.folder / n) and _has(tree.folder / n, c) for n, c in code.items())
     )

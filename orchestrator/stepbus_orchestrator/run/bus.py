@@ -223,7 +223,8 @@ def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop")
     if any(output.bulk for output in outputs):
 
         def take_bulk(sample: Sample) -> None:
-            _, name, port = sample.key.split("/")
+            # A put on a wildcard arrives with that as its key, of any length.
+            name, _, port = sample.key.partition("/")[2].partition("/")
             messages.take_bulk(name, port, sample.attachment, sample.payload)
 
         bus.subscribe("bulk/*/*", inbox.into(take_bulk))

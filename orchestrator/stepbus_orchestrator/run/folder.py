@@ -13,9 +13,10 @@ from pathlib import Path
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import make_folder, make_new_folder, read_file
+from stepbus_participant import WARNING, make_folder, make_new_folder, read_file
 
 LOGS_FOLDER = "logs"
+_HEAD_BYTES = 1 << 16
 
 
 def default_folder(scenario: Scenario, parent: Path) -> Path:
@@ -45,6 +46,12 @@ def _is_made(folder: Path) -> bool:
     except FileExistsError:
         return False
     return True
+
+
+def warnings_in(log: bytes) -> list[str]:
+    """Return the warnings at the beginning of a participant's log, or of what it printed."""
+    lines = log[:_HEAD_BYTES].decode(errors="replace").splitlines()
+    return [line.removeprefix(WARNING) for line in lines if line.startswith(WARNING)]
 
 
 def claim(out: Path) -> None:

@@ -29,6 +29,8 @@ _LEAVING_S = 3.0
 _CHECK_S = 0.05
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
+OWN_WORK_S = 60.0
+"""How long a program that has left a complete run may work on, to save a plot for example [s]."""
 _LEAVE_S = 1.0
 """How long a run that has failed waits for a process that the user has started [s]."""
 
@@ -275,6 +277,8 @@ def _shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
         and not (failure is not None and one.process.activity().is_stopped)
     ]
     late = _await_ends(run, waits_for, has_failed=failure is not None)
+    for one in late:
+        one.works_on = one.is_on_its_own and failure is None
     for one in participants.values():
         one.process.terminate()
     # They share the grace between the two signals.
@@ -289,7 +293,7 @@ def _shut_down(run: Run, failure: RunFailure | None) -> list[ParticipantState]:
     ):
         run.receive_after_failure(SHORT_TICK_S)
     run.announcer.close()
-    return late
+    return [one for one in late if not one.works_on]
 
 
 def _await_ends(
@@ -315,12 +319,14 @@ def _patience_s(run: Run, participant: ParticipantState, *, has_failed: bool) ->
         # It may stand in a debugger, and is not ours to end.
         return _LEAVE_S
     stop_s = participant.limit_s("stop")
-    return min(stop_s, Deadlines.stop_s) if run.interrupt.is_set() else stop_s
+    if run.interrupt.is_set():
+        return min(stop_s, Deadlines.stop_s)
+    return max(stop_s, OWN_WORK_S) if participant.is_on_its_own and not has_failed else stop_s
 
 
 def _check_ends(run: Run, late: list[ParticipantState]) -> None:
     """Raise for a participant that did not end in time, or with another exit code than 0."""
-    participants = run.state.participants.values()
+    participants = [one for one in run.state.participants.values() if not one.works_on]
     late += [one for one in participants if one.process.late is not None or one.name in run.killed]
     if late:
         reached("a participant is late to end")

@@ -18,6 +18,7 @@ from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Disk, installed_version, read_file, write_file
+from stepbus_participant.parameters import is_name
 from stepbus_schemas import UNDECODABLE
 
 if TYPE_CHECKING:
@@ -150,7 +151,9 @@ def result_beside(recording: "Recording") -> Result | None:
     except (OSError, *UNDECODABLE):
         return None
     hashes = {result.messages_sha256, recording.messages_sha256} - {""}
-    return result if len(hashes) < 2 else None
+    # The name of its participant is that of a log file too.
+    is_named = not result.participant or is_name(result.participant)
+    return result if is_named and len(hashes) < 2 else None
 
 
 def result_of(

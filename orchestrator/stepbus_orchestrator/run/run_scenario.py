@@ -1,5 +1,6 @@
 """Runs a scenario: the one function behind `stepbus run`, free of global state."""
 
+import contextlib
 import dataclasses
 import threading
 from collections.abc import Collection, Sequence
@@ -15,10 +16,16 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecor
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension, overriding
 from stepbus_orchestrator.run.extensions import with_defaults
-from stepbus_orchestrator.run.folder import LOGS_FOLDER, claim, default_folder, read_files
+from stepbus_orchestrator.run.folder import (
+    LOGS_FOLDER,
+    claim,
+    default_folder,
+    read_files,
+    warnings_in,
+)
 from stepbus_orchestrator.run.host import Host, Opening
 from stepbus_orchestrator.run.hosts import InProcess, Processes
-from stepbus_orchestrator.run.phases import run_phases
+from stepbus_orchestrator.run.phases import OWN_WORK_S, run_phases
 from stepbus_orchestrator.run.reports import Events, Observer
 from stepbus_orchestrator.run.result import Result, own_versions, result_of
 from stepbus_orchestrator.run.run import Run
@@ -129,20 +136,43 @@ class _Execution:
             if self._file is not None:
                 for what in self._scenario.left_out:
                     self._events.add_warning("recording", f"a rerun does not find {what}")
+            self._warn_of_own_work()
         except RunFailure as exc:
             failure = exc
         except OSError as exc:
             # It was not expected of any file.
             kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
             failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
+        except MemoryError:
+            failure = RunFailure("the orchestrator has no memory left; raise its limit (ulimit -v)")
         finally:
             ending = self._close(reason, failure)
+        self._add_logged()
         if self._run is not None and not isinstance(ending, RunFailure):
             self._events.add_silent(self._scenario, self._recorder.silent, self._run.state.steps)
         result = self._result(ending)
         if self._options.is_recorded:
             self._save(result)
         return result
+
+    def _add_logged(self) -> None:
+        """Add the warnings that participants have logged."""
+        for spec in self._scenario.participants:
+            with contextlib.suppress(OSError):
+                log = (self._out / LOGS_FOLDER / f"{spec.name}.log").read_bytes()
+                for text in warnings_in(log):
+                    self._events.add_warning(spec.name, text)
+
+    def _warn_of_own_work(self) -> None:
+        """Name the programs that had left the run, and were ended all the same."""
+        for one in self._run.state.participants.values() if self._run else ():
+            if one.works_on:
+                limit_s = max(OWN_WORK_S, one.limit_s("stop"))
+                self._events.add_warning(
+                    one.name,
+                    "had left the complete run, but still worked on, and was killed; it has "
+                    f"{limit_s:g} s, or more with participants.{one.name}.stop_timeout",
+                )
 
     def _describe(self, file: McapFile) -> None:
         """Record all that is needed to run again; raises RecordingFailed."""

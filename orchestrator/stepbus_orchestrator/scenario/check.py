@@ -106,9 +106,8 @@ def _check_loops(
 ) -> None:
     for loop in sort(scenario.participants)[1]:
         source, reader = loop[0], loop[1]
-        inputs = specs[reader].inputs
-        port = next(p for p, i in inputs.items() if i.source == source and i.delay == 0)
-        if source != reader:
+        inputs = specs[reader].inputs.items() if source != reader else ()
+        for port in (p for p, i in inputs if i.source == source and i.delay == 0):
             problems.add(
                 ("participants", reader, "inputs", port),
                 f"algebraic loop {' → '.join(loop)}: each waits for another's output of the same "
@@ -121,7 +120,7 @@ def _check_params(scenario: Scenario, problems: Problems) -> None:
     """Add what is wrong with the parameters of participants.
 
     Modules of ours are imported here: with their parameters, they load nothing heavy. All others
-    are the user's, and checked by `check_classes` where they have parameters.
+    are the user's, and imported where they have parameters.
     """
     others = []
     for spec in scenario.participants:
@@ -140,10 +139,12 @@ def _check_params(scenario: Scenario, problems: Problems) -> None:
             continue
         if declared is not None:
             _add(problems, (*keys, "params"), find_problems(declared, spec.params, scenario.folder))
-    check_classes(scenario, [spec for spec in others if spec.params], problems)
+    _check_classes(scenario, [spec for spec in others if spec.params], problems)
 
 
-def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems: Problems) -> None:
+def _check_classes(
+    scenario: Scenario, specs: Sequence[ParticipantSpec], problems: Problems
+) -> None:
     """Import the classes of participants, in a process of its own, and add what is wrong.
 
     Code of the user's may never return, or end its process: it does neither to ours.
@@ -165,8 +166,11 @@ def check_classes(scenario: Scenario, specs: Sequence[ParticipantSpec], problems
         )
         answers = json.loads(done.stdout)
     except (OSError, subprocess.SubprocessError, ValueError) as exc:
+        why = str(exc)
+        if isinstance(exc, subprocess.CalledProcessError):
+            why = f"its process ends with exit code {exc.returncode}"
         for spec in specs:
-            text = f"{spec.participant} cannot be imported to check it: {exc}"
+            text = f"{spec.participant} cannot be checked: {why}"
             problems.add(("participants", spec.name, "participant"), text)
         return
     for spec, answer in zip(specs, answers, strict=True):

@@ -8,7 +8,7 @@ from typing import Any
 
 from stepbus_orchestrator.scenario.locate import builtin_names, locate_from, package_url
 from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_participant import suggest
+from stepbus_participant import file_in, suggest
 from stepbus_participant.parameters import Keys, YamlFile, read_yaml, show
 
 _KEY = "extends"
@@ -108,12 +108,14 @@ def _renamed(value: Any, old: Path, new: Path) -> Any:
     option, equals, name = value.partition("=")
     if equals and value.startswith("-"):
         return f"{option}={_renamed(name, old, new)}"
-    path = Path(os.path.normpath(old / value))
-    if not value or "://" in value or Path(value).is_absolute() or not is_file(path):
+    file = file_in(value)
+    path = Path(os.path.normpath(old / file))
+    if not value or "://" in value or Path(file).is_absolute() or not is_file(path):
         return value
-    name = package_url(path) or os.path.relpath(path, new)
+    of_package = package_url(path) if file == value else ""
+    name = of_package or os.path.relpath(path, new)
     # A program is looked for on PATH where its name has no folder.
-    return name if "/" in name else f"./{name}"
+    return (name if "/" in name else f"./{name}") + value.removeprefix(file)
 
 
 def merged(base: dict[str, Any], top: dict[str, Any], at: Keys = ()) -> dict[str, Any]:

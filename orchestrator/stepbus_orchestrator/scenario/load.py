@@ -11,7 +11,7 @@ from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.faults import add_faults
 from stepbus_orchestrator.scenario.locate import locate
-from stepbus_orchestrator.scenario.override import override
+from stepbus_orchestrator.scenario.override import override, setting_from
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
@@ -31,9 +31,10 @@ def load(
 
     scenario: a YAML file, a folder with a scenario.yaml, the name of a built-in scenario, or plain
     data, as YAML would have it. overrides: settings such as `controller.params.kp=80` or
-    `duration=2s`. faults: more of them, such as `kill plant at 120`. folder: what relative file
-    names in plain data are relative to; default: the current one. last_check: comes after all
-    others, where these find nothing.
+    `duration=2s`; files in them are absolute, or relative to the scenario's folder. faults: more
+    of them, such as `kill plant at 120`. folder: what relative file names in plain data are
+    relative to; default: the current one. last_check: comes after all others, where these find
+    nothing.
 
     Raises ScenarioError that lists every problem with file, line and path.
     """
@@ -44,6 +45,7 @@ def load(
         else:
             path = locate(scenario)
             document = read_extended(path)
+        overrides = [setting_from(path.parent, setting) for setting in overrides]
         document = override(document, overrides)
         if faults:
             document = add_faults(document, faults)

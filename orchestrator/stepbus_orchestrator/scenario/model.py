@@ -115,7 +115,7 @@ class ParticipantRow(Settings, dict=True):
     step_timeout_ns: Duration = round(Deadlines.step_s * 1e9)
     """How long it may hold a step."""
     stop_timeout_ns: Duration = round(Deadlines.stop_s * 1e9)
-    """Time from the request to stop until its process has ended."""
+    """Time from the request to stop until it has left the run and, if it is a class, ended."""
     on_fault: Literal["stop", "hold"] | HoldSpec = "stop"
     """What happens when it fails: the run ends, or the orchestrator first brings everything to rest
     ([faults.md](../faults.md))."""

@@ -2,20 +2,26 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+import os
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from os import PathLike
+from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.scenario.extend import without_replaced
 from stepbus_orchestrator.scenario.model import ScenarioFile
-from stepbus_participant import SettingsError, suggest
+from stepbus_orchestrator.scenario.scenario_files import is_file, is_in_environment
+from stepbus_participant import SettingsError, file_in, suggest
 from stepbus_participant.parameters import Keys, Place, Problem, YamlFile, parse_yaml, show
 from stepbus_schemas import Message, WiringError, type_name
 
 Overrides = Mapping[str, Any] | Sequence[str]
 """Path → value, or texts such as `controller.params.kp=80`."""
 TOP_KEYS = tuple(name for name in ScenarioFile.__struct_encode_fields__ if name != "extends")
+_INDEX = re.compile(r"[0-9]{1,9}")
 _MAY_BE_NEW = ("inputs", "outputs", "params")
 
 
@@ -74,7 +80,7 @@ def _replaced(node: Any, at: Keys, keys: Keys, value: Any) -> Any:
     key, rest = str(keys[0]), keys[1:]
     here = ".".join(map(str, at)) or "the scenario"
     if isinstance(node, list):
-        index = int(key) if key.isdecimal() else len(node)
+        index = int(key) if _INDEX.fullmatch(key) else len(node)
         if index >= len(node):
             raise WiringError(
                 f"{here}: no index {key!r}; the list has {len(node)} values, counted from 0"
@@ -104,6 +110,57 @@ def _may_be_new(keys: Keys) -> bool:
             return True
         case _:
             return False
+
+
+def named_from_here(setting: str) -> str:
+    """Return a setting of the command line, with the whole path of each file of this folder."""
+    return _changed(setting, lambda _path, value: _renamed(value, os.path.abspath))
+
+
+def setting_from(folder: Path, setting: str) -> str:
+    """Return a setting whose value is as of `named_from`."""
+    return _changed(setting, partial(named_from, folder))
+
+
+def named_from(folder: Path, path: str, value: Any) -> Any:
+    """Return the value of a setting, with files relative to the scenario's folder.
+
+    Only so does a rerun find them in a copy. A program of `exec` that is not recorded keeps its
+    path: it is outside the folder, or in a virtual environment.
+    """
+    is_exec = path.endswith((".exec", ".exec.0"))
+
+    def name(file: str) -> str:
+        path = Path(file)
+        is_far = not path.is_relative_to(folder) or is_in_environment(path)
+        stays = not path.is_absolute() or (is_exec and os.access(file, os.X_OK) and is_far)
+        return file if stays else os.path.relpath(file, folder)
+
+    return _renamed(value, name)
+
+
+def _changed(setting: str, change: Callable[[str, Any], Any]) -> str:
+    """Return a setting with another value; the same text where the value stays."""
+    path, _, text = setting.partition("=")
+    try:
+        value = parse_yaml("", text)
+    except SettingsError:
+        return setting  # `override` says what is wrong
+    changed = change(path, value)
+    return setting if changed == value else f"{path}={yaml_text(changed)}"
+
+
+def _renamed(value: Any, rename: Callable[[str], str]) -> Any:
+    """Return a value with other names of the files in it: `world.yaml`, `controller.py:Class`."""
+    if isinstance(value, list):
+        return [_renamed(item, rename) for item in value]
+    if isinstance(value, dict):
+        return {key: _renamed(item, rename) for key, item in value.items()}
+    if not isinstance(value, str):
+        return value
+    file = file_in(value)
+    is_path = "/" in file or Path(file).suffix
+    return rename(file) + value.removeprefix(file) if is_path and is_file(Path(file)) else value
 
 
 def override_texts(given: Overrides) -> list[str]:

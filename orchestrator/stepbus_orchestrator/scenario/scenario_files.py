@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import is_installed, read_file
+from stepbus_participant import file_in, is_installed, read_file
 from stepbus_participant.parameters import Keys
 
 IGNORE_FILE = ".stepbusignore"
@@ -75,11 +75,11 @@ def _texts(scenario: Scenario) -> Iterator[tuple[Keys, str, bool]]:
         yield ("types",), name, False
     for spec in scenario.participants:
         row: Keys = ("participants", spec.name)
-        source = spec.participant.rpartition(":")[0]
-        yield (*row, "participant"), source if source.endswith(".py") else spec.participant, False
+        yield (*row, "participant"), file_in(spec.participant), False
         for index, word in enumerate(spec.exec):
             yield (*row, "exec", index), word, True
-        yield from ((keys, text, False) for keys, text in _texts_in(spec.params, (*row, "params")))
+        texts = _texts_in(spec.params, (*row, "params"))
+        yield from ((keys, file_in(text), False) for keys, text in texts)
 
 
 def _texts_in(value: Any, keys: Keys) -> Iterator[tuple[Keys, str]]:
@@ -103,7 +103,7 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and os.access(path, os.X_OK) and _is_elsewhere(files, text, path):
+    if is_program and (is_in_environment(path) or _is_elsewhere(files, path)):
         return None
     # In a copy, the folders above the scenario's have other names.
     if os.path.normpath(text) != files.name(path):
@@ -116,10 +116,9 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     return path
 
 
-def _is_elsewhere(files: Files, text: str, path: Path) -> bool:
-    """Return whether a program is not the scenario's, such as that of a virtual environment."""
-    is_hidden = any(part.startswith(".") for part in Path(files.name(path)).parts)
-    return Path(text).is_absolute() or is_hidden
+def _is_elsewhere(files: Files, path: Path) -> bool:
+    """Return whether a program is installed somewhere, and none of the scenario's folder."""
+    return os.access(path, os.X_OK) and not path.is_relative_to(files.folder)
 
 
 def _text(path: Path) -> str:
@@ -196,6 +195,11 @@ def is_file(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
+
+
+def is_in_environment(path: Path) -> bool:
+    """Return whether a program is in a virtual environment."""
+    return is_file(path.parent.parent / "pyvenv.cfg")
 
 
 def is_folder(path: Path) -> bool:

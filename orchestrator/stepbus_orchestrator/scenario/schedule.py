@@ -70,7 +70,8 @@ def sort(
 
     A loop is (`controller`, `mission`, `controller`), along the data: one of undelayed inputs can
     never start unless a participant in it publishes before it reads. All participants fire at step
-    0, so different rates do not break a loop either.
+    0, so different rates do not break a loop either. With the second participant's input from the
+    first delayed in each of these loops, there is none.
     """
     names = {spec.name for spec in participants}
     # Who has to publish a step before each can: none for those that publish first.
@@ -88,7 +89,8 @@ def sort(
         free = next((name for name, before in left.items() if not before & left.keys()), None)
         if free is None:
             loops.append(_loop(left))
-            left = {name: before for name, before in left.items() if name not in loops[-1]}
+            source, reader, *_ = loops[-1]
+            left[reader].discard(source)
         else:
             order.append(free)
             del left[free]

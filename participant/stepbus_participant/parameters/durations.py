@@ -23,11 +23,11 @@ _HERTZ = {"hz": 1, "khz": 1000}
 _WRITTEN = ("s", "ms", "us", "ns")
 
 
-def parse_duration(text: str) -> int:
+def parse_duration(text: str, *, may_be_zero: bool = False) -> int:
     """Return a duration such as `5ms`, `0.005s` or `1/200s` in [ns].
 
-    Raises WiringError when it has no unit, is not positive, is longer than 292 years, or is no
-    whole number of nanoseconds, then with the nearest one that is.
+    may_be_zero: `0s` is one as well. Raises WiringError when it has no unit, is not positive, is
+    longer than 292 years, or is no whole number of nanoseconds, then with the nearest one that is.
     """
     form = _FORM.fullmatch(text.strip())
     rate = _RATE.fullmatch(text.strip())
@@ -54,7 +54,7 @@ def parse_duration(text: str) -> int:
             f"{text!r} is {float(exact):.16g} ns, not a whole number of nanoseconds; "
             f"the nearest is {near}"
         )
-    if exact == 0:
+    if exact == 0 and not may_be_zero:
         raise WiringError(f"{text!r} must be longer than 0")
     return int(exact)
 

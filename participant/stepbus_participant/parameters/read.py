@@ -41,6 +41,11 @@ _LARGEST = 1e300
 _WITH_UNIT = re.compile(r"([-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?) *(\D{0,12})")
 
 
+def is_name(text: str) -> bool:
+    """Return whether a scenario may call a participant or a port like this: it is never a path."""
+    return len(text) <= LONGEST_NAME and re.fullmatch(NAME_FORM, text) is not None
+
+
 def read(
     settings: type[S],
     data: object,
@@ -188,7 +193,7 @@ class _Reader:
         words = words_of(options)
         is_choice = all(is_plugin(item) or words_of([item]) for item in options)
         if words and (isinstance(data, str) or is_choice):
-            own = ["module:Class"] if any(map(is_plugin, options)) else []
+            own = ["file.py:Class"] if any(map(is_plugin, options)) else []
             near = nearest(data, words) if isinstance(data, str) else ""
             text = f"must be {listed([*words, *own])}, not {show(data)}{near}"
             return self.wrong(keys, text, words[0])
@@ -199,18 +204,18 @@ class _Reader:
 
     # Marked types of settings.py
 
-    def _duration(self, _node: Any, data: Any, keys: Keys) -> int:
+    def _duration(self, _node: Any, data: Any, keys: Keys, *, may_be_zero: bool = False) -> int:
         if not isinstance(data, str):
             text = f"must be a duration with a unit, e.g. 5ms, not {show(data)}"
             return self.wrong(keys, text, 0)
-        return self.problems.attempt(keys, partial(parse_duration, data)) or 0
+        parse = partial(parse_duration, data, may_be_zero=may_be_zero)
+        return self.problems.attempt(keys, parse) or 0
 
     def _pause(self, node: Any, data: Any, keys: Keys) -> int:
-        return 0 if data in ("0s", "0ms") else self._duration(node, data, keys)
+        return self._duration(node, data, keys, may_be_zero=True)
 
     def _name(self, _node: Any, data: Any, keys: Keys) -> str:
-        is_name = isinstance(data, str) and len(data) <= LONGEST_NAME
-        if not isinstance(data, str) or (is_name and re.fullmatch(NAME_FORM, data)):
+        if not isinstance(data, str) or is_name(data):
             return str(self.value(inspect.StrType(), data, keys))
         text = (
             f"{data!r} is not a valid name; use 1 to {LONGEST_NAME} letters, digits, '_' and '-', "

@@ -207,7 +207,7 @@ ModelFile = Annotated[
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
 """Distinct names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]
-"""Your own class, `module:Class`; undeclared keys become its parameters."""
+"""Your own class, `file.py:Class` or `module:Class`; undeclared keys become its parameters."""
 Own = Annotated[dict[str, Any], msgspec.Meta(extra={"read": "own"})]
 """Collects the parameters of your own class."""
 

@@ -2,11 +2,12 @@
 
 import os
 from collections.abc import Iterable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from stepbus_participant.bus import Bus
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.packages import installed_version
+from stepbus_participant.participant import PortType
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
@@ -25,6 +26,7 @@ from stepbus_schemas import (
     encode,
     encoding_of,
     reached,
+    type_name,
 )
 
 from .control import Control
@@ -40,6 +42,30 @@ _DELIVERY_S = 10.0
 
 class AdmissionRefused(RunError, PermissionError):
     """The orchestrator did not admit this participant."""
+
+
+class Ports(NamedTuple):
+    """What a program demands: port → type, None where it takes any, and the types of its own."""
+
+    inputs: dict[str, str] | None
+    outputs: dict[str, str] | None
+    types: Types
+
+
+def declared_ports(factory: object) -> Ports:
+    """Return the ports that a class of participants declares."""
+    inputs, outputs = (getattr(factory, side, None) for side in ("inputs", "outputs"))
+    ports = [*(inputs or {}).values(), *(outputs or {}).values()]
+    types = Types.of(item for item in ports if isinstance(item, type))
+    return Ports(_type_names(inputs), _type_names(outputs), types)
+
+
+def _type_names(ports: Mapping[str, PortType] | None) -> dict[str, str] | None:
+    if ports is None:
+        return None
+    return {
+        port: type_name(item) if isinstance(item, type) else item for port, item in ports.items()
+    }
 
 
 def join(

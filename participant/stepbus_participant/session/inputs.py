@@ -142,7 +142,7 @@ class Source:
 
     queue: where the bus puts the content of its samples. early: one of them that was taken before
     its step. entries: the rest of a `Batch`, which comes before all in the queue. step: the newest
-    step accepted.
+    step accepted; `-every`: none yet, as of `due_step`.
     connected: whether a handshake has arrived. drops: cause → number of dropped messages, of all
     sources.
     """

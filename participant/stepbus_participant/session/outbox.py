@@ -11,7 +11,10 @@ from stepbus_participant.bus.ticket import MessageFault
 from stepbus_schemas import (
     HANDSHAKE_STEP,
     SHIPPED,
+    UNDECODABLE,
     Batch,
+    Decoder,
+    Description,
     Log,
     Message,
     Outputs,
@@ -23,10 +26,14 @@ from stepbus_schemas import (
     encode_in_parts,
     encoding_of,
     explained,
+    fields_of,
+    parts_of,
     type_name,
 )
 
 _T = TypeVar("_T")
+_PER_NAME = "n"
+"""Size of a vector with one value for each name."""
 
 
 def stamp(step: int, token: str) -> bytes:
@@ -55,6 +62,50 @@ class OutputError(StepbusError, ValueError):
     """A participant returned something that its scenario does not let it publish."""
 
 
+def names_of(
+    outputs: Mapping[str, Description], inputs: Mapping[str, Description]
+) -> dict[str, list[str]]:
+    """Return the names of each output; those of the input that it is `like`."""
+    return {port: inputs.get(row.like or "", row).names for port, row in outputs.items()}
+
+
+class OwnType:
+    """Finds what the readers of a port of the user's own type could not take.
+
+    names: of the port's description.
+    """
+
+    def __init__(self, name: str, types: Types) -> None:
+        self._decoder = Decoder(types[name])
+        self._rows = {
+            field: row
+            for field, row in fields_of(types.declarations[name]).items()
+            if parts_of(row["type"])[1][:1] == [_PER_NAME]
+        }
+        self.names: Sequence[str] = ()
+
+    def problem(self, message: Message, data: bytes) -> str:
+        """Return what is wrong with a message, or nothing; data: the message, encoded."""
+        try:
+            self._decoder.plain(data)
+        except UNDECODABLE as exc:
+            return str(self._decoder.error(exc))
+        for field, row in self._rows.items():
+            value = getattr(message, field)
+            if value == row.get("default") or len(value) == len(self.names) or not self.names:
+                continue
+            names = f"{len(self.names)} names ({', '.join(self.names)})"
+            return f"{field} has {len(value)} values for the {names} of the port's description"
+        return ""
+
+
+def own_types(ports: Mapping[str, str], types: Types) -> dict[str, OwnType]:
+    """Return what checks the ports of the user's own types; ports: name → type."""
+    return {
+        port: OwnType(name, types) for port, name in ports.items() if name in types.declarations
+    }
+
+
 class Outbox:
     """Publishes the outputs of one participant, and logs them in batches.
 
@@ -76,6 +127,7 @@ class Outbox:
         self._batch, self._max_bytes = welcome.batch, welcome.max_outputs_bytes
         self._drops = drops
         self._classes = {port: types[config.type] for port, config in welcome.outputs.items()}
+        self._own = own_types({p: config.type for p, config in welcome.outputs.items()}, types)
         self._put = bus.publisher(f"out/{welcome.name}", encoding_of("Outputs/1"))
         self._put_batch = self._put
         self._most_held = 1
@@ -106,6 +158,11 @@ class Outbox:
 
         self._put = self._put_batch = FaultyPublisher(self._put, faults, self._bus.clock)
 
+    def describe(self, names: Mapping[str, Sequence[str]]) -> None:
+        """Know the names of the ports' descriptions, and so the lengths of the user's own types."""
+        for port, own in self._own.items():
+            own.names = names.get(port, ())
+
     def write_slots(self, slots: Mapping[str, SlotWriter]) -> None:
         """Write the content of these bulk ports into slots (P17)."""
         self._slots = slots
@@ -134,6 +191,8 @@ class Outbox:
                 slots[port] = self._slots[port].write(step, parts)
                 continue
             data = self._encode(step, port, message, encode)
+            if port in self._own and (problem := self._own[port].problem(message, data)):
+                raise OutputError(f"step {step}: port {port!r}: {problem}")
             if port in self._put_bulk:
                 bulk[port] = len(data)
                 self._put_bulk[port](data, attachment=stamp(step, self._token))

@@ -2,8 +2,9 @@
 
 import contextlib
 import os
+import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TextIO
 
@@ -17,6 +18,15 @@ from .step_loop import StepLoop
 _COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
 _BUFFER_BYTES = 1 << 18
 _now_ns = time.perf_counter_ns
+
+
+@contextlib.contextmanager
+def _unless_full(path: Path) -> Iterator[None]:
+    """Leave out what the disk has no room for: the recording itself ends the run."""
+    try:
+        yield
+    except OSError as exc:
+        sys.stderr.write(f"the profile {path} is incomplete: {exc.strerror}\n")
 
 
 class Profiler:
@@ -34,7 +44,7 @@ class Profiler:
         self.record_ns = 0
         self._path = Path(order.folder) / f"{name}.csv"
         self._compute_ns = 0
-        self._file: TextIO
+        self._file: TextIO | None = None
 
     def outbox(self, *parts: Any) -> Outbox:
         """Return an outbox that is timed, and finishes the row of each step."""
@@ -43,20 +53,34 @@ class Profiler:
     def finish(self, step: int, waited_ns: int, transport_ns: int) -> None:
         """Finish the row of a step. transport_ns: with compute, which is subtracted."""
         compute_ns = self._compute_ns
-        row = (step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns)
-        self._file.write(",".join(map(str, row)) + "\n")
+        self._write((step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns))
         self._compute_ns = self.record_ns = 0
 
     @contextlib.contextmanager
     def writing(self, loop: StepLoop) -> Iterator[None]:
         """Write a row for each step of a loop."""
         loop.output, loop.update = self._timed(loop.output), self._timed(loop.update)
-        fd = make_file(self._path)
-        with os.fdopen(fd, "w", _BUFFER_BYTES) as self._file:
-            self._file.write(",".join(_COLUMNS) + "\n")
-            # Until here, empty batches have proven the link.
-            self.record_ns = 0
+        self._file = os.fdopen(make_file(self._path), "w", _BUFFER_BYTES)
+        self._write(_COLUMNS)
+        # Until here, empty batches have proven the link.
+        self.record_ns = 0
+        try:
             yield
+        finally:
+            self._close()
+
+    def _write(self, row: Sequence[object]) -> None:
+        if self._file is not None:
+            try:
+                self._file.write(",".join(map(str, row)) + "\n")
+            except OSError:
+                self._close()
+
+    def _close(self) -> None:
+        file, self._file = self._file, None
+        if file is not None:
+            with _unless_full(self._path):
+                file.close()
 
     def _timed(self, function: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any) -> Any:

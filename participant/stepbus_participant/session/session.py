@@ -3,14 +3,14 @@
 import contextlib
 import sys
 import traceback
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any
 
 from stepbus_participant.bus import Bus, BusError
 from stepbus_participant.bus.slots import Slots
 from stepbus_participant.bus.ticket import Ticket
 from stepbus_participant.config import Config
-from stepbus_participant.participant import InvalidInput, Participant, PortType
+from stepbus_participant.participant import InvalidInput, Participant
 from stepbus_schemas import (
     Fault,
     Ready,
@@ -23,14 +23,13 @@ from stepbus_schemas import (
     error_text,
     reached,
     text_of,
-    type_name,
     valid_unicode,
 )
 
-from .admission import await_delivery, await_start, join
+from .admission import await_delivery, await_start, declared_ports, join
 from .control import Control, OrchestratorLost, Stopped, Watch
 from .inputs import Input, PeerFault, make_sources
-from .outbox import Outbox, OutputError
+from .outbox import Outbox, OutputError, names_of
 from .profile import Profiler
 from .step_loop import StepLoop
 
@@ -51,19 +50,9 @@ def take_part(factory: Factory, ticket: Ticket, bus: Bus) -> None:
     """
     bus.declare_alive(f"alive/{ticket.name}")
     watch = Watch(bus)
-    inputs, outputs = (getattr(factory, side, None) for side in ("inputs", "outputs"))
-    ports = [*(inputs or {}).values(), *(outputs or {}).values()]
-    types = Types.of(item for item in ports if isinstance(item, type))
-    welcome = join(bus, ticket, _type_names(inputs), _type_names(outputs), types)
-    Session(factory, ticket, welcome, bus, Types(welcome.types) | types, watch=watch).work()
-
-
-def _type_names(ports: Mapping[str, PortType] | None) -> dict[str, str] | None:
-    if ports is None:
-        return None
-    return {
-        port: type_name(item) if isinstance(item, type) else item for port, item in ports.items()
-    }
+    ports = declared_ports(factory)
+    welcome = join(bus, ticket, *ports)
+    Session(factory, ticket, welcome, bus, Types(welcome.types) | ports.types, watch=watch).work()
 
 
 class Session:
@@ -131,9 +120,9 @@ class Session:
                 participant.close()
 
     def _run(self, participant: Participant) -> None:
-        descriptions = await_start(
-            self._bus, self._ready(participant), self._sources, self._outbox, self._control
-        )
+        ready = self._ready(participant)
+        descriptions = await_start(self._bus, ready, self._sources, self._outbox, self._control)
+        self._outbox.describe(names_of(ready.outputs, descriptions))
         self._outbox.hold_up_to(self._control.batches.get(self._welcome.name, 1))
         self._outbox.write_slots(
             {port: self._slots.writer(port, count) for port, count in self._control.slots.items()}

@@ -2,8 +2,7 @@
 
 import sys
 
-from stepbus_bridge import bridge_to
-from stepbus_participant import main
+from stepbus_bridge import take_part
 
 if __name__ == "__main__":
-    sys.exit(main(bridge_to(sys.argv[1:])))
+    sys.exit(take_part(sys.argv[1:]))

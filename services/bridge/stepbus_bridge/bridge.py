@@ -10,7 +10,6 @@ from stepbus_participant import Config, Participant
 from stepbus_schemas import (
     SHIPPED,
     Description,
-    RunError,
     Types,
     WiringError,
     explained,
@@ -36,10 +35,15 @@ class Bridge(Participant):
         self.program = Program(argv, form, framing)
 
     def close(self) -> None:
-        """Wait for the program's end; raises RunError when its exit code is not 0."""
+        """Tell the program that the run is over."""
         self.program.stop()
-        if self.program.exit_code and not self.program.failed:
-            raise RunError(f"{self.program} {self.program.how_it_ended()} after the stop")
+
+    def await_end(self) -> str:
+        """Wait for the program's end; return what is wrong with its exit code, or nothing."""
+        self.program.await_end()
+        if not self.program.exit_code or self.program.failed:
+            return ""
+        return f"{self.config.name}: {self.program} {self.program.how_it_ended()} after the stop"
 
 
 def _descriptions(config: Config, given: Described) -> dict[str, Description]:

@@ -4,6 +4,7 @@ OutputError (of stepbus)
 └─ BridgeError      the program ended or gave an invalid answer
 """
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -12,6 +13,7 @@ import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
+from queue import Empty
 from typing import Any, Protocol
 
 from stepbus_participant import HOST, OutputError, environment, last_lines
@@ -187,11 +189,20 @@ class Program:
         return f"exited with code {code}"
 
     def stop(self) -> None:
-        """Close descriptor 3 and wait for the end; the orchestrator kills both if that lasts."""
+        """Close descriptor 3."""
         if self._open:
             self._open = False
             os.close(self._to)
-        self.has_ended(wait=True)
+
+    def await_end(self) -> None:
+        """Wait for its end; the orchestrator kills it, and us, if that lasts."""
+        host = HOST.get()
+        turns = None if host is None else host.bus.queue()
+        while not self.has_ended(wait=turns is None):
+            if turns is not None:
+                # Those that share the thread go on meanwhile.
+                with contextlib.suppress(Empty):
+                    turns.get(timeout=_POLL_S)
 
 
 def show(data: bytes | bytearray) -> str:

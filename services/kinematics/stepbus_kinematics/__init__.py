@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal
 from stepbus_participant import Count, Positive, Settings, imported_later, when
 from stepbus_participant.parameters import Keys
 
-Smoothing = Literal["none", "low_pass", "savitzky_golay"]
+Smoothing = Literal["none", "low_pass", "moving_average", "savitzky_golay"]
 TimeConstant = Annotated[Positive, when(smoothing="low_pass")]
-Window = Annotated[Count, when(smoothing="savitzky_golay")]
+Window = Annotated[Count, when(smoothing=("moving_average", "savitzky_golay"))]
 
 
 class SmoothingParams(Settings):
@@ -19,7 +19,8 @@ class SmoothingParams(Settings):
     time_constant: TimeConstant
     """Time constant τ of the low-pass filter [s]."""
     window: Window
-    """Window of the Savitzky-Golay filter: an odd number of samples, at least 5."""
+    """Window: an odd number of samples, at least 3 for the moving average and 5 for the
+    Savitzky-Golay filter."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the window."""
@@ -28,9 +29,9 @@ class SmoothingParams(Settings):
 
 def window_problems(smoothing: Smoothing, window: int) -> Iterator[tuple[Keys, str]]:
     """Yield what is wrong with a number of samples."""
-    is_odd = window in range(5, 1000) and window % 2 == 1
-    if smoothing == "savitzky_golay" and not is_odd:
-        yield ("window",), f"must be an odd number from 5 to 999, not {window}"
+    least = {"moving_average": 3, "savitzky_golay": 5}.get(smoothing)
+    if least is not None and window not in range(least, 1000, 2):
+        yield ("window",), f"must be an odd number from {least} to 999, not {window}"
 
 
 if TYPE_CHECKING:

@@ -45,17 +45,17 @@ class LowPass(Smoother):
 
 
 class SavitzkyGolay(Smoother):
-    """Value, in the middle of a window, of the quadratic that fits its samples best.
+    """Value, in the middle of a window, of the polynomial that fits its samples best.
 
-    window: samples, odd. period: between two of them [s]. Its delay is half the window at every
-    frequency (Savitzky and Golay, Analytical Chemistry 36, 1964). Until the window is full, its
-    oldest sample stands for those before it.
+    window: samples, odd. period: between two of them [s]. degree: of the polynomial; 0: the moving
+    average. Its delay is half the window at every frequency (Savitzky and Golay, Analytical
+    Chemistry 36, 1964). Until the window is full, its oldest sample stands for those before it.
     """
 
-    def __init__(self, window: int, period: float) -> None:
+    def __init__(self, window: int, period: float, degree: int = 2) -> None:
         super().__init__()
         half = window // 2
-        powers = np.vander(np.arange(-half, half + 1), 3, increasing=True)
+        powers = np.vander(np.arange(-half, half + 1), degree + 1, increasing=True)
         self._weights: Vector = np.linalg.pinv(powers)[0]
         self.delay = half * period
 
@@ -111,4 +111,6 @@ def make_smoother(
     """
     if smoothing == "low_pass":
         return LowPass(time_constant, period)
-    return SavitzkyGolay(window, period) if smoothing == "savitzky_golay" else None
+    degrees = {"moving_average": 0, "savitzky_golay": 2}
+    degree = degrees.get(smoothing)
+    return None if degree is None else SavitzkyGolay(window, period, degree)

@@ -15,6 +15,7 @@ from stepbus_participant import (
     Problems,
     Step,
     installed_version,
+    warn,
 )
 from stepbus_plant.camera import TYPES
 from stepbus_plant.commander import Commander, Ramp
@@ -87,6 +88,8 @@ class Plant(Participant):
         world = load_world(params.world, stock, problems.below(("params", "stock")))
         self._period_ns = config.step_ns * config.every
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
+        for subject, text in self.plant.physics.notes:
+            warn(f"{subject}: {text}")
         self._drivers: dict[str, Commander] = {}
         self._event_ports = [n for n, port in config.outputs.items() if port.type == "Event/1"]
         self._warnings: list[str] = []
@@ -99,13 +102,23 @@ class Plant(Participant):
             raise
 
     def _connect(self, params: Params, problems: Problems) -> None:
-        """Find what each output shows; raises SettingsError that lists all mistakes."""
+        """Find what each output shows, and the device of every command but those of joints.
+
+        Raises SettingsError that lists all mistakes.
+        """
         plant, period_ns = self.plant, self._period_ns
         types = {port: config.type for port, config in self.config.outputs.items()}
         for port, config in self.config.inputs.items():
             if config.type == TRIGGER:
                 wait = partial(plant.devices.wait_for_triggers, port)
                 problems.attempt(("inputs", port), wait)
+        drivers = {
+            port: problems.attempt(
+                ("inputs", port), partial(plant.devices.driver, port, config.type, plant.motors)
+            )
+            for port, config in self.config.inputs.items()
+            if config.type in COMMANDS
+        }
         devices = {
             port: problems.attempt(("outputs", port), partial(plant.devices.sensor, port, name))
             for port, name in types.items()
@@ -117,6 +130,7 @@ class Plant(Participant):
         poses = problems.attempt((), lambda: plant.pose_sensor(params.poses, params.points, wrong))
         if poses is None or len(problems):
             raise problems.error()
+        self._devices = {port: row for port, row in drivers.items() if row is not None}
         sensors = {port: row for port, row in devices.items() if row is not None}
         for port, name in types.items():
             if name == "JointState/1":
@@ -139,7 +153,7 @@ class Plant(Participant):
         return {**dict.fromkeys(self._event_ports, Description()), **self._descriptions}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
-        """Map joint commands by joint name, and find the device of every other command.
+        """Map joint commands by joint name.
 
         Raises SettingsError that lists all mistakes.
         """
@@ -153,8 +167,8 @@ class Plant(Participant):
 
     def _driver(self, port: str, description: Description) -> Commander:
         config = self.config.inputs[port]
-        if config.type in COMMANDS:
-            return self.plant.devices.driver(port, config.type, self.plant.motors)
+        if port in self._devices:
+            return self._devices[port]
         # A sender that names no joints commands all of them, in the plant's order.
         names = description.names or self.plant.names
         if not description.names and len(names) > 1:

@@ -5,8 +5,10 @@ import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
+from xml.etree import ElementTree as ET
 
 from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
 from stepbus_participant.parameters import Keys
@@ -151,6 +153,7 @@ class Physics:
                     has_visuals=body.visuals,
                     is_smooth=item is not None,
                 )
+                self._refuse_shapeless(body.urdf, root, number)
                 self.urdfs.append(urdf.read_bytes())
         except (PhysicsError, WiringError) as exc:
             file = f"{body.urdf}: " if isinstance(exc, PhysicsError) else ""
@@ -173,6 +176,18 @@ class Physics:
             text = "it is not fixed to the world and has no collision shape, so it falls"
             self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
+
+    def _refuse_shapeless(self, urdf: Path, root: ET.Element, number: int) -> None:
+        """Raise WiringError for a link whose collision shapes the engine has dropped."""
+        links = self.engine.links(number)
+        for link in root.findall("link"):
+            name, shape = link.get("name", ""), link.find("collision/geometry/*")
+            if shape is not None and not self.engine.is_solid(links[name]):
+                what = shape.get("filename", f"<{shape.tag}>")
+                raise WiringError(
+                    f"{urdf}: link {name!r} has a <collision> with {what}, of which engine "
+                    f"{self.engine.name} makes no shape; give it a volume, or remove it"
+                )
 
     def _disable_collisions(self, number: int, name: str, body: Body) -> None:
         """Disable the self-collisions of a body that its SRDF rules out."""

@@ -102,8 +102,6 @@ class SimulatedPlant:
             self.warnings.add("the plant", "dynamics", NOTICE)
             details["dynamics"] = ["off"] * len(joints)
         self.joints = JointSensor(joints, self.motors, params, seed, details)
-        for subject, text in physics.notes:
-            self.warnings.add(subject, text, text)
 
     def commander(self, port: str, names: Sequence[str], period_ns: int | None = None) -> Commander:
         """Return a commander for commands whose vectors are in the order of `names`.

@@ -66,6 +66,18 @@ def find_paths(
         return _Finder(base, geometric, search, is_free, is_cancelled).find(start, goal)
 
 
+class _Checks:
+    """Checks states, and counts down. OMPL keeps it, so it must not refer to OMPL's objects."""
+
+    def __init__(self, search: Search, is_free: Callable[[Vector], bool]) -> None:
+        self._size, self._is_free = range(len(search.lower)), is_free
+        self.left = search.max_checks
+
+    def is_valid(self, state: Any) -> bool:
+        self.left -= 1
+        return self._is_free(np.array([state[k] for k in self._size]))
+
+
 class _Finder:
     def __init__(
         self,
@@ -78,7 +90,7 @@ class _Finder:
         self._base, self._geometric, self._search = base, geometric, search
         self._is_free, self._is_cancelled = is_free, is_cancelled
         self._size = range(len(search.lower))
-        self._checks_left = search.max_checks
+        self._checks = _Checks(search, is_free)
         bounds = base.RealVectorBounds(len(search.lower))
         for k in self._size:
             bounds.setLow(k, float(search.lower[k]))
@@ -86,15 +98,11 @@ class _Finder:
         self._space = base.RealVectorStateSpace(len(search.lower))
         self._space.setBounds(bounds)
         self._info = base.SpaceInformation(self._space)
-        self._info.setStateValidityChecker(self._is_valid)
+        self._info.setStateValidityChecker(self._checks.is_valid)
         # OMPL expects the resolution as a fraction of the extent of the space.
         share = search.resolution / self._space.getMaximumExtent()
         self._info.setStateValidityCheckingResolution(share)
         self._info.setup()
-
-    def _is_valid(self, state: Any) -> bool:
-        self._checks_left -= 1
-        return self._is_free(np.array([state[k] for k in self._size]))
 
     def _state(self, q: Vector) -> Any:
         state = self._space.allocState()
@@ -103,7 +111,7 @@ class _Finder:
         return state
 
     def _is_over(self) -> bool:
-        return self._checks_left <= 0 or self._is_cancelled()
+        return self._checks.left <= 0 or self._is_cancelled()
 
     def find(self, start: Vector, goal: Vector) -> Paths | None:
         problem = self._base.ProblemDefinition(self._info)

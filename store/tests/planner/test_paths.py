@@ -2,6 +2,7 @@
 
 import gc
 import re
+import weakref
 
 import numpy as np
 import pytest
@@ -213,6 +214,20 @@ def test_a_search_that_nobody_wants_any_more_ends_long_before_its_last_check():
     start = np.array([1.0, 0.0, 0.0])
     assert find_paths(search, start, -start, is_free, lambda: len(checks) > 100) is None
     assert 100 < len(checks) < 10_000
+
+
+def test_a_search_leaves_nothing_behind():
+    box = np.full(3, 3.0)
+    search = Search(lower=-box, upper=box, resolution=0.02, longest=0.5, max_checks=10**4, seed=1)
+
+    def is_free(q):
+        return bool(abs(q[0]) > 0.2 or q[1] > 1.0)
+
+    start, left = np.array([1.0, 0.0, 0.0]), weakref.ref(is_free)
+    assert find_paths(search, start, -start, is_free, lambda: False) is not None
+    del is_free
+    gc.collect()
+    assert left() is None
 
 
 def check(folder, *things, path, at=None, **fields):

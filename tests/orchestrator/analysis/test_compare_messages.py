@@ -5,7 +5,7 @@ import math
 import msgspec
 import pytest
 
-from stepbus_orchestrator.analysis.divergence import PortComparison
+from stepbus_orchestrator.analysis.divergence import PortComparison, port_lines
 from stepbus_orchestrator.analysis.tolerance import FieldTolerance, Tolerance
 from stepbus_schemas import JointCommand, JointState, Poses, encode
 
@@ -34,6 +34,27 @@ def test_the_first_differing_field_is_named_with_its_index_and_both_values():
     assert found.text() == (
         "step 7: controller/command: values[1]: first 2.0, second 2.5 (difference 0.5)"
     )
+
+
+def test_the_place_of_a_difference_has_the_name_of_its_joint():
+    names = ["shoulder", "elbow"]
+    comparison = PortComparison(TOPIC, "JointCommand/1", Tolerance(), names=names)
+    comparison.take(7, command(1.0, 2.0), command(1.0, 2.5))
+    found = comparison.result()
+    assert found.divergence.text().startswith("step 7: controller/command: values[elbow]: first")
+    assert (
+        "largest difference 0.5 (values[elbow] at step 7)"
+        in list(port_lines(found, "first", "second", None))[-1]
+    )
+
+
+def test_only_the_index_of_a_name_has_one():
+    one, other = (
+        Poses(position=[(0.0, 0.0, z)], orientation=[(0.0, 0.0, 0.0, 1.0)]) for z in (0.0, 1.0)
+    )
+    comparison = PortComparison("plant/poses", "Poses/1", Tolerance(), names=["base"])
+    comparison.take(7, encode(one), encode(other))
+    assert "position[base][2]: first 0.0" in comparison.result().divergence.text()
 
 
 def test_the_largest_difference_of_a_field_is_kept_with_its_place():

@@ -61,7 +61,7 @@ def test_a_participant_that_is_not_deterministic_is_caught_and_its_runs_are_kept
     output = capsys.readouterr()
     assert code == ExitCode.DIFFERENT == 10
     assert "run 2 differs from run 1" in output.err
-    assert "first divergence: step 7: controller/command: values[0]: " in output.out
+    assert "first divergence: step 7: controller/command: values[hip]: " in output.out
     kept = sorted(path.name for path in (tmp_path / "runs").glob("*/run.mcap"))
     folders = sorted(path.name for path in (tmp_path / "runs").iterdir())
     assert (kept, folders) == (["run.mcap"] * 2, ["1", "2"])

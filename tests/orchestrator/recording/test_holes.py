@@ -66,3 +66,10 @@ def test_a_replay_of_a_recording_with_a_hole_blames_nobody(holed, capsys):
 def test_a_comparison_says_which_recording_has_a_hole(holed, two_link_recording, capsys):
     assert main(["diff", str(two_link_recording), str(holed)]) == 10
     assert f"{holed} has a hole: {CHAINS}" in capsys.readouterr().out
+
+
+def test_info_says_what_is_missing(holed, capsys):
+    main(["info", str(holed)])
+    output = capsys.readouterr().out
+    assert "outcome   recording with holes; outcome unknown" in output
+    assert "hole      controller/command: nothing between steps 19 and 25" in output

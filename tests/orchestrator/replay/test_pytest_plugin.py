@@ -57,7 +57,7 @@ def test_a_failure_shows_the_first_divergence_with_its_inputs(logs):
     result.stdout.fnmatch_lines(
         [
             "E*AssertionError: *a.mcap: controller differs from the recording",
-            "E*first divergence: step 1: controller/command: values[[]0[]]: recording *, replay *",
+            "E*first divergence: step 1: controller/command: values[[]joint1[]]: recording *, replay *",
             "E*input joint_state (plant/joint_state@1): *",
         ]
     )

@@ -1,5 +1,6 @@
 """The programs of a recording that was made elsewhere start only when somebody says so."""
 
+import json
 import os
 import pty
 import shutil
@@ -12,7 +13,7 @@ from support.runs.joints import run_joints
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import McapFile, Recording
 from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.replay.trust import programs_of
@@ -66,6 +67,16 @@ def test_with_trust_it_is_started_and_nothing_is_remembered(stranger, words):
     command, *options = words
     assert cli.main([command, str(stranger), *options, "--trust"]) == 0
     assert cli.main(["replay", str(stranger), *REPLAY]) == ExitCode.UNTRUSTED
+
+
+@pytest.mark.parametrize("words", [("rerun",), ("branch", "--at", "5"), ("replay", *REPLAY)])
+def test_a_file_that_was_edited_since_is_mentioned(recorded, tmp_path, capsys, words):
+    program = tmp_path / "source" / "joints.py"
+    program.write_text(program.read_text() + "# edited\n")
+    said = "source/joints.py differs from the recording, whose own copy runs\n"
+    for trust in ([], ["--trust"]):
+        cli.main([words[0], str(recorded), *words[1:], *trust])
+        assert said in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("command", [("rerun", "--out", "again"), ("replay", *REPLAY)])
@@ -197,3 +208,57 @@ def test_a_package_of_a_recording_does_not_replace_an_installed_one(tmp_path):
     assert list(Recording(out / "run.mcap").attachments) == ["scenario.yaml"]
     assert cli.main(["rerun", str(out / "run.mcap"), "--out", str(tmp_path / "again")]) == 0
     assert not (tmp_path / "spied").exists()
+
+
+def made_elsewhere(path, participants, files=None, **keys):
+    """Write a recording without messages; files: name → text."""
+    file = McapFile(path)
+    row = {"name": "s", "step": "5ms", "duration": "50ms", "participants": participants, **keys}
+    file.attach("scenario.yaml", "application/yaml", json.dumps(row).encode())
+    for name, text in (files or {}).items():
+        file.attach(f"files/{name}", "text/plain", text.encode())
+    file.close()
+    return path
+
+
+@pytest.fixture
+def spy(tmp_path, monkeypatch):
+    """Install a module for another use, which leaves a file where it is imported."""
+    (tmp_path / "site").mkdir()
+    (tmp_path / "site/spy.py").write_text(f"open({str(tmp_path / 'spied')!r}, 'w')\n")
+    monkeypatch.syspath_prepend(tmp_path / "site")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path / "site"))
+    monkeypatch.chdir(tmp_path)
+    return tmp_path / "spied"
+
+
+LAW_OF_SPY = {"joints": ["a"], "law": "spy:Law"}
+
+
+@pytest.mark.parametrize("words", [("rerun",), ("branch", "--at", "0"), ("replay", *REPLAY)])
+@pytest.mark.parametrize(
+    "row",
+    [
+        {"participant": "spy:Controller"},
+        {"participant": "stepbus_controller:Controller", "params": LAW_OF_SPY},
+        {"participant": "stepbus_mission:Mission", "params": {"task": "spy:Task"}},
+    ],
+)
+def test_a_module_that_is_installed_for_another_use_is_not_imported(
+    spy, tmp_path, capsys, words, row
+):
+    path = made_elsewhere(tmp_path / "run.mcap", {"controller": row})
+    assert cli.main([words[0], str(path), *words[1:]]) == ExitCode.UNTRUSTED
+    assert "spy:" in capsys.readouterr().err
+    assert not spy.exists()
+
+
+@pytest.mark.parametrize("key", ["extends", "templates"])
+def test_a_recording_whose_programs_come_from_elsewhere_in_it_is_refused(tmp_path, capsys, key):
+    row = {"exec": ["sh", "-c", "exit 1"]}
+    base = json.dumps({"participants": {"controller": row}})
+    given = {"extends": "base.yaml"} if key == "extends" else {"templates": {"t": row}}
+    participants = {"controller": {"template": "t"} if key == "templates" else {}}
+    path = made_elsewhere(tmp_path / "run.mcap", participants, {"base.yaml": base}, **given)
+    assert cli.main(["rerun", str(path)]) == ExitCode.RECORDING
+    assert f"its scenario has the key {key!r}: refused" in capsys.readouterr().err

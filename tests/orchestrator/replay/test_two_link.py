@@ -73,7 +73,7 @@ def test_a_tolerance_lets_another_gain_pass(two_link_recording):
 def test_the_command_says_it_and_exits_with_its_code(two_link_recording, capsys):
     words = ["replay", str(two_link_recording), "--participant", "controller"]
     assert main([*words, "--set", *OTHER_GAIN]) == ExitCode.DIFFERENT
-    assert "first divergence: step 1: controller/command: values[0]: recording " in (
+    assert "first divergence: step 1: controller/command: values[joint1]: recording " in (
         capsys.readouterr().out
     )
 

@@ -1,6 +1,9 @@
 """`stepbus run --profile`: where the time of a step goes, without a change of the recording."""
 
 import csv
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -10,8 +13,10 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
+from stepbus_participant.session import profile
 from stepbus_tools.report import write_report
 
+STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 STEPS = 40
 PARTICIPANTS = ("controller", "mission", "plant")
 
@@ -62,3 +67,28 @@ def test_a_folder_named_from_here_is_here_though_the_run_works_elsewhere(tmp_pat
     options = Options(out=Path("here"), host=InProcess(), extensions=[Profile()])
     run_scenario(scenario, options)
     assert {"profile", "checkpoints", "run.mcap"} <= {path.name for path in Path("here").iterdir()}
+
+
+def test_a_run_does_not_fail_from_a_profile_without_room(tmp_path, monkeypatch):
+    monkeypatch.setattr(profile, "make_file", lambda _path: os.open("/dev/full", os.O_WRONLY))
+    monkeypatch.setattr(profile, "_BUFFER_BYTES", 16)
+    options = Options(out=tmp_path / "out", host=InProcess(), extensions=[Profile()])
+    result = run_scenario(load("two_link", [f"duration={STEPS * 5}ms"]), options)
+    assert (result.exit_code, result.steps) == (0, STEPS)
+    log = (tmp_path / "out" / "logs" / "plant.log").read_text()
+    assert log.count("plant.csv is incomplete: No space left on device\n") == 1
+
+
+def test_a_profiled_run_on_a_full_disk_ends_with_the_code_of_its_recording(small_disk):
+    command = [STEPBUS, "run", "two_link", "--in-process", "--profile", "--no-report"]
+    command += ["--set", "duration=1000s", "--out", small_disk("1800k") / "run"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert (done.returncode, "Traceback" in done.stderr) == (8, False), done.stderr
+
+
+def test_the_summary_leaves_out_a_row_that_was_cut_off(runs):
+    path = runs[1].recording.parent / "profile" / "plant.csv"
+    whole, before = path.read_text(), write_report(runs[1].recording, has_plots=False)
+    path.write_text(f"{whole}40,12")
+    assert write_report(runs[1].recording, has_plots=False) == before
+    path.write_text(whole)

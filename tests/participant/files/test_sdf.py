@@ -88,6 +88,21 @@ def test_a_mistake_is_refused_with_its_line(tmp_path, old, new, message):
         read_urdf_text(path)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("<inertial>", '<inertial auto="true">', '<inertial auto="true"> is not supported'),
+        ('<model name="arm">', '<model name="arm"><static>true</static>', "<static> true .*fixed_base"),
+        ('<link name="base">', '<link name="base"><gravity>false</gravity>', "<gravity> false"),
+        ("</axis>", "<dynamics><spring_stiffness>3</spring_stiffness></dynamics></axis>", "<spring_stiffness> 3"),
+    ],
+)  # fmt: skip
+def test_what_changes_the_motion_and_no_urdf_says_is_refused(tmp_path, old, new, message):
+    (tmp_path / "arm.sdf").write_text(SDF.replace(old, new, 1))
+    with pytest.raises(WiringError, match=rf"arm\.sdf:\d+: {message}"):
+        read_urdf_text(tmp_path / "arm.sdf")
+
+
 def test_a_joint_follows_another_one_as_in_a_urdf(tmp_path):
     path = tmp_path / "arm.sdf"
     followed = '<mimic joint="shoulder"><multiplier>0.5</multiplier><reference>0.2</reference>'

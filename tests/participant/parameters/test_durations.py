@@ -26,6 +26,11 @@ def test_a_duration_is_exact(text, duration_ns):
     assert parse_duration(text) == duration_ns
 
 
+@pytest.mark.parametrize("text", ["0s", "0.00s", "0ns", "0 min", "0/3s"])
+def test_zero_is_a_duration_where_it_may_be_in_every_spelling(text):
+    assert parse_duration(text, may_be_zero=True) == 0
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [

@@ -78,7 +78,7 @@ def test_what_is_right_is_read_into_types():
             "kp": {"b": 2, "a": 1},
             "ki": [3, 4],
             "latency": "1/200s",
-            "at": "0s",
+            "at": "0.00s",
             "springs": ["soft", {"kind": "hard", "stiffness": 5}],
         }
     )
@@ -114,8 +114,8 @@ MISTAKES = [
     ({"joints": []}, "joints: is empty"),
     ({"joints": ["a", ""]}, "joints.1: must not be empty"),
     ({"joints": ["a", "a"]}, "joints: names 'a' twice"),
-    ({"law": "pdd"}, "law: must be pd, pid or module:Class, not 'pdd'; did you mean 'pd'?"),
-    ({"law": 3}, "law: must be pd, pid or module:Class, not 3"),
+    ({"law": "pdd"}, "law: must be pd, pid or file.py:Class, not 'pdd'; did you mean 'pd'?"),
+    ({"law": 3}, "law: must be pd, pid or file.py:Class, not 3"),
     ({"law": "pid"}, ": the key 'ki' is missing"),
     ({"ki": 3}, "ki: applies only with law pid; here law is 'pd'"),
     ({"source": "camera"}, ": the key 'model' is missing"),

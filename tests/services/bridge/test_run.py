@@ -14,6 +14,8 @@ from support.surroundings import comes_true, has_ended
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.run import phases
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.run_scenario import host_of
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
@@ -52,6 +54,40 @@ def test_what_the_program_does_wrong_is_blamed_with_its_step(tmp_path, form, kin
     result = run_bridged(tmp_path, form, kind)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert re.search(sentence, result.reason)
+
+
+class Plots(RunExtension):
+    """Lets the program end once it has left the run."""
+
+    def __init__(self, folder):
+        self.plotted = folder / "source/plotted"
+
+    def awaiting(self, participants):
+        for one in participants:
+            if one.name == "controller" and one.has_left:
+                assert one.process.exit_code() is None
+                self.plotted.touch()
+
+
+@pytest.mark.parametrize("in_process", [False, True])
+def test_a_program_that_works_on_behind_the_last_step_has_left_the_run(tmp_path, in_process):
+    host, plots = host_of(in_process=in_process), Plots(tmp_path)
+    result = run_bridged(tmp_path, "json", "plot", host=host, extensions=[plots])
+    assert (result.exit_code, result.warnings, plots.plotted.exists()) == (0, [], True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("in_process", [False, True])
+def test_a_program_that_works_on_without_end_is_killed_and_the_run_has_finished(
+    tmp_path, monkeypatch, in_process
+):
+    monkeypatch.setattr(phases, "OWN_WORK_S", 0.0)
+    host = host_of(in_process=in_process)
+    result = run_bridged(tmp_path, "json", "plot", 7, "controller.stop_timeout=10s", host=host)
+    assert (result.exit_code, result.outcome) == (0, "finished")
+    (warned,) = result.warnings
+    assert warned.text.startswith("had left the complete run, but still worked on, and was killed")
+    assert warned.source == "controller"
 
 
 def test_a_program_that_ends_before_it_is_ready_is_blamed(tmp_path):

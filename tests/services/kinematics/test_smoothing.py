@@ -5,7 +5,7 @@ import pytest
 from support.services.control import controller_config, make_controller
 
 from stepbus_controller.controller import Controller
-from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay
+from stepbus_kinematics.smoothing import LowPass, SavitzkyGolay, make_smoother
 from stepbus_schemas import JointReference, JointState, WiringError
 
 PERIOD = 0.005
@@ -26,6 +26,14 @@ def test_noise_is_at_least_halved_and_the_first_sample_passes(make):
     out = [smoother.update(row) for row in noise]
     assert out[0] == pytest.approx(noise[0])
     assert np.std(out[50:]) < 0.6 * np.std(noise)
+
+
+def test_a_moving_average_is_the_mean_of_its_window():
+    smoother = make_smoother("moving_average", 0.0, 7, PERIOD)
+    rows = np.random.default_rng(0).standard_normal((20, 2))
+    out = [smoother.update(row) for row in rows]
+    assert out[-1] == pytest.approx(rows[-7:].mean(axis=0))
+    assert smoother.delay == pytest.approx(3 * PERIOD)
 
 
 def test_savitzky_golay_keeps_a_parabola():
@@ -65,10 +73,14 @@ def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoot
     [
         (
             {"smoothing": "lowpass"},
-            "smoothing: must be low_pass, none or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
+            "smoothing: must be low_pass, moving_average, none or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
         ),
         ({"smoothing": "low_pass"}, "the key 'time_constant' is missing"),
         ({"smoothing": "low_pass", "time_constant": 0}, "time_constant: must be above 0, not 0"),
+        (
+            {"smoothing": "moving_average", "window": 1},
+            "window: must be an odd number from 3 to 999, not 1",
+        ),
         (
             {"smoothing": "savitzky_golay", "window": 8},
             "window: must be an odd number from 5 to 999, not 8",

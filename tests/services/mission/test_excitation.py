@@ -1,9 +1,10 @@
 """References that excite a robot: exact derivatives, jumps where they belong, the same noise."""
 
 import math
-from itertools import pairwise
+from itertools import pairwise, permutations
 from typing import Any
 
+import numpy as np
 import pytest
 from support.services.control import make_mission, mission_config
 
@@ -84,7 +85,35 @@ def test_noise_holds_each_bit_and_differs_between_joints_and_seeds() -> None:
     changes = [n for n, (a, b) in enumerate(pairwise(one), 1) if a != b]
     assert all(n % 20 == 0 for n in changes)
     assert [a for a, _ in one] != [b for _, b in one]
-    assert [a for a, _ in one][20:] == [a for a, _ in other][:-20]
+    assert one != other
+
+
+def first_bits(count: int, **params: object) -> np.ndarray:
+    """Return the first bits of each joint, shape (count, 2)."""
+    made = generator("Noise", amplitude=1, hold=0.1, **params)
+    return np.array([made.at(0.1 * n).position for n in range(count)])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_noise_is_even_from_its_first_second_on(seed: int) -> None:
+    bits = first_bits(1024, seed=seed)
+    # Of fair bits the mean has a deviation of 1/√n; a run is rarely longer than log2 n + 5.
+    assert np.abs(bits[:100].mean(axis=0)).max() < 3 / math.sqrt(100)
+    assert np.abs(bits[:300].mean(axis=0)).max() < 4 / math.sqrt(300)
+    for row in bits.T:
+        ends = np.flatnonzero(np.diff(row, prepend=0.0, append=0.0))
+        assert np.diff(ends).max() <= 15
+    # White: each eighth of the spectrum has an eighth of the power, to 4 deviations of 64 bins.
+    power = np.abs(np.fft.rfft(bits, axis=0)[1:]) ** 2 / len(bits)
+    bands = power.reshape(8, 64, 2).mean(axis=1)
+    assert np.abs(bands - 1.0).max() < 4 / math.sqrt(64)
+
+
+def test_the_noise_of_one_seed_is_that_of_another_only_thousands_of_bits_later() -> None:
+    rows = [first_bits(2000, seed=seed)[:, 0] for seed in range(3)]
+    for one, other in permutations(rows, 2):
+        match = np.correlate(one, other[:100], "valid") / 100
+        assert np.abs(match).max() < 0.9
 
 
 @pytest.mark.parametrize(

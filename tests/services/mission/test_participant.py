@@ -84,7 +84,7 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
         ({"joints": ["a"]}, "the key 'task' is missing"),
         (
             {**SINE, "task": "sinus"},
-            "task: must be .* or module:Class, not 'sinus'; did you mean 'sine'",
+            "task: must be .* or file.py:Class, not 'sinus'; did you mean 'sine'",
         ),
         ({**SINE, "joints": []}, "joints: is empty"),
         ({**SINE, "end_when_done": True}, "end_when_done: is true, but this task never ends"),

@@ -1,6 +1,7 @@
 """Writes, cuts, damages and compares recordings."""
 
 import struct
+from functools import partial
 from itertools import pairwise
 
 import msgspec
@@ -9,13 +10,13 @@ from mcap.writer import Writer
 
 from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.recording.layout import channel_metadata, topic_of
-from stepbus_schemas import Description, encode
+from stepbus_schemas import SHIPPED, Description, encode, json_schema
 
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
 
 
-def write(path, step_ns=10_000_000, **ports):
+def write(path, step_ns=10_000_000, types=SHIPPED, **ports):
     """Write a recording of participant `plant`; ports: name → type, description, messages.
 
     Each port has one message a step; None for a step without.
@@ -26,7 +27,8 @@ def write(path, step_ns=10_000_000, **ports):
         full = Description(names=description) if names_only else description
         text = msgspec.json.encode(full).decode()
         metadata = channel_metadata("plant", name, text)
-        channel = file.add_channel(topic_of("plant", name), type_name, metadata)
+        schema_of = partial(json_schema, types=types)
+        channel = file.add_channel(topic_of("plant", name), type_name, metadata, schema_of)
         rows += [(step, channel, m) for step, m in enumerate(content) if m is not None]
     for step, channel, message in sorted(rows, key=lambda row: row[:2]):
         file.add(channel, step * step_ns, encode(message), step)

@@ -128,3 +128,13 @@ def test_columns_have_the_types_of_their_values(tmp_path: Path) -> None:
     assert found["metric.a"] == [5.0, None, None]
     assert found["exit_code"] == [0, 0, 4]
     assert found["metric_error"] == [None, None, "it broke"]
+
+
+def test_axes_and_metrics_named_like_other_columns_have_columns_of_their_own(
+    tmp_path: Path,
+) -> None:
+    metrics = {"run": 1.0, "metric.run": 2.0, "steps_": 3.0}
+    table(tmp_path / "t", [row(0, values={"steps": 4}, metrics=metrics)], ["steps"])
+    found = parquet.read_table(tmp_path / "t" / TABLE_FILE).to_pydict()
+    assert (found["run"], found["steps"], found["steps_"]) == ([0], [0], [4])
+    assert sorted(found[name][0] for name in found if name.startswith("metric.")) == [1, 2, 3]

@@ -57,6 +57,8 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     )
     assert found.returncode == 0, found.stderr
     assert json.loads(found.stdout)["result"]["sha256"] == table["sha256"][4]
+    subprocess.run([*again[:-1], str(tmp_path / "shown")], check=True, timeout=60)
+    assert (tmp_path / "shown/report.html").is_file()
     page = (tmp_path / "sweep/report.html").read_text()
     assert "kill controller at 5" in page
     assert '<span class="verdict failed">6 of 12 failed</span>' in page
@@ -175,10 +177,16 @@ def test_an_optimizer_asks_for_the_same_points_however_many_cores(tmp_path: Path
     words += ["--vary", "controller.params.kd=1:60", "--optimize", "rmse", "--trials", "16"]
     for jobs in ("1", "2"):
         (tmp_path / jobs).mkdir()
-        sweep(tmp_path / jobs, *words, "--jobs", jobs)
+        done = sweep(tmp_path / jobs, *words, "--jobs", jobs)
     tables = [(tmp_path / jobs / "sweep/results.parquet").read_bytes() for jobs in ("1", "2")]
     assert tables[0] == tables[1]
-    found = rows(tmp_path / "1")["rmse"]
+    table = rows(tmp_path / "1")
+    found = table["rmse"]
+    best = min(range(16), key=found.__getitem__)
+    gains = ", ".join(
+        f"{p}={table[p][best]}" for p in ("controller.params.kp", "controller.params.kd")
+    )
+    assert f"best   run {best}: rmse {found[best]}, {gains}\n" in done.stdout
     assert min(found[8:]) < min(found[:4])
 
 

@@ -136,7 +136,7 @@ def report_command(
 
     recordings: a run.mcap, or the folder of its run; several are compared. out: the page (default:
     report.html next to the first recording). no_replay: omit the animated scene, which takes some
-    seconds to write.
+    seconds to write and needs the extra `view`.
 
     $ stepbus report runs/arm
     $ stepbus report runs/pd runs/pid --out comparison.html

@@ -11,6 +11,7 @@ from stepbus_orchestrator.cli.signals import interruptible, settle
 from stepbus_orchestrator.cli.terminal.live import shows_progress
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.terminal.progress import Reached
+from stepbus_orchestrator.scenario.override import yaml_text
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
 
@@ -105,6 +106,9 @@ def _summary(result: SweepResult) -> Iterator[str]:
     yield f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed"
     yield from (f"  {count} {cause}" for cause, count in result.causes.items())
     if result.metric_errors:
-        yield f"{result.metric_errors} runs without your metrics; see the column metric_error"
+        yield f"{result.metric_errors} runs lack a metric; see the column metric_error"
+    if (best := result.best) is not None:
+        values = ", ".join(f"{path}={yaml_text(value)}" for path, value in best.values.items())
+        yield f"best   run {best.run}: {result.metric} {best.metrics[str(result.metric)]}, {values}"
     yield f"table  {result.folder / TABLE_FILE}"
     yield f"page   {result.page}"

@@ -267,8 +267,9 @@ def _signal(port: str, field: FieldCurve, index: str | None, text: str) -> Chart
     is_single = labels == [field.title]
     numbers = range(len(labels))[:_MOST_JOINTS]
     if index is not None:
-        at = int(index) if index.isdecimal() else labels.index(index) if index in labels else -1
-        if is_single or not 0 <= at < len(labels):
+        by_number = [str(number) for number in range(len(labels))]
+        at = next((own.index(index) for own in (by_number, labels) if index in own), -1)
+        if is_single or at < 0:
             names = "" if is_single else ", ".join(f"[{label.strip('[]')}]" for label in labels)
             raise WiringError(f"{text}: no element [{index}]; it has {names or 'a single number'}")
         numbers = range(at, at + 1)

@@ -1,6 +1,7 @@
 """What the summary of a run says of its recording, in lines."""
 
 import csv
+import math
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -76,10 +77,13 @@ def _profile_lines(folder: Path) -> list[str]:
 
 
 def _mean_step_us(path: Path) -> dict[str, float]:
-    """Return how long each part of a step takes [µs]; nothing without a step."""
+    """Return how long each part of a step takes [µs]; nothing without a step.
+
+    On a disk that was full, the last row is cut off.
+    """
     totals, steps = dict.fromkeys(_PARTS, 0), 0
     with os.fdopen(open_regular(path), newline="") as file:
-        for row in csv.DictReader(file):
+        for row in csv.DictReader(line for line in file if line.endswith("\n")):
             steps += 1
             for part in _PARTS:
                 totals[part] += int(row[f"{part}_ns"])
@@ -119,5 +123,5 @@ class Tracked:
         for unit in ("rad", "m"):
             joints = [joint for joint in rmse if self._units[joint] == unit]
             if joints:
-                worst = max(joints, key=lambda joint: rmse[joint])
+                worst = max(joints, key=lambda joint: (math.isnan(rmse[joint]), rmse[joint]))
                 yield f"{engineering(rmse[worst], unit)} ({worst})"

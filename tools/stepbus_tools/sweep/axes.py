@@ -51,7 +51,10 @@ class Distribution:
 
 @dataclass(frozen=True, kw_only=True)
 class Span:
-    """All numbers between two, for an optimizer; whole ones where both ends are."""
+    """All numbers between two, for an optimizer.
+
+    is_whole: only whole ones; a parameter that takes others makes it false (`spec.plan`).
+    """
 
     low: float
     high: float
@@ -137,7 +140,8 @@ def _ranged(path: str, match: re.Match[str], text: str) -> Axis:
     if match[3] is None:
         if not low < high:
             raise WiringError(f"{text}: the start of a range must be below its end")
-        span = Span(low=low, high=high, is_log=is_log, is_whole=is_whole)
+        ends_are_whole = low.is_integer() and high.is_integer()
+        span = Span(low=low, high=high, is_log=is_log, is_whole=ends_are_whole)
         return Axis(text=text, paths=(path,), span=span, is_log=is_log)
     count = int(match[3])
     if not 0 < count <= _MOST_VALUES:

@@ -15,6 +15,9 @@ from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow
 from stepbus_tools.sweep.spec import Plan
 
+_RANDOM = 10
+"""Points that Optuna draws at random; without a number of them, it has nothing to learn from."""
+
 
 class Optimizer:
     """Asks Optuna for points, and tells it what came of them."""
@@ -31,6 +34,8 @@ class Optimizer:
         self._metric = str(spec.optimize)
         self._trials, self._batch, self._axes = spec.trials, spec.batch, plan.axes
         self._asked: dict[int, Any] = {}
+        self._first: ResultRow | None = None
+        self._finished, self._has_number = 0, False
         self.paths = [path for axis in plan.axes for path in axis.paths]
 
     def __len__(self) -> int:
@@ -50,29 +55,36 @@ class Optimizer:
     def tell(self, rows: Sequence[ResultRow]) -> None:
         """Tell what came of a batch; a run without the metric is a failed one.
 
-        Raises WiringError where runs that finished have no number to optimise.
+        Raises WiringError where no run has a number to optimise: after the first ten, or all.
         """
-        finished = [row for row in rows if row.exit_code == 0]
-        if finished and all(self._value(row) is None for row in finished):
-            measured = finished[0].metrics
-            why = f"is not a metric of these runs{suggest(self._metric, measured)}; they have "
-            why += ", ".join(measured)
-            if self._metric in measured:
-                value = measured[self._metric]
-                why = f"is {value!r} in run {finished[0].run}, which is not a number"
-            raise WiringError(f"{argument('--optimize')} {self._metric}: it {why}: cannot optimize")
         for row in sorted(rows, key=lambda row: row.run):
             trial, value = self._asked.pop(row.run), self._value(row)
             if value is None:
                 self._study.tell(trial, state=self._failed)
             else:
                 self._study.tell(trial, value)
+                self._has_number = True
+            if row.exit_code == 0:
+                self._finished += 1
+                self._first = self._first or row
+        is_over = rows[-1].run == self._trials - 1
+        if self._first and not self._has_number and (is_over or self._finished >= _RANDOM):
+            raise WiringError(self._nothing_in(self._first))
+
+    def _nothing_in(self, row: ResultRow) -> str:
+        """Return why there is nothing to optimise, by the first run that finished."""
+        why = f"is not a metric of these runs{suggest(self._metric, row.metrics)}; they have "
+        why += ", ".join(row.metrics)
+        if self._metric in row.metrics:
+            value = row.metrics[self._metric]
+            why = f"is {value!r} in run {row.run}, which is not a number"
+        why += f" ({row.metric_error})" if row.metric_error else ""
+        return f"{argument('--optimize')} {self._metric}: it {why}: cannot optimize"
 
     def _value(self, row: ResultRow) -> float | None:
         """Return the metric of a run; None where it has none."""
         value = row.metrics.get(self._metric) if row.exit_code == 0 else None
-        is_number = isinstance(value, int | float) and value == value  # noqa: PLR0124  (not NaN)
-        return float(value) if is_number and value is not None else None
+        return float(value) if isinstance(value, int | float) else None
 
 
 def _suggest(trial: Any, axis: Axis) -> Any:

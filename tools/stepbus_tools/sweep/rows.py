@@ -16,6 +16,7 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import append_to, need
 from stepbus_schemas import UNDECODABLE, explained
+from stepbus_tools.columns import distinct
 from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.sweep_metrics import Value
 from stepbus_tools.whole_file import replaced
@@ -165,18 +166,21 @@ def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
     """
     arrow, parquet = need("a sweep", "pyarrow", "pyarrow.parquet")
     names = sorted({name for row in journal.rows() for name in row.metrics})
-    # An axis, or a column of ours, may have the name of a metric.
-    taken = {*paths, *_FIXED, "run", "metric_error"}
-    metrics = {name: f"metric.{name}" if name in taken else name for name in names}
+    # An axis may have the name of a column of ours, and a metric that of both.
+    ours = ("run", *_FIXED, "metric_error")
+    axes = dict(zip(paths, distinct(paths, ours), strict=True))
+    taken = {*ours, *axes.values()}
+    wanted = [f"metric.{name}" if name in taken else name for name in names]
+    metrics = dict(zip(names, distinct(wanted, taken), strict=True))
     columns: dict[str, list[Any]] = {
-        name: [] for name in ("run", *paths, *_FIXED, *metrics.values(), "metric_error")
+        name: [] for name in ("run", *axes.values(), *_FIXED, *metrics.values(), "metric_error")
     }
     times: dict[str, list[Any]] = {
         name: [] for name in ("run", "wall_s", "steps_per_s", "where", "attempts")
     }
     for row in journal.rows():
-        for path in paths:
-            columns[path].append(row.values.get(path))
+        for path, column in axes.items():
+            columns[column].append(row.values.get(path))
         for name in ("run", *_FIXED):
             columns[name].append(getattr(row, name))
         for name, column in metrics.items():

@@ -71,7 +71,11 @@ class SweepProgress:
 
 @dataclass(frozen=True, kw_only=True)
 class SweepResult:
-    """Result of a sweep. resumed: earlier runs. causes: cause → number of failed runs."""
+    """Result of a sweep.
+
+    resumed: earlier runs. causes: cause → number of failed runs. best: row with the best metric of
+    a search, with an optimizer; metric: its name.
+    """
 
     folder: Path
     total: int
@@ -81,6 +85,8 @@ class SweepResult:
     metric_errors: int
     causes: Mapping[str, int]
     wall_s: float
+    best: ResultRow | None = None
+    metric: str | None = None
 
     def table(self) -> Any:
         """Return all rows, as a `pyarrow.Table`."""
@@ -207,6 +213,8 @@ class _Sweep:
             metric_errors=self._metric_errors,
             causes=dict(sorted(self._causes.items())),
             wall_s=time.monotonic() - self._began,
+            best=extreme_rows.get("best") if self._optimizer else None,
+            metric=self._plan.spec.optimize,
         )
 
     def _run_missing(self, interrupt: threading.Event) -> None:

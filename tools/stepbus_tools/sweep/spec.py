@@ -22,6 +22,7 @@ import msgspec
 from stepbus_orchestrator.errors import RecordingFailed, ScenarioError, argument
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.override import named_from
 from stepbus_participant import Count, Problems, Settings, Whole, read_text, suggest, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
@@ -102,6 +103,8 @@ def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
         problems.attempt(("metrics", number), partial(metric_file, text))
     base = problems.attempt((), lambda: load(spec.scenario, spec.set))
     variants = [] if base is None else [base]
+    if base is not None:
+        parsed = [axis and _in_folder(axis, base.folder) for axis in parsed]
     # With a wrong `set`, the axes are still tried on the scenario as it is.
     if base is not None or (spec.set and _loads(spec.scenario)):
         overrides = () if base is None else spec.set
@@ -109,7 +112,7 @@ def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
             if axis is not None:
                 above = ("vary", number)
                 variants += _variants(spec.scenario, overrides, axis, problems.below(above))
-    axes = [axis for axis in parsed if axis is not None]
+    axes = [_typed(spec, axis) for axis in parsed if axis is not None]
     design: Design | None = Design([])
     if spec.optimize is None and len(axes) == len(parsed):
         design = problems.attempt(
@@ -126,6 +129,13 @@ def plan(scenario: str, options: Mapping[str, Any]) -> Plan:
     if design is None or len(problems):
         raise ScenarioError(problems.error().problems)
     return Plan(spec=spec, axes=axes, design=design, variants=variants)
+
+
+def _in_folder(axis: Axis, folder: Path) -> Axis:
+    """Return an axis whose files are relative to the scenario's folder, as in the runs' copies."""
+    rows = [dict(zip(axis.paths, row, strict=True)) for row in axis.values]
+    values = (tuple(named_from(folder, path, value) for path, value in r.items()) for r in rows)
+    return dataclasses.replace(axis, values=tuple(values))
 
 
 def _read(scenario: str, options: Mapping[str, Any]) -> tuple[Spec, Problems]:
@@ -197,6 +207,17 @@ def _loads(scenario: str) -> bool:
     except ScenarioError:
         return False
     return True
+
+
+def _typed(spec: Spec, axis: Axis) -> Axis:
+    """Return an axis with all numbers that its parameter takes: fractions where it takes one."""
+    if axis.span is None or not axis.span.is_whole:
+        return axis
+    try:
+        load(spec.scenario, [*spec.set, f"{axis.paths[0]}={axis.span.low + 0.5}"])
+    except ScenarioError:
+        return axis
+    return dataclasses.replace(axis, span=dataclasses.replace(axis.span, is_whole=False))
 
 
 def _variants(

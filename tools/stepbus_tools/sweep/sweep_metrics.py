@@ -112,7 +112,7 @@ class Metrics:
     def __init__(self, names: Mapping[str, str], folder: Path) -> None:
         self._functions = {text: _load(folder / path, text) for text, path in names.items()}
 
-    def of(self, recording: Recording) -> tuple[dict[str, Value], str]:
+    def of(self, recording: Recording) -> tuple[dict[str, Value], list[str]]:
         """Return what all of them measure, and why some have not."""
         values: dict[str, Value] = {}
         errors = []
@@ -121,7 +121,7 @@ class Metrics:
                 values |= _measured(text, function, recording)
             except MetricFailed as exc:
                 errors.append(str(exc))
-        return values, "; ".join(errors)
+        return values, errors
 
 
 def _load(path: Path, text: str) -> Metric:

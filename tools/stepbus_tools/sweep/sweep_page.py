@@ -102,21 +102,26 @@ def primary_metric(spec: Spec, metrics: Sequence[str]) -> str:
 
 
 def extremes(journal: Journal, spec: Spec) -> dict[str, ResultRow]:
-    """Return the rows with the smallest and the largest primary metric, `best` and `worst`."""
+    """Return the rows with the smallest and the largest primary metric, `best` and `worst`.
+
+    Only `best` where all are equal; none without a metric.
+    """
     low: tuple[float, ResultRow] | None = None
     high: tuple[float, ResultRow] | None = None
     metric = ""
     for row in journal.rows():
+        if row.exit_code:
+            continue  # one that does not start has no metrics to choose from
         metric = metric or primary_metric(spec, list(row.metrics))
         value = _number(row.metrics.get(metric))
-        if value is None or row.exit_code:
+        if value is None:
             continue
         low = (value, row) if low is None or value < low[0] else low
         high = (value, row) if high is None or value > high[0] else high
-    if low is None or high is None or low[1] is high[1]:
+    if low is None or high is None:
         return {}
     best, worst = (high, low) if spec.maximize else (low, high)
-    return {"best": best[1], "worst": worst[1]}
+    return {"best": best[1]} | ({"worst": worst[1]} if worst[1] is not best[1] else {})
 
 
 def _number(value: object) -> float | None:

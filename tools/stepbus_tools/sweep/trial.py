@@ -1,6 +1,7 @@
 """One run of a sweep, in the process of a worker."""
 
 import contextlib
+import math
 import shutil
 import tempfile
 import time
@@ -86,11 +87,16 @@ class Trials:
 
     def _row(self, point: Point, result: Result) -> ResultRow:
         metrics: dict[str, Value] = {"success": result.exit_code == 0}
-        error = ""
+        errors = list[str]()
         if result.steps and result.recording.exists():
             recording = Recording(result.recording)
-            own, error = self._metrics.of(recording)
+            own, errors = self._metrics.of(recording)
             metrics = {**builtin_metrics(result, recording), **own}
+        for name, value in metrics.items():
+            if isinstance(value, float) and not math.isfinite(value):
+                # No number to compare, and JSON has none.
+                errors.append(f"{name} is {value}")
+                metrics[name] = None
         return ResultRow(
             run=point.number,
             values=dict(point.values),
@@ -101,7 +107,7 @@ class Trials:
             steps=result.steps,
             sha256=result.sha256,
             metrics=metrics,
-            metric_error=error,
+            metric_error="; ".join(errors),
         )
 
     def _kept(self, row: ResultRow, out: Path) -> tuple[ResultRow, Files]:

@@ -248,7 +248,12 @@ class Player:
     def _dragged(self, event: Any) -> None:
         # What this process sets has no client.
         if event.client_id is not None:
-            self._t_ns = round(self._slider.value * 1e9)
+            self._t_ns = self._step_at(self._slider.value)
+
+    def _step_at(self, t_s: float) -> int:
+        """Return the time of the nearest step [ns]; seconds alone lose nanoseconds in 52 days."""
+        step_ns = self._history.step_ns
+        return round(t_s * 1e9 / step_ns) * step_ns
 
     def play(self, *, playing: bool) -> None:
         """Play, or hold; at its end, it starts anew."""
@@ -270,7 +275,7 @@ class Player:
     def _mark(self) -> None:
         """Show what has been found since."""
         self._marks = self._findings.marks
-        self._jumps = {mark.label: round(mark.t_s * 1e9) for mark in self._marks}
+        self._jumps = {mark.label: self._step_at(mark.t_s) for mark in self._marks}
         self._jump.options = (_JUMP, *self._jumps)
         self._jump.visible = bool(self._jumps)
         self._slider.remove()

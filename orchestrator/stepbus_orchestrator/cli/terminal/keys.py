@@ -74,4 +74,7 @@ def press(key: str, pace: Pace, interrupt: threading.Event) -> None:
     elif key in "s\n\r":
         pace.step()
     elif key == "q":
-        interrupt.set()
+        if pace.is_stopping:
+            # A participant may hold the last step without a deadline.
+            interrupt.set()
+        pace.stop()

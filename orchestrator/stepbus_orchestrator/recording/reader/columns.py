@@ -18,6 +18,8 @@ if TYPE_CHECKING:
     from stepbus_orchestrator.recording.reader.port import Port
 
 
+_FIRST_INEXACT = 2.0**53
+"""Beyond it, floats skip integers."""
 Column = list[Any] | NDArray[Any]
 """The values of a field in consecutive messages."""
 
@@ -25,8 +27,9 @@ Column = list[Any] | NDArray[Any]
 def array_of(*pieces: Column) -> NDArray[Any] | None:
     """Return numbers and vectors of numbers as an array, anything else as one of objects.
 
-    Shape (T,) for numbers, (T, n) for vectors, and so on. None where the values are absent in all
-    messages, numbers in some, or where vectors change their length.
+    Shape (T,) for numbers, (T, n) for vectors, and so on. Integers that no dtype of NumPy holds
+    together are objects. None where the values are absent in all messages, numbers in some, or
+    where vectors change their length.
     """
     read = [piece for piece in pieces if isinstance(piece, np.ndarray)]
     if read and len(read) == len(pieces) and len({piece.shape[1:] for piece in read}) == 1:
@@ -39,7 +42,10 @@ def array_of(*pieces: Column) -> NDArray[Any] | None:
             array = np.array(values)
         except ValueError:
             return None
-        return array if array.dtype.kind in "bif" else None
+        if array.dtype.kind == "f" and np.abs(array).max(initial=0.0) >= _FIRST_INEXACT:
+            exact = np.array(values, dtype=object)
+            return exact if all(isinstance(value, int) for value in exact.flat) else array
+        return array if array.dtype.kind in "biuf" else None
     objects = np.empty(len(values), dtype=object)
     objects[:] = values
     return objects

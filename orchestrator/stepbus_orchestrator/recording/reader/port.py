@@ -122,8 +122,9 @@ class Port(PortInfo):
         """Return one field of all messages.
 
         Shape (T,) for numbers, (T, n) for vectors in the order of `names`; an array of objects for
-        anything else. Raises WiringError for a field that the type does not have, and for vectors
-        that are absent in some messages or change their length.
+        anything else, and for integers that need more than 64 bits together. Raises WiringError for
+        a field that the type does not have, and for vectors that are absent in some messages or
+        change their length.
         """
         array = self.arrays(field)[field]
         if array is None:

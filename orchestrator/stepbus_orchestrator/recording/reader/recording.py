@@ -1,6 +1,5 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
-import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
@@ -18,8 +17,6 @@ from stepbus_schemas import Description, Message, WiringError
 
 from .port import Port
 from .source import Source
-
-_STEP = re.compile(r"[0-9]{1,18}")
 
 
 class UnknownPort(WiringError, KeyError):
@@ -76,8 +73,8 @@ class Recording:
     def incomplete(self) -> Mapping[str, int]:
         """Return participant → first step without its outputs, for a failed run."""
         rows = self.metadata.get(layout.INCOMPLETE_METADATA, {})
-        known = ((name, step) for name, step in rows.items() if _STEP.fullmatch(step))
-        return {name: int(step) for name, step in known}
+        steps = ((name, layout.step_of(text)) for name, text in rows.items())
+        return {name: step for name, step in steps if step is not None}
 
     @property
     def last_whole_step(self) -> int:
@@ -160,8 +157,8 @@ class Recording:
 
         signals: ports, fields or single values; none: all. The index is the simulation time `t`
         [s]; columns have names such as `plant.joint_state.position.joint1`; times without a message
-        are NaN. `frame.attrs["units"]` has the units. Raises UnknownPort or WiringError for an
-        unknown signal, ExtraMissing without pandas.
+        are NaN, or NA in columns of integers and booleans. `frame.attrs["units"]` has the units.
+        Raises UnknownPort or WiringError for an unknown signal, ExtraMissing without pandas.
         """
         return view("frame")(self, signals)
 

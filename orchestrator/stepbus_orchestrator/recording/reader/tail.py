@@ -51,7 +51,7 @@ class Tail:
         self.t_ns = 0
         self._file = RecordFile(path)
         self.close = self._file.close
-        self._index = Index()
+        self._index = Index(path=path)
         self.attachments = self._index.attachments
         self._descriptions: dict[str, Description] = {}
         self._newest: dict[str, tuple[int, bytes]] = {}

@@ -51,16 +51,9 @@ def load_extension(name: str) -> RunExtension:
     Raises WiringError where there is no such file or class, it is no RunExtension, or it cannot be
     made without arguments.
     """
-    file, _, class_name = name.rpartition(":")
-    folder, module = Path(), file
-    if file.endswith(".py"):
-        path = Path(file)
-        if not path.is_file():
-            raise WiringError(f"{name}: no file {file!r}")
-        folder, module = path.parent, path.stem
-    extension = load_class(f"{module}:{class_name}", folder.resolve())
+    extension = load_class(name, Path.cwd())
     if not issubclass(extension, RunExtension):
-        raise WiringError(f"{name}: {class_name} is not a stepbus.RunExtension")
+        raise WiringError(f"{name}: {extension.__name__} is not a stepbus.RunExtension")
     try:
         made: RunExtension = extension()
     except Exception as exc:

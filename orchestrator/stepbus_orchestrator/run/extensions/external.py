@@ -31,6 +31,8 @@ exec {command} "$@"
 class External(RunExtension):
     """Waits for participants with `start: external`; tells how to start them, and which it misses.
 
+    Of all participants, it tells which have not ended.
+
     Each gets a script in the run's folder. tickets: where the tickets of some are put; default:
     `<name>.ticket` in the run's folder.
     """
@@ -95,15 +97,20 @@ class External(RunExtension):
             return
         self._told_at = now
         for participant in participants:
-            if participant.external is None:
-                continue
             if self.run.state.phase.is_stopping:
-                self._tell(participant, "has not ended yet; is it in a debugger?")
+                may_stand = "; is it in a debugger?" if participant.external is not None else ""
+                self._tell(participant, f"has not ended yet{may_stand}")
+            elif participant.external is None:
+                continue
             elif participant.phase is Phase.SPAWNED:
                 left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
                 path = participant.external.ticket.path
                 self._tell(participant, f"has not joined yet ({wait}): stepbus join {path}")
+
+    def stopping(self) -> None:
+        """Give all some time to end before it tells that one has not."""
+        self._told_at = self.run.clock.monotonic()
 
     def close(self) -> None:
         """Remove the scripts."""

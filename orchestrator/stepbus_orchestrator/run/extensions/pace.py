@@ -1,4 +1,4 @@
-"""Pauses a run, and lets it make single steps."""
+"""Pauses a run, lets it make single steps, and ends it."""
 
 import threading
 
@@ -7,9 +7,10 @@ from stepbus_orchestrator.run.kernel.barrier import FAR
 
 
 class Pace(RunExtension):
-    """Pauses a run between two steps and resumes it, from any thread.
+    """Pauses a run between two steps, resumes and ends it, from any thread.
 
-    A pause only delays triggers, so it does not change the result. at: step to pause before;
+    A pause only delays triggers, so it does not change the result. is_stopping: whether the run was
+    asked to end. at: step to pause before;
     default: run until `pause` is called.
     """
 
@@ -18,6 +19,7 @@ class Pace(RunExtension):
         self._at = at
         self._pausing = False
         self._more = 0
+        self.is_stopping = False
 
     @property
     def paused(self) -> bool:
@@ -44,8 +46,16 @@ class Pace(RunExtension):
             self._pausing = True
             self._more += count
 
+    def stop(self) -> None:
+        """End the run behind the steps that are released: it has finished, as the user wants."""
+        self.is_stopping = True
+
     def limit(self, released: int) -> int:
         """Return the first step that must not be released yet."""
+        if self.is_stopping:
+            if self.run.state.end is None:
+                self.run.end("stopped by the user")
+            return self.run.state.last_step
         with self._lock:
             if self._pausing:
                 self._at = released if self._at is None else max(self._at, released)

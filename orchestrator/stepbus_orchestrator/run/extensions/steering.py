@@ -41,7 +41,7 @@ class Steering(RunExtension):
             "step": self._step,
             "speed": self._set_speed,
             "flush": self._set_flush,
-            "stop": lambda _: self.run.interrupt.set(),
+            "stop": self._stop,
         }
 
     @property
@@ -87,6 +87,12 @@ class Steering(RunExtension):
         if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= _MOST_STEPS:
             raise WiringError(f"step [COUNT]: {count!r} is not a number of steps")
         self._pace.step(count)
+
+    def _stop(self, _: Sequence[Any]) -> None:
+        if self._pace.is_stopping:
+            # A participant may hold the last step without a deadline.
+            self.run.interrupt.set()
+        self._pace.stop()
 
     def _set_speed(self, args: Sequence[Any]) -> None:
         factor = None if not args or args[0] is None else _number(args[0], _FACTORS, "speed")

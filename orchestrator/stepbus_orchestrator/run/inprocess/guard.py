@@ -1,8 +1,9 @@
 """Keeps what a participant does to its process from the others, which share it.
 
 Python tells audit hooks of forks, signals and programs before they happen; of threads, 3.11 does
-not. A fork is refused: its child would be a second orchestrator, with the same open files; but for
-a copy that closes these and never comes back (`stepbus_participant.beside`).
+not, nor of descriptors that are closed. A fork is refused: its child would be a second
+orchestrator, with the same open files; but for a copy that closes these and never comes back
+(`stepbus_participant.beside`).
 """
 
 import contextlib
@@ -51,8 +52,8 @@ Owner = Callable[[], Guarded | None]
 _open: list[Owner] = []
 """Of the runs that are watched."""
 _hooked: list[Callable[..., None]] = []
-"""The audit hook, once there is one: it stays for good, as the other way to start threads does.
-Both do nothing while no run is open."""
+"""The audit hook, once there is one: it stays for good, as do the other ways to start
+threads and to close descriptors. They do nothing while no run is open."""
 
 
 def guard(owner: Owner) -> None:
@@ -62,6 +63,7 @@ def guard(owner: Owner) -> None:
         sys.addaudithook(_audit)
         # Not assigned: that mypy refuses for a method.
         setattr(threading.Thread, "start", _noted(threading.Thread.start))  # noqa: B010
+        setattr(os, "closerange", _kept(os.closerange))  # noqa: B010
     _open.append(owner)
 
 
@@ -86,6 +88,21 @@ def _noted(start: Callable[[threading.Thread], None]) -> Callable[[threading.Thr
             start(thread)
 
     return started
+
+
+def _kept(close: Callable[[int, int], None]) -> Callable[[int, int], None]:
+    """Return what closes a range of descriptors, but for a participant: they are not its own."""
+
+    @wraps(close)
+    def closed(low: int, high: int, /) -> None:
+        if (guarded := _guarded()) is not None:
+            raise RuntimeError(
+                f"{guarded.name} closes descriptors of the process that it shares with the "
+                "orchestrator and all other participants; omit --in-process"
+            )
+        close(low, high)
+
+    return closed
 
 
 def _guarded() -> Guarded | None:

@@ -288,7 +288,8 @@ def _take_part(spec: ParticipantSpec, folder: Path) -> int:
     if not spec.participant:
         command = start_command(spec, folder)
         arguments = command[command.index("stepbus_bridge") + 1 :]
-        return main(importlib.import_module("stepbus_bridge").bridge_to(arguments))
+        code: int = importlib.import_module("stepbus_bridge").take_part(arguments)
+        return code
     try:
         factory = import_participant(spec.participant, folder)
     except WiringError as exc:

@@ -27,18 +27,32 @@ _FRAME = re.compile(r'  File "(.+)", line (\d+) in (.+)')
 
 
 def conclude(
-    turns: Turns, pid: int, culprit: int, *, held_s: float | None = None, code: int = 0
+    turns: Turns,
+    pid: int,
+    culprit: int,
+    *,
+    held_s: float | None = None,
+    is_stopped: bool = False,
+    code: int = 0,
 ) -> tuple[int, str]:
     """Write what a process cannot that has ended in the midst of a run.
 
     culprit: number of the participant; 0: unknown. held_s: how long that kept the process, which
-    was killed [s]; None: it has ended by itself, with `code`. Return the exit code of the run, and
-    what to print on stderr.
+    was killed [s]; None: it has ended by itself, with `code`. is_stopped: whether the process was
+    stopped. Return the exit code of the run, and what to print on stderr.
     """
     will = turns.will()
     if not will:
         return ExitCode.INTERNAL, "stepbus: the process did not end, and was killed\n"
-    end = _End(turns=turns, will=will, pid=pid, culprit=culprit, held_s=held_s, code=code)
+    end = _End(
+        turns=turns,
+        will=will,
+        pid=pid,
+        culprit=culprit,
+        held_s=held_s,
+        is_stopped=is_stopped,
+        code=code,
+    )
     if end.trace:
         with contextlib.suppress(OSError):
             file = append_to(Path(will["logs"], f"{end.name or 'native'}.log"))
@@ -52,6 +66,13 @@ def conclude(
     lines = [end.trace, *(f"stepbus: {error}" for error in errors)]
     # One that had failed before keeps its exit code.
     return result.exit_code or end.exit_code, "".join(f"{line}\n" for line in lines if line)
+
+
+def last_words(turns: Turns) -> str:
+    """Return the line on stderr of a run whose process could not print it; empty: of none."""
+    will = turns.will()
+    reason = _result(will, is_over=True).reason if will else ""
+    return f"stepbus: {reason}\n" if reason else ""
 
 
 def _result(will: dict[str, Any], *, is_over: bool) -> Result:
@@ -77,6 +98,7 @@ class _End:
     pid: int
     culprit: int
     held_s: float | None
+    is_stopped: bool
     code: int
 
     @cached_property
@@ -128,10 +150,10 @@ class _End:
             )
         when = at(self.step, step_ns)
         if self.held_s is None:
-            ended = f"exited with code {self.code}"
+            what = f"exited with code {self.code}, and the process that it shares with it"
             if self.code < 0:
-                ended = f"was killed by {signal.Signals(-self.code).name}"
-            what = f"{ended}, and the process that it shares with it"
+                number = signal.Signals(-self.code).name
+                what = f"had its turn when {number} killed the process that all participants share"
         else:
             when = f"interrupted by the user; {when}" if self.turns.words[INTERRUPTED] else when
             what = self._kept(self.held_s)
@@ -139,6 +161,11 @@ class _End:
         return f"{when}: {who} {what}{log}"
 
     def _kept(self, held_s: float) -> str:
+        if self.is_stopped:
+            return (
+                f"had its turn while the process that all participants share was stopped by a "
+                f"signal or a debugger, for {held_s:.1f} s, and then killed"
+            )
         if not self.number or self.number != self.turns.words[TURN]:
             return f"has a thread that held the GIL for {held_s:.1f} s: the process was killed"
         limit_s = self.will["limits"][self.number - 1][self.phase]

@@ -57,11 +57,13 @@ class TurnWatchdog:
 
     is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
     the run. held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.
+    is_stopped: whether a signal or a debugger has stopped the process meanwhile.
     """
 
     def __init__(self, turns: Turns, pid: int, *, is_owner: bool) -> None:
         self.held_s = 0.0
         self.culprit = 0
+        self.is_stopped = False
         self._turns = turns
         self._pid = pid
         self._is_owner = is_owner
@@ -89,7 +91,8 @@ class TurnWatchdog:
         limit_s = self._limit_s(stage, turn)
         if self.held_s <= limit_s:
             return False
-        if not self._is_owner and activity_of(self._pid).is_stopped:
+        self.is_stopped = activity_of(self._pid).is_stopped
+        if not self._is_owner and self.is_stopped:
             # By Ctrl-Z, which does not reach us: that is no participant's.
             self.held_s = 0.0
             return False
@@ -137,7 +140,8 @@ class TurnWatchdog:
         others = self._turns.with_threads()
         # Whose turn it is may wait for Python's lock itself.
         is_other = others and (not turn or self._switches() - switches > _SWITCHES)
-        self.culprit = others[0] if is_other else turn
+        # Whoever has stopped the process, it was no thread.
+        self.culprit = others[0] if is_other and not self.is_stopped else turn
         return (self._turns.stage, self._turns.words[TURNS]) == (self._state[0], before)
 
     def _switches(self) -> int:

@@ -1,7 +1,7 @@
 """Who may join a run: name, token, protocol version, port types (P4.2)."""
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 from msgspec import structs
 
@@ -124,16 +124,22 @@ def receive(hello: Hello, welcomes: Mapping[str, Welcome], token: str) -> Welcom
     number = program.common(SPOKEN)
     if number is None:
         return Refusal(reason=_no_common(hello.name, program))
-    inputs = {port: item.type for port, item in welcome.inputs.items()}
-    outputs = {port: item.type for port, item in welcome.outputs.items()}
     reasons = [
-        *_mismatches(hello.name, "input", hello.inputs, inputs),
-        *_mismatches(hello.name, "output", hello.outputs, outputs),
-        *(f"{hello.name}: {text}" for text in _misfits(hello, welcome)),
+        f"{keys[0][:-1]} {hello.name}.{keys[1]}: {text}" if keys else f"{hello.name}: {text}"
+        for keys, text in misfits(hello, welcome)
     ]
     if reasons:
         return Refusal(reason="; ".join(reasons))
     return structs.replace(welcome, protocol=number)
+
+
+def misfits(hello: Hello, welcome: Welcome) -> Iterator[tuple[tuple[str, ...], str]]:
+    """Yield where a program does not fit the scenario: the keys of a port, or none, and a text."""
+    for side in ("inputs", "outputs"):
+        types = {port: item.type for port, item in getattr(welcome, side).items()}
+        for port, text in _mismatches(getattr(hello, side), types):
+            yield (side, port), text
+    yield from (((), text) for text in _differing_types(hello, welcome))
 
 
 def _no_common(name: str, program: Protocols) -> str:
@@ -145,7 +151,7 @@ def _no_common(name: str, program: Protocols) -> str:
     )
 
 
-def _misfits(hello: Hello, welcome: Welcome) -> list[str]:
+def _differing_types(hello: Hello, welcome: Welcome) -> list[str]:
     """Return where the program declares a type differently (P14.5)."""
     try:
         known = Types(hello.types)
@@ -155,14 +161,10 @@ def _misfits(hello: Hello, welcome: Welcome) -> list[str]:
 
 
 def _mismatches(
-    name: str, direction: str, program: Mapping[str, str] | None, scenario: Mapping[str, str]
-) -> list[str]:
-    """Return where the program's ports are not those of the scenario."""
-    if program is None:
-        return []
-    return [
-        f"{direction} {name}.{port}: the program has {program.get(port, 'no such port')}, "
-        f"the scenario {scenario.get(port, 'no such port')}"
-        for port in [*scenario, *(extra for extra in program if extra not in scenario)]
-        if program.get(port) != scenario.get(port)
-    ]
+    program: Mapping[str, str] | None, scenario: Mapping[str, str]
+) -> Iterator[tuple[str, str]]:
+    """Yield the ports of one side that are not those of the scenario."""
+    for port in [] if program is None else dict.fromkeys([*scenario, *program]):
+        wanted, given = (side.get(port, "no such port") for side in (program or {}, scenario))
+        if wanted != given:
+            yield port, f"the program has {wanted}, the scenario {given}"

@@ -35,7 +35,8 @@ class ParticipantState:
     newest: returns the newest step it was seen to publish, with an observer; −1 elsewhere.
     external: its process, where the user starts it. takes_batches: whether its program takes a
     `Batch` from its sources (P7.6). has_left: whether it has left the bus; all that it published
-    has arrived before.
+    has arrived before. works_on: whether it was ended in the midst of work of its own, behind a run
+    that is complete.
     """
 
     spec: ParticipantSpec
@@ -54,11 +55,17 @@ class ParticipantState:
     drops: Mapping[str, int] = field(default_factory=dict)
     external: "External | None" = None
     has_left: bool = False
+    works_on: bool = False
 
     @property
     def name(self) -> str:
         """Return its name."""
         return self.spec.name
+
+    @property
+    def is_on_its_own(self) -> bool:
+        """Return whether it is a program that has left the run; the process of a class is ours."""
+        return self.has_left and not self.spec.participant
 
     def advance(self, phase: Phase) -> bool:
         """Enter a phase; return whether it is a later one."""

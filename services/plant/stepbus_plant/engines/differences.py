@@ -1,6 +1,6 @@
 """What each engine does otherwise, or cannot do: the table of docs/guide/running/engines.md."""
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 
 class Difference(NamedTuple):
@@ -11,7 +11,16 @@ class Difference(NamedTuple):
     mujoco: str
 
 
-STIFFNESS = "`<stiffness>` and `<damping>` of a link's `<contact>`"
+PYBULLET_CONTACT = (
+    "restitution",
+    "stiffness",
+    "damping",
+    "contact_cfm",
+    "contact_erp",
+    "friction_anchor",
+    "inertia_scaling",
+)
+"""Elements of a link's `<contact>` that PyBullet alone reads."""
 PLANES = "a plane on a link that moves"
 
 DIFFERENCES = (
@@ -25,7 +34,8 @@ DIFFERENCES = (
     Difference("joint damping", "explicit: large values diverge", "implicit: always stable"),
     Difference(
         "contacts",
-        "sequential impulses; resting shapes are up to 1 mm apart",
+        "sequential impulses; boxes and balls touch; a mesh or URDF cylinder rests 1 mm above a "
+        "box, and 2 mm above another",
         "one convex problem; resting shapes overlap, with the square of `physics_step`: a 1 kg "
         "box by 0.4 µm at 1 ms, 10 µm at 5 ms, 156 µm at 20 ms",
     ),
@@ -38,14 +48,12 @@ DIFFERENCES = (
     Difference(
         "meshes",
         "convex hulls, one per object in an OBJ",
-        "convex hulls, one per file; a flat mesh is visible but does not collide",
+        "convex hulls, one per file; a flat mesh has none, and is refused as a collision shape",
     ),
     Difference("lidar on a mesh", "hits its convex hull", "hits its triangles"),
     Difference("lidar ray that starts inside a shape", "no hit", "hits the inside"),
-    Difference("a physically impossible inertia", "accepted", "replaced by the nearest valid one"),
     Difference("`<mimic>` and gripper coupling", "limited force", "unlimited force"),
     Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),
-    Difference(STIFFNESS, "accepted", "refused"),
     Difference(PLANES, "accepted", "refused"),
     Difference("a box, ball, cylinder or capsule of size 0", "accepted", "refused"),
     Difference(
@@ -57,10 +65,31 @@ DIFFERENCES = (
 )
 
 
-def table() -> str:
-    """Return the table as Markdown."""
-    rows = [("", "pybullet", "mujoco"), ("---", "---", "---"), *DIFFERENCES]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows).replace("|  |", "| |")
+_FRICTIONS = "`lateral_friction`, `rolling_friction`, `spinning_friction`"
+ELEMENTS = (
+    ("`<axis>`", "a direction, of any length"),
+    ("`<limit>`: `lower`, `upper`", "stops; not of continuous joints"),
+    ("`<limit>`: `effort`, `velocity`", "the limits of the motor; 0 `velocity`: none"),
+    ("`<dynamics>`: `damping`, `friction`", "not used; give them in the world file"),
+    ("`<mimic>`: `joint`, `multiplier`, `offset`", "the joint follows the other one"),
+    (f"`<contact>`: {_FRICTIONS}", "coefficients of friction"),
+    (
+        f"`<contact>`: {', '.join(f'`{tag}`' for tag in PYBULLET_CONTACT)}",
+        "used by pybullet, refused by mujoco",
+    ),
+    (
+        "`<inertia>` that no body can have",
+        "replaced by a third of its trace about every axis, or by that of a plate; with a warning",
+    ),
+    ("`<safety_controller>`, `<calibration>`, `<transmission>`, `<gazebo>`", "not used"),
+)
+"""Element of a URDF → what both engines, and the model of a controller, do with it."""
+
+
+def table(head: tuple[str, ...] = ("", "pybullet", "mujoco"), rows: Any = DIFFERENCES) -> str:
+    """Return a table as Markdown."""
+    lines = [head, ("---",) * len(head), *rows]
+    return "".join(f"| {' | '.join(row)} |\n" for row in lines).replace("|  |", "| |")
 
 
 def refused(what: str) -> str:

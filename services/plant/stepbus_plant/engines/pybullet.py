@@ -21,6 +21,7 @@ from stepbus_plant.engine import (
     PhysicsError,
 )
 from stepbus_plant.engines.bullet import BulletGeometry, bullet
+from stepbus_plant.engines.bullet_meshes import readable
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point, WiringError
 
@@ -52,7 +53,11 @@ class BulletEngine:
         self._frames: dict[int, tuple[Pose, Pose]] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
-            deterministicOverlappingPairs=1, numSolverIterations=solver_iterations, **self._here
+            deterministicOverlappingPairs=1,
+            numSolverIterations=solver_iterations,
+            # With it, a joint that is 0.04 rad or m past its stop stays there; contacts ignore it.
+            useSplitImpulse=0,
+            **self._here,
         )
         bullet.setTimeStep(step_s, **self._here)
         bullet.setGravity(*gravity, **self._here)
@@ -108,9 +113,10 @@ class BulletEngine:
         flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
         try:
-            body: int = bullet.loadURDF(
-                str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
-            )
+            with readable(urdf) as model:
+                body: int = bullet.loadURDF(
+                    str(model), *pose, useFixedBase=is_fixed, flags=flags, **self._here
+                )
         except bullet.error as exc:
             raise WiringError(str(exc)) from exc
         undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}

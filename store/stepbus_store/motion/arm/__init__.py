@@ -31,7 +31,8 @@ class Params(JointParams):
     time_constant: TimeConstant
     """Time constant τ of the low-pass filter [s]."""
     window: Window
-    """Window of the Savitzky-Golay filter: an odd number of samples, at least 5."""
+    """Window: an odd number of samples, at least 3 for the moving average and 5 for the
+    Savitzky-Golay filter."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong with the window."""

@@ -1,6 +1,8 @@
 """One sale of the store, end to end, as its README promises it."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -126,3 +128,13 @@ def test_several_orders_are_sold_in_a_row(tmp_path):
     assert "2 of 2 sales" in "\n".join(
         texts(Recording(Path(result.folder) / "run.mcap"), "mission/summary")
     )
+
+
+def test_a_command_that_hosts_the_sale_leaves_no_complaint_of_a_library_at_its_end(tmp_path):
+    words = ["run", "store", "--in-process", "--no-report", "--set", "duration=160ms"]
+    command = [sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *words]
+    done = subprocess.run(
+        command, cwd=tmp_path, check=False, capture_output=True, text=True, timeout=120
+    )
+    assert "recording " in done.stdout + done.stderr
+    assert "leaked" not in done.stderr

@@ -113,6 +113,20 @@ def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
     assert any(values[0])
 
 
+def test_a_program_is_changed_by_its_absolute_path_and_runs_again_from_the_recording(
+    gained, tmp_path
+):
+    other = tmp_path / "other" / "gain.py"
+    other.parent.mkdir()
+    other.write_text(textwrap.dedent(GAIN).replace("-self.gain", "-3 * self.gain"))
+    setting = f"controller.participant={other}:Controller"
+    found = branch(gained, tmp_path / "b", at=43, set=[setting], in_process=True)
+    now, before = Recording(found.result.recording), Recording(gained)
+    values = [part["controller.command"].values[43] for part in (now, before)]
+    assert values[0] == pytest.approx(3 * values[1])
+    assert Preparation(found.result.recording, tmp_path / "c").run().equal
+
+
 def test_a_branch_is_run_again_from_its_recording_alone(gained, tmp_path):
     found = branch(
         gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
@@ -314,6 +328,7 @@ def test_a_failed_run_says_what_lacks(tmp_path):
         ("on_fault", {"participant": "controller", "first": "x"}),
         ("branch", {"plant": "-1"}),
         ("incomplete", {"controller": "²"}),
+        ("branch", {"plant": "9" * 5000}),
     ],
 )
 def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):

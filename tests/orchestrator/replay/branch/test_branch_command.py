@@ -59,7 +59,9 @@ def test_a_branch_of_a_run_without_a_step_compares_nothing(tmp_path, capsys):
 def test_a_change_shows_where_it_leaves_the_recording(recorded, tmp_path, capsys):
     assert run_command(recorded, tmp_path, "--at", "20", "--call", "plant put 0 1.5") == 0
     printed = capsys.readouterr().out
-    assert "diverges from the recording at step 20: plant/joint_state: position[0]" in printed
+    assert "diverges from the recording at step 20: plant/joint_state: position[hip]" in printed
+    assert "  position: differs in " in printed
+    assert "; largest difference " in printed
 
 
 def test_json_has_the_result_and_nothing_else(recorded, tmp_path, capsys):

@@ -41,6 +41,19 @@ def test_messages_without_a_token_change_nothing_and_are_counted(tmp_path, own_t
     assert result.drops == {"plant": 1, "controller": 0, "mission": 0}
 
 
+def test_wildcards_below_a_key_of_ones_own_change_nothing_and_are_counted(tmp_path, own_temp):
+    keys = ["bulk/controller/extra/**", "bulk/controller/**"]
+
+    def act(stranger, _token):
+        for key in keys:
+            stranger.say(key, b"\x80", attachment=bytes(8))
+
+    extra = "controller.outputs.extra={type: Bytes/1, bulk: true}"
+    result = disturbed(tmp_path, own_temp, act, extra)
+    assert (result.exit_code, result.reason) == (0, "finished")
+    assert result.unauthenticated == len(keys) + LAST_QUERY
+
+
 def test_outputs_ahead_of_their_source_change_nothing(tmp_path, own_temp, reference):
     def act(stranger, _token):
         for step in (HANDSHAKE_STEP, *range(10, 60)):

@@ -12,9 +12,11 @@ from support.messages.recordings import messages
 from support.runs.joints import fault, leftovers, write_scenario
 
 from stepbus_orchestrator.cli.terminal.keys import press
+from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.hosts import InProcess
+from stepbus_orchestrator.run.hosts import InProcess, Processes
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -52,7 +54,39 @@ def test_keys_steer_the_pace():
         limits.append(pace.limit(4))
     assert limits == [4, 5, FAR, 4, 5, 5]
     press("q", pace, interrupt)
+    assert (pace.is_stopping, interrupt.is_set()) == (True, False)
+    press("q", pace, interrupt)
     assert interrupt.is_set()
+
+
+class Stops(Observer):
+    """Ends the run as the user does, once it has come so far."""
+
+    def __init__(self, pace, at):
+        self.pace = pace
+        self.at = at
+
+    def progress(self, progress):
+        if progress.step >= self.at:
+            self.pace.stop()
+
+
+@pytest.mark.parametrize("host", [Processes(), InProcess()])
+@pytest.mark.parametrize("pause_at", [None, 0, 30])
+def test_a_run_that_its_user_ends_has_finished(tmp_path, host, pause_at):
+    scenario = load(write_scenario(tmp_path / "source"), ["duration=1000s"])
+    pace = Pace(pause_at)
+    options = Options(out=tmp_path / "out", host=host, extensions=[pace])
+    result = run(scenario, options, Stops(pace, at=1 if pause_at is None else pause_at))
+    assert (result.exit_code, result.outcome, result.reason) == (
+        0,
+        "finished",
+        "stopped by the user",
+    )
+    assert result.steps == pause_at if pause_at is not None else result.steps > 0
+    with Recording(result) as recording:
+        assert (recording.flaws(), recording.incomplete) == ([], {})
+        assert recorded_end(recording) == result.steps
 
 
 class Stepper(Observer):

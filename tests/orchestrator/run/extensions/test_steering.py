@@ -40,6 +40,15 @@ def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
     assert result.sha256 == plain.sha256
 
 
+def test_a_run_that_is_asked_to_stop_has_finished(tmp_path):
+    pace = Pace(20)
+    asker = Asker(pace, [lambda: call(tmp_path / "out", "", "stop")])
+    result = run_joints(tmp_path, "duration=1000s", observer=asker, extensions=[pace])
+    asker.thread.join()
+    assert asker.answers[0].error is None
+    assert (result.exit_code, result.reason, result.steps) == (0, "stopped by the user", 20)
+
+
 def test_who_watches_and_is_killed_does_not_slow_the_run_for_ever():
     now = [0.0]
     asked = steering.Steering(Pace(), mock.Mock(), mock.Mock())

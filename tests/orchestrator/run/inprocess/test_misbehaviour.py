@@ -63,6 +63,7 @@ KINDS = {
     "fork_twice": REFUSED,
     "fork_process": REFUSED,
     "fork_pool": REFUSED,
+    "close_range": REFUSED,
     "fork_in_c": HARMLESS,
     "ignore_signals": HARMLESS,
     "leave_daemon": HARMLESS,
@@ -199,6 +200,30 @@ def test_from_python_the_process_is_killed_with_a_result(tmp_path):
     assert done.returncode == -signal.SIGKILL
     assert (result["exit_code"], result["participant"]) == (3, "controller")
     assert "in hang_with_lock" in done.stderr
+
+
+@pytest.mark.usefixtures("starts_a_process")
+def test_a_process_whose_descriptors_are_closed_says_so(tmp_path):
+    done = misbehave(tmp_path, "close_range_in_c", "step", "--in-process")
+    assert (done.code, done.left) == (1, [])
+    assert "stepbus: this machine: Bad file descriptor" in done.errors
+
+
+@pytest.mark.slow
+@pytest.mark.usefixtures("starts_a_process")
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [
+        ("raise_kill", "had its turn when SIGKILL killed the process that all participants share"),
+        ("stop_in_c", "share was stopped by a signal or a debugger, for 1."),
+    ],
+)
+def test_a_signal_that_another_process_may_have_sent_is_not_said_to_be_a_participants(
+    tmp_path, kind, words
+):
+    done = misbehave(tmp_path, kind, "step", "--in-process")
+    assert words in done.errors
+    assert words in done.result["reason"]
 
 
 PRINTER = """

@@ -5,9 +5,10 @@ import socket
 
 import pytest
 from mcap.reader import make_reader
-from support.runs.joints import fault, run_joints
+from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.run.extension import RunExtension
 
 FAST = ("controller.step_timeout=1s", "controller.stop_timeout=1s")
 
@@ -111,6 +112,40 @@ def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
     result = run_joints(tmp_path, fault("controller", kind, 0), *deadlines)
     assert (result.exit_code, result.participant) == (code, "controller")
     assert recorded_steps(result) == list(range(101))
+
+
+SCRIPT = """
+import time
+from pathlib import Path
+from joints import Controller
+from stepbus_participant import main
+
+code = main(Controller)
+while not Path("plotted").exists():
+    time.sleep(0.02)
+raise SystemExit(code)
+"""
+
+
+class Plots(RunExtension):
+    """Lets a script end once its deadline is over."""
+
+    def __init__(self, folder):
+        self.folder = folder
+
+    def awaiting(self, participants):
+        is_stopping = self.run.state.phase.is_stopping
+        if is_stopping and self.run.clock.monotonic() > self.run.ended_at + 11:
+            (self.folder / "plotted").touch()
+
+
+@pytest.mark.slow
+def test_a_script_that_plots_behind_its_part_in_the_run_makes_no_failure(tmp_path):
+    source = write_scenario(tmp_path / "source").parent
+    (source / "script.py").write_text(SCRIPT)
+    own = ["controller.exec=[python, script.py]", "controller.stop_timeout=10s"]
+    result = run_joints(tmp_path, *own, extensions=[Plots(source)])
+    assert (result.exit_code, (source / "plotted").exists()) == (0, True), result.reason
 
 
 def test_a_port_in_use_is_named(tmp_path):

@@ -111,6 +111,7 @@ def test_files_of_another_folder_are_recorded_where_they_are_declared(tmp_path):
 
 @pytest.mark.parametrize("exec_", ["[.venv/bin/python, c.py]", "[{folder}/.venv/bin/python, c.py]"])
 def test_the_interpreter_of_a_virtual_environment_is_not_recorded(tmp_path, exec_):
+    program(tmp_path, ".venv/pyvenv.cfg")
     program(tmp_path, ".venv/bin/python", "", 0o755)
     program(tmp_path, "c.py")
     assert names(tmp_path, exec_.format(folder=tmp_path)) == ["c.py"]

@@ -1,7 +1,11 @@
 from __future__ import annotations
 
+import sys
+
 import pytest
-from support.runs.scenario import TWO_LINK, load_text, problem_of
+from support.runs.scenario import TWO_LINK, load_text, problem_of, write
+
+from stepbus_orchestrator.scenario.override import named_from_here
 
 
 def params(scenario):
@@ -80,6 +84,10 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
             "plant.exec.7=x",
             "participants.plant.exec: no index '7'; the list has 3 values, counted from 0",
         ),
+        (
+            f"plant.exec.{'9' * 5000}=x",
+            f"participants.plant.exec: no index '{'9' * 5000}'; the list has 3 values, counted from 0",
+        ),
         ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
         ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
         ("plant.every=0", "participants.plant.every: must be at least 1, not 0"),
@@ -87,3 +95,42 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
 )
 def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
     assert problem_of(tmp_path, TWO_LINK, setting) == f'set=["{setting}"]: {message}'
+
+
+CLASS = "from stepbus import Participant\nclass Other(Participant): pass\n"
+
+
+def test_a_file_in_a_setting_of_the_command_line_is_the_one_of_the_current_folder(
+    tmp_path, monkeypatch
+):
+    for name in ("here/other.py", "arm/other.py"):
+        write(tmp_path, CLASS, name)
+    monkeypatch.chdir(tmp_path / "here")
+    for given in ("other.py", "./other.py", "../here/other.py", f"{tmp_path}/here/other.py"):
+        setting = named_from_here(f"controller.participant={given}:Other")
+        spec = load_text(tmp_path / "arm", TWO_LINK, setting).participant("controller")
+        assert spec.participant == "../here/other.py:Other"
+
+
+def test_a_name_that_is_no_file_of_the_current_folder_is_one_of_the_scenario(tmp_path, monkeypatch):
+    write(tmp_path, CLASS, "arm/other.py")
+    monkeypatch.chdir(tmp_path)
+    setting = named_from_here("controller.participant=other.py:Other")
+    spec = load_text(tmp_path / "arm", TWO_LINK, setting).participant("controller")
+    assert spec.participant == "other.py:Other"
+
+
+@pytest.mark.parametrize("text", ["a=1", "a", "a=two_link", "a=[1,", "a=sine # no file", "a=0.5"])
+def test_a_setting_without_files_keeps_its_text(tmp_path, monkeypatch, text):
+    monkeypatch.chdir(tmp_path)
+    write(tmp_path, "", "two_link")
+    assert named_from_here(text) == text
+
+
+def test_the_interpreter_of_an_environment_keeps_its_path(tmp_path):
+    write(tmp_path, "", "venv/pyvenv.cfg")
+    python = tmp_path / "venv/bin/python"
+    python.parent.mkdir()
+    python.symlink_to(sys.executable)
+    setting = f"plant.exec=[{python}, -c, pass]"
+    assert load_text(tmp_path, TWO_LINK, setting).participant("plant").exec[0] == str(python)

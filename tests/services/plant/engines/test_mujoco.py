@@ -12,7 +12,7 @@ from support.services.devices import box, joint, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
 from stepbus_plant.engine import BASE, Light
-from stepbus_plant.engines.differences import DIFFERENCES, table
+from stepbus_plant.engines.differences import DIFFERENCES, ELEMENTS, PYBULLET_CONTACT, table
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
@@ -53,21 +53,14 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_link(tmp_path, found,
     assert f"world.yaml:2: bodies.one.urdf: {sentence}" in str(refused.value)
 
 
-def test_a_soft_contact_is_refused_by_name(tmp_path):
-    urdf = link("base", 1.0, box("1 1 1")).replace(
-        "</link>", "<contact><stiffness value='1e3'/></contact></link>"
-    )
-    with pytest.raises(WiringError, match=r"`<stiffness>` and `<damping>` .* use engine pybullet"):
-        load(tmp_path, urdf)
-
-
-def test_a_body_that_cannot_be_is_one_mistake_of_the_world(tmp_path):
-    urdf = link("base", 1.0, box("1 1 1")).replace('ixy="0"', 'ixy="5"')
-    ((keys, text),) = load(tmp_path, urdf).mistakes
-    assert keys == ("bodies",)
-    assert text.startswith("MuJoCo cannot build the world: ")
-    assert "0/base" in text
-    assert "\n" not in text
+@pytest.mark.parametrize("tag", PYBULLET_CONTACT)
+def test_an_element_of_a_contact_that_only_pybullet_reads_is_refused_by_name(tmp_path, tag):
+    urdf = link("base", 1.0, box("1 1 1"))
+    contact = f"<contact><{tag} value='0.5'/></contact></link>"
+    with pytest.raises(WiringError, match=rf"support <{tag}> of .*; use engine pybullet"):
+        load(tmp_path, urdf.replace("</link>", contact))
+    (tmp_path / "none").mkdir()
+    load(tmp_path / "none", urdf.replace("</link>", contact.replace("0.5", "0")))
 
 
 def test_a_plane_has_its_normal_and_does_not_move(tmp_path):
@@ -122,6 +115,7 @@ def test_what_is_half_transparent_is_seen(tmp_path):
 def test_the_docs_have_the_table_of_the_code():
     text = (CHECKOUT / "docs/guide/running/engines.md").read_text(encoding="utf-8")
     assert table() in text
+    assert table(("In a URDF", "Meaning"), ELEMENTS) in text
     assert len(DIFFERENCES) > 10
 
 

@@ -104,10 +104,11 @@ def test_a_follower_of_a_joint_that_stands_still_stands_where_that_takes_it(tmp_
 
 def test_a_body_that_can_only_fall_is_a_warning(tmp_path):
     plant = make(tmp_path)
-    assert plant.warnings.take() == []
+    assert plant.physics.notes == []
     path = tmp_path / "world.yaml"
     path.write_text(path.read_text().replace("fixed_base: true, ", ""))
     params = Params(world=path)
-    (warning,) = SimulatedPlant(load_world(path), params, 5_000_000, 0).warnings.take()
-    assert warning.startswith("body arm: it is not fixed to the world and has no collision shape")
+    ((body, warning),) = SimulatedPlant(load_world(path), params, 5_000_000, 0).physics.notes
+    assert body == "body arm"
+    assert warning.startswith("it is not fixed to the world and has no collision shape")
     assert warning.endswith("add `fixed_base: true`?")

@@ -149,12 +149,3 @@ def test_feed_forward_takes_the_lag_away(tmp_path):
 
     assert sine_error(plant(), ahead=True) < 0.005
     assert sine_error(plant(), ahead=False) > 0.05
-
-
-def test_an_inertia_that_the_engine_replaces_is_told_once(tmp_path):
-    plant = make_plant(tmp_path, body("arm", "wheel"))
-    assert plant.warnings.take() == []
-    text = (tmp_path / "wheel.urdf").read_text().replace('ixx="0.5"', 'ixx="5"')
-    (tmp_path / "disc.urdf").write_text(text)
-    (line,) = make_plant(tmp_path, body("arm", "disc")).warnings.take()
-    assert line.startswith("body arm: link 'disc': no body can have its inertia")

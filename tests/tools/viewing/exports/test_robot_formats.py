@@ -3,6 +3,7 @@
 import io
 import json
 import math
+import re
 from collections import Counter
 from pathlib import Path
 
@@ -317,6 +318,46 @@ def test_a_recording_of_another_system_is_one_sentence(bag, recording, tmp_path,
     end = {"video": ".mp4", "scene": ".html"}.get(option, ".mcap")
     assert main(["export", str(foreign), f"--{option}", str(tmp_path / f"out{end}")]) != 0
     error = capsys.readouterr().err
-    assert error.startswith(f"stepbus: {foreign} has no ")
+    assert error.startswith(f"stepbus: {foreign} is not from stepbus, or from a newer version: ")
     assert error.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("form", ["ros2", "foxglove"])
+def test_times_are_exact_after_52_days(tmp_path, form):
+    hours = [None, *[None] * 2076, Event(level="info", text="late")]
+    path = write(tmp_path / "run.mcap", 3600 * 10**9, events=("Event/1", [], hours))
+    assert main(["export", str(path), f"--{form}", str(tmp_path / "out.mcap")]) == 0
+    with (tmp_path / "out.mcap").open("rb") as file:
+        times = {message.log_time for _, _, message in make_reader(file).iter_messages()}
+    assert max(times) == 2077 * 3600 * 10**9
+
+
+def test_a_point_of_a_path_just_before_a_second_is_not_a_second_early(tmp_path):
+    plan = Plan(id=1, times=[0.0, 0.9999999999], position=[[0.0], [1.0]])
+    path = write(tmp_path / "run.mcap", plan=("Plan/1", ["hip"], [plan]))
+    assert main(["export", str(path), "--ros2", str(tmp_path / "bag")]) == 0
+    with AnyReader([tmp_path / "bag"]) as reader:
+        connection = next(c for c in reader.connections if "JointTrajectory" in c.msgtype)
+        _, _, data = next(reader.messages([connection]))
+        late = reader.deserialize(data, connection.msgtype).points[1].time_from_start
+    assert (late.sec, late.nanosec) == (1, 0)
+
+
+def test_topics_of_ros2_are_legal_and_differ(tmp_path, capsys):
+    """A legal topic is as https://design.ros2.org/articles/topic_and_service_names.html says."""
+    ports = {
+        name: ("Scalars/1", ["x"], [Scalars(values=[float(number)])])
+        for number, name in enumerate(("a-b", "a_b", "2nd", "plain"))
+    }
+    path = write(tmp_path / "run.mcap", **ports)
+    assert main(["export", str(path), "--ros2", str(tmp_path / "bag")]) == 0
+    with AnyReader([tmp_path / "bag"]) as reader:
+        values = {
+            connection.topic: reader.deserialize(data, connection.msgtype).data[0]
+            for connection, _, data in reader.messages()
+            if connection.topic.startswith("/plant")
+        }
+    assert all(re.fullmatch(r"(/[A-Za-z_]\w*)+", topic, re.ASCII) for topic in values)
+    assert values == {"/plant/a_b_": 0, "/plant/a_b": 1, "/plant/_2nd": 2, "/plant/plain": 3}  # fmt: skip
+    assert "plant/a-b is /plant/a_b_, plant/2nd is /plant/_2nd" in capsys.readouterr().err

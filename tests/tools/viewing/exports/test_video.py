@@ -87,6 +87,20 @@ def test_the_gif_of_a_camera_moves(camera, tmp_path):
         assert (first != np.asarray(film.convert("RGB"))).mean() > 0.1
 
 
+@pytest.mark.parametrize("fps", [30, 60])
+def test_a_gif_lasts_as_long_as_what_it_shows(tmp_path, fps):
+    images = [image(step % 20) for step in range(3 * fps + 1)]
+    path = write(tmp_path / "run.mcap", round(1e9 / fps), camera=("Image/1", [], images))
+    assert main(["export", str(path), "--video", str(tmp_path / "a.gif")]) == 0
+    with Pillow.open(tmp_path / "a.gif") as film:
+        lasts = []
+        for number in range(film.n_frames):
+            film.seek(number)
+            lasts.append(film.info["duration"])
+    # The last image stays for 0.5 s more.
+    assert sum(lasts) - 500 == pytest.approx(3000, abs=40)
+
+
 def test_the_scene_is_drawn_from_a_viewpoint_without_a_display(moving, tmp_path, monkeypatch):
     monkeypatch.delenv("DISPLAY", raising=False)
     words = ["--viewpoint", "0.25,-2,0.5:0.25,0,0"]

@@ -55,9 +55,9 @@ def _in_order(
             if port.topic in lost:
                 continue
             try:
-                for step, t, message in zip(batch.steps, batch.t, batch.messages(), strict=True):
-                    t_ns = round(float(t) * NS)
-                    rows.append(Instant(step=int(step), t_ns=t_ns, port=port, message=message))
+                clock = zip(batch.steps.tolist(), batch.t_ns.tolist(), strict=True)
+                for (step, t_ns), message in zip(clock, batch.messages(), strict=True):
+                    rows.append(Instant(step=step, t_ns=t_ns, port=port, message=message))
             except StepbusError as exc:
                 lost[port.topic] = f"{port.topic}: {exc}"
         # At one time, they are in the order of the ports.

@@ -20,7 +20,7 @@ from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
-from stepbus_tools.columns import Column, Field, Table
+from stepbus_tools.columns import LISTS, Column, Field, Table
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
@@ -244,7 +244,7 @@ class _Rrd:
                     failed[topic] = f"{topic}: {exc}"
                     continue
                 for field, numbers in rows:
-                    if numbers is not None and field.columns[0].type != "list":
+                    if numbers is not None and field.columns[0].type not in LISTS:
                         self._curve(table.port, field, batch, numbers)
         return failed
 

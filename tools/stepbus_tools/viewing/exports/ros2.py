@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from io import StringIO
 from pathlib import Path
@@ -15,6 +16,7 @@ from mcap.writer import CompressionType, Writer
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
+from stepbus_tools.columns import distinct
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
@@ -50,14 +52,16 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     tree = FrameTree(scene, ports)
     wanted = [p for p in ports if p.type in CONVERTED or p.topic in scene.topics]
     left = [f"{p.topic} ({p.type})" for p in ports if p.type not in CONVERTED]
+    # The only robot has the usual topic.
+    descriptions = {robot: f"{robot.prefix}robot_description" for robot in tree.robots}
+    shown = [port.topic for port in wanted if port.type in CONVERTED]
+    topic_of = _topics([*shown, *descriptions.values()])
     rate, latest = Rate(_TF_HZ), dict[str, Latest]()
     with _files(target) as (path, about):
         with path.open("wb") as stream:
             bag = _Bag(stream, _mcap_name(target))
-            for robot in tree.robots:
-                # The only one has the usual topic.
-                text = {"data": robot.body.model.text}
-                bag.add(f"/{robot.prefix}robot_description", _STRING, text, 0)
+            for robot, name in descriptions.items():
+                bag.add(topic_of[name], _STRING, {"data": robot.body.model.text}, 0)
             bag.add("/tf_static", _TF, transforms(tree.still(), 0), 0)
             if scene.has_looks:
                 bag.add(_MARKERS, "visualization_msgs/msg/MarkerArray", markers(scene, tree), 0)
@@ -72,16 +76,31 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
                 for instant in group:
                     for row in CONVERTED.get(instant.port.type, ()):
                         if (fields := row.fields(tree, instant)) is not None:
-                            topic = row.topic.format(f"/{instant.port.topic}").replace("-", "_")
+                            topic = row.topic.format(topic_of[instant.port.topic])
                             bag.add(topic, row.type, fields, t_ns)
             metadata = bag.close()
         if about is not None:
             lines = indent(metadata, "  ")
             about.write_text(f"rosbag2_bagfile_information:\n{lines}", encoding="utf-8")
     unknown = [f"ROS 2 has no type for {', '.join(left)}: not exported"] if left else []
-    problems = [*scene.notes, *unknown, *lost.values()]
+    renamed = [f"{old} is {new}" for old, new in topic_of.items() if new != f"/{old}"]
+    legal = [f"topics as ROS 2 allows them: {', '.join(renamed)}"] if renamed else []
+    problems = [*scene.notes, *unknown, *legal, *lost.values()]
     paths = [target] if about is None else [target / _mcap_name(target), target / _ABOUT]
     return Exported(paths=paths, problems=problems, lost=list(lost))
+
+
+def _topics(names: Sequence[str]) -> dict[str, str]:
+    """Return name → its topic in ROS 2: letters, digits and `_`, and no part begins with a digit.
+
+    Each has another one, and a legal name keeps its own.
+    """
+    legal = {
+        n: re.sub(r"/(?=[0-9])", "/_", re.sub(r"[^\w/]", "_", f"/{n}", flags=re.ASCII))
+        for n in names
+    }
+    order = sorted(legal, key=lambda name: legal[name] != f"/{name}")
+    return dict(zip(order, distinct([legal[name] for name in order]), strict=True))
 
 
 ROS2 = Exporter(

@@ -280,7 +280,7 @@ def _trajectory(_: FrameTree, instant: Instant) -> Fields | None:
             {
                 "positions": q,
                 "velocities": v,
-                "time_from_start": {"sec": int(t), "nanosec": round(t % 1 * NS) % NS},
+                "time_from_start": stamp(round(t * NS)),
             }
             for t, q, v in rows
         ],

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from functools import partial
 from io import StringIO
+from itertools import chain
 from pathlib import Path
 from typing import Any, Self, TextIO
 
@@ -16,8 +19,19 @@ import numpy as np
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Batch, Recording
 from stepbus_participant import need
-from stepbus_schemas import StepbusError
-from stepbus_tools.columns import CLOCK, NUMBERS, Cells, Column, Table, readable
+from stepbus_schemas import MessageError, StepbusError
+from stepbus_tools.columns import (
+    CLOCK,
+    LISTS,
+    NUMBERS,
+    Cells,
+    Column,
+    ColumnType,
+    Table,
+    distinct,
+    readable,
+    to_json,
+)
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
     Exporter,
@@ -38,7 +52,7 @@ _LONG = (
     Column(name="signal", type="string", text="participant.port.column"),
     Column(name="unit", type="string", text="unit of the value"),
     Column(name="value", type="double", text="value, where it is a number"),
-    Column(name="text", type="string", text="value, where it is none"),
+    Column(name="text", type="string", text="value, where no double holds it"),
 )
 """The columns of a file with all ports: a row for each value."""
 
@@ -68,21 +82,22 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
         if is_file:
             sinks = dict.fromkeys(tables, opened(target, _LONG, {}))
         else:
-            sinks = {t: opened(p, [*CLOCK, *t.columns], _about(t)) for t, p in paths.items()}
+            sinks = {t: opened(p, _wide(t), _about(t)) for t, p in paths.items()}
         for table, batch in _pieces(recording, tables, lost):
             try:
                 values = table.values(batch)
+                for rows in _long(table, values) if is_file else [values]:
+                    sinks[table].write(rows)
             except StepbusError as exc:
                 end = f"its rows end before step {batch.steps[0]}"
                 lost[table.port.topic] = f"{table.port.topic}: {exc}; {end}"
                 continue
-            for rows in _long(table, values) if is_file else [values]:
-                sinks[table].write(rows)
             reached(int(batch.steps[-1]))
     written = [target] if is_file else list(paths.values())
     if form == "csv" and not is_file:
         written.append(_describe(tables, target))
-    return Exported(paths=written, problems=list(lost.values()), lost=list(lost))
+    renamed = [] if is_file else list(chain.from_iterable(map(_renamed, tables)))
+    return Exported(paths=written, problems=[*renamed, *lost.values()], lost=list(lost))
 
 
 def _csv_size(recording: Recording, target: Path) -> float:
@@ -95,7 +110,7 @@ def _csv_size(recording: Recording, target: Path) -> float:
         batch = piece.get(table.port.topic)
         if batch is None or not len(batch.steps):
             continue
-        sink = _Csv(text, _LONG if is_file else [*CLOCK, *table.columns], {})
+        sink = _Csv(text, _LONG if is_file else _wide(table), {})
         # A port that cannot be read is named when it is exported.
         with suppress(StepbusError):
             values = table.values(batch)
@@ -111,6 +126,19 @@ def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path
     except OSError as exc:
         raise RecordingFailed(f"{folder} cannot be made: {exc.strerror or exc}") from exc
     return {table: folder / f"{table.name}.{form}" for table in tables}
+
+
+def _wide(table: Table) -> list[Column]:
+    """Return the columns of a port's file; their names differ, whatever its fields are called."""
+    columns = [*CLOCK, *table.columns]
+    names = distinct([column.name for column in columns])
+    return [replace(column, name=name) for column, name in zip(columns, names, strict=True)]
+
+
+def _renamed(table: Table) -> Iterator[str]:
+    for old, new in zip(table.columns, _wide(table)[len(CLOCK) :], strict=True):
+        if old.name != new.name:
+            yield f"{table.port.topic}: {old.name} is in the column {new.name}; the name is taken"
 
 
 def _pieces(
@@ -133,10 +161,16 @@ def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:
         texts: Cells = [None] * count
         if column.type in NUMBERS:
             numbers = [None if cell is None else float(cell) for cell in cells]
+            texts = [_digits(cell) for cell in cells]
         else:
             texts = [_text(cell) for cell in cells]
         name = f"{table.name}.{column.name}"
         yield steps, t, [name] * count, [column.unit] * count, numbers, texts
+
+
+def _digits(cell: Any) -> str | None:
+    """Return an integer that no double holds."""
+    return str(cell) if isinstance(cell, int | np.integer) and float(cell) != int(cell) else None
 
 
 def _text(cell: Any) -> str | None:
@@ -147,7 +181,7 @@ def _text(cell: Any) -> str | None:
             return f"{len(cell)} bytes"
         case str():
             return cell
-    return json.dumps(cell)
+    return to_json(cell)
 
 
 def _about(table: Table) -> dict[str, str]:
@@ -166,7 +200,7 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
         writer = csv.writer(file)
         writer.writerow(["file", "column", "type", "unit", "description"])
         for table in tables:
-            for one in (*CLOCK, *table.columns):
+            for one in _wide(table):
                 writer.writerow([f"{table.name}.csv", one.name, one.type, one.unit, one.text])
     return path
 
@@ -192,13 +226,18 @@ class _Csv:
 
     def write(self, values: Sequence[Cells]) -> None:
         """Write rows. values: of each column."""
-        columns = [
-            cells.tolist()
-            if isinstance(cells, np.ndarray)
-            else [_text(c) if form == "list" or isinstance(c, bytes) else c for c in cells]
-            for cells, form in zip(values, self._types, strict=True)
-        ]
+        columns = [_written(*pair) for pair in zip(values, self._types, strict=True)]
         self._writer.writerows(zip(*columns, strict=True))
+
+
+def _written(cells: Cells, form: ColumnType) -> Sequence[Any]:
+    """Return cells as CSV has them. Polars reads a column with `nan` as text, with `NaN` not."""
+    if form in (*LISTS, "binary"):
+        return [_text(cell) for cell in cells]
+    plain: Sequence[Any] = cells.tolist() if isinstance(cells, np.ndarray) else cells
+    if form != "double":
+        return plain
+    return ["NaN" if isinstance(cell, float) and math.isnan(cell) else cell for cell in plain]
 
 
 class _Parquet:
@@ -229,7 +268,8 @@ class _Parquet:
             "bool": arrow.bool_(),
             "string": arrow.string(),
             "binary": arrow.binary(),
-            "list": arrow.list_(arrow.float64()),
+            "list<double>": arrow.list_(arrow.float64()),
+            "list<int64>": arrow.list_(arrow.int64()),
             "json": arrow.string(),
         }
         metadata = {"unit": column.unit, "description": column.text}
@@ -248,18 +288,24 @@ class _Parquet:
             self._writer.close()
 
     def write(self, values: Sequence[Cells]) -> None:
-        """Write rows, in groups that read well."""
-        arrow = self._arrow
-        arrays = [
-            arrow.array(cells, type=field.type)
-            for cells, field in zip(values, self._schema, strict=True)
-        ]
-        table = arrow.table(arrays, schema=self._schema)
+        """Write rows, in groups that read well; raises MessageError for an integer above int64."""
+        fields = zip(values, self._schema, strict=True)
+        arrays = [self._array(cells, field) for cells, field in fields]
+        table = self._arrow.table(arrays, schema=self._schema)
         self._held.append(table)
         self._rows += table.num_rows
         self._bytes += table.nbytes
         if self._rows >= _GROUP_ROWS or self._bytes >= _GROUP_BYTES:
             self._flush()
+
+    def _array(self, cells: Cells, field: Any) -> Any:
+        try:
+            return self._arrow.array(cells, type=field.type)
+        except (OverflowError, self._arrow.ArrowInvalid) as exc:
+            raise MessageError(
+                f"{field.name} has an integer above {2**63 - 1}, too large for {field.type}; "
+                "export it as CSV"
+            ) from exc
 
     def _flush(self) -> None:
         if self._held:

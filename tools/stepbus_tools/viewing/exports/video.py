@@ -25,7 +25,7 @@ from stepbus_tools.viewing.viewpoint import parse_viewpoint
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
-from .instants import Rate
+from .instants import NS, Rate
 
 _FRAMES_PER_S = 25.0
 _MOST_FRAMES_PER_S = 120.0
@@ -33,8 +33,10 @@ _SIZE = (640, 480)
 _SIZES = (16, 4096)
 """The smallest and the largest width or height [pixels]."""
 _MOST_GIF_FRAMES = 750
+_GIF_TICK_NS = 10_000_000
+"""A GIF counts in hundredths of a second [ns]."""
 _SHORTEST_GIF_NS = 40_000_000
-"""A GIF counts in hundredths of a second, and viewers slow down what is faster."""
+"""Viewers slow down what is faster [ns]."""
 _RARE_NS = 1_000_000_000
 """Images that are farther apart on the average make no film [ns]."""
 _TICK = Fraction(1, 90_000)
@@ -66,9 +68,9 @@ class _Plan:
 
     def times(self) -> list[int]:
         """Return the time of each frame [ns]."""
-        fps = self.fps or _FRAMES_PER_S
-        count = math.floor((self.end_ns - self.start_ns) * 1e-9 * fps + 1e-6)
-        return [self.start_ns + round(number * 1e9 / fps) for number in range(count + 1)]
+        rate = Fraction(str(self.fps or _FRAMES_PER_S))
+        count = math.floor((self.end_ns - self.start_ns) * rate / NS)
+        return [self.start_ns + round(number * NS / rate) for number in range(count + 1)]
 
     def share(self, t_ns: int) -> float:
         """Return how much of the film is over at a time [ns], 0 to 1."""
@@ -159,10 +161,7 @@ def _time(text: str, default: int) -> int:
     """Return a simulation time [ns]."""
     if not text:
         return default
-    return 0 if _ZERO.fullmatch(text.strip()) else parse_duration(text)
-
-
-_ZERO = re.compile(r"0+(\.0*)?\s*(ns|us|ms|s|min|h)?")
+    return 0 if text.strip() == "0" else parse_duration(text, may_be_zero=True)
 
 
 def _size(text: str) -> tuple[int, int] | None:
@@ -260,7 +259,7 @@ def _write_mp4(path: Path, shots: Iterator[Shot], plan: _Plan) -> list[str]:
                 stream.pix_fmt = "yuv420p"
                 stream.codec_context.time_base = _TICK
                 stream.options = {"crf": "20", "preset": "veryfast"}
-            tick = round((t_ns - plan.start_ns) * 1e-9 / _TICK)
+            tick = round(Fraction(t_ns - plan.start_ns, NS) / _TICK)
             if tick <= newest or even.shape[:2] != (stream.height, stream.width):
                 continue
             frame = av.VideoFrame.from_ndarray(even, format="rgb24")
@@ -291,7 +290,9 @@ def _write_gif(path: Path, shots: Iterator[Shot], _plan: _Plan) -> list[str]:
             times.append(t_ns)
     if not frames:
         raise ValueError("no image in this time range")
-    lasts = [round((b - a) * 1e-6) for a, b in pairwise(times)] + [500]
+    # Round times, not the intervals between them: their errors would add up.
+    ends = [round((t_ns - times[0]) / _GIF_TICK_NS) for t_ns in times]
+    lasts = [10 * (b - a) for a, b in pairwise(ends)] + [500]
     frames[0].save(
         path, "GIF", save_all=True, append_images=frames[1:], duration=lasts, loop=0, optimize=True
     )

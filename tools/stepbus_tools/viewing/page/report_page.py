@@ -49,15 +49,20 @@ def write_page(
 
     paths: of recordings, or the folders of their runs. target: default: report.html beside the
     first recording. problems: gets what cannot be shown. has_replay: the page has the scene in
-    motion too, which takes seconds and about a megabyte.
+    motion too, which takes seconds and about a megabyte; it is left out without viser.
 
     Raises RecordingFailed when a recording cannot be read or the page cannot be written,
     ExtraMissing without uPlot.
     """
     runs = [RunPage(path) for path in paths]
-    replays = [packed_replay(run.path) if has_replay and run.scene else "" for run in runs]
+    lost = [f"{run.path}: {text}" for run in runs for text in run.problems]
+    replays: list[str] = []
+    try:
+        replays = [packed_replay(run.path) if has_replay and run.scene else "" for run in runs]
+    except ExtraMissing as exc:
+        lost.append(f"the page has no animated scene: {exc}")
     if problems is not None:
-        problems += [f"{run.path}: {text}" for run in runs for text in run.problems]
+        problems += lost
     return render_page(runs, target or runs[0].path.with_name(PAGE_FILE), replays)
 
 

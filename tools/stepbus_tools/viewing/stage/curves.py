@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
-from stepbus_tools.columns import NUMBERS, dotted, fields_of
+from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of
 from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
@@ -79,7 +79,7 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
         port = ports[topic]
         for field in fields_of(port, type(latest.message)):
             count = len(_numbers(getattr(latest.message, field.name)))
-            if count and field.columns[0].type in (*NUMBERS, "list"):
+            if count and field.columns[0].type in (*NUMBERS, *LISTS):
                 label, names = f"{dotted(port)}.{field.name}", field.labels(count)[:_MOST_LINES]
                 limits = _limits(port, field.name, len(names))
                 unit = field.columns[0].unit

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_participant import installed_version
-from stepbus_plant.engine import Light
+from stepbus_plant.engine import Light, PhysicsError
 from stepbus_plant.engines.mujoco.model import LOOKS
 from stepbus_plant.geometry import Array
 from stepbus_schemas import WiringError
@@ -61,16 +61,22 @@ class Painter:
     def close(self) -> None:
         """Let go of the display."""
         if self._context is not None:
+            # What is freed are numbers of the current context: it may be another painter's.
+            self._gl.make_current()
             self._context.free()
             self._context = None
         if self._gl is not None:
             self._gl.free()
             self._gl = None
 
+    def __del__(self) -> None:
+        """Let go of the display, before MuJoCo does so in whichever context is current."""
+        self.close()
+
     def image(
         self, size: tuple[int, int], view: Array, projection: Array, light: Light
     ) -> tuple[NDArray[np.uint8], Array]:
-        """See `Engine`."""
+        """See `Engine`; raises PhysicsError for an error of OpenGL."""
         width, height = size
         if width > self._width or height > self._height:
             self._resize(width, height)
@@ -92,6 +98,10 @@ class Painter:
         place = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(place, scene, self._context)
         mujoco.mjr_readPixels(colours, depth, place, self._context)
+        if error := mujoco.mjr_getError():
+            raise PhysicsError(
+                f"OpenGL reports error {error:#x} for an image of {width} x {height}"
+            )
         colours[depth >= 1.0] = 255
         # OpenGL counts rows from below.
         return colours[::-1].copy(), depth[::-1].astype(np.float64)

@@ -117,10 +117,10 @@ class Builder:
             root=pose,
             is_fixed=is_fixed,
         )
-        palette = {
-            material.get("name", ""): material.find("color") for material in root.iter("material")
-        } if has_visuals else None  # fmt: skip
-        place = Place(urdf.parent, palette, friction)
+        colours = ((m.get("name", ""), m.find("color")) for m in root.iter("material"))
+        # A material is defined once, and used by its name elsewhere.
+        palette = {name: colour for name, colour in colours if colour is not None}
+        place = Place(urdf.parent, palette if has_visuals else None, friction)
         base = self._spec.worldbody.add_body(name=body.body_name(BASE))
         base.mocap = is_fixed
         if is_fixed:
@@ -184,7 +184,8 @@ class Builder:
             )
             body.frictions[name] = friction
             body.solid.add(n)
-        for seen in element.findall("collision" if place.palette is None else "visual"):
+        visuals = [] if place.palette is None else element.findall("visual")
+        for seen in visuals or element.findall("collision"):
             shape = self._shape(seen, place.folder, is_solid=False)
             if shape is not None:
                 shape["pos"] = _shifted(shape["pos"], body, n)

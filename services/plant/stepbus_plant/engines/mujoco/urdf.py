@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 
 from stepbus_plant.engine import JointInfo
-from stepbus_plant.engines.differences import STIFFNESS, refused
+from stepbus_plant.engines.differences import PYBULLET_CONTACT, refused
 from stepbus_plant.geometry import Array, Pose, quaternion
 from stepbus_schemas import Point, Quaternion, WiringError
 
@@ -25,14 +25,15 @@ class Place:
     """folder: of the URDF. palette: its colours; None: shapes are seen. friction: over its own."""
 
     folder: Path
-    palette: Mapping[str, ET.Element | None] | None
+    palette: Mapping[str, ET.Element] | None
     friction: Mapping[str, float]
 
     def friction_of(self, link: ET.Element) -> tuple[float, float, float]:
         """Return lateral, spinning and rolling friction of a link."""
-        soft = [tag for tag in ("stiffness", "damping") if link.find(f"contact/{tag}") is not None]
-        if soft:
-            raise WiringError(refused(STIFFNESS))
+        for tag in PYBULLET_CONTACT:
+            given = link.find(f"contact/{tag}")
+            if given is not None and given.get("value") not in {"0", "0.0"}:
+                raise WiringError(refused(f"<{tag}> of a link's <contact>"))
 
         def value(kind: str) -> float:
             given = link.find(f"contact/{kind}_friction")
@@ -111,7 +112,7 @@ def _loaded(file: str, _state: tuple[int, int]) -> tuple[Array, Any]:
     return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
 
 
-def colour(visual: ET.Element, palette: Mapping[str, ET.Element | None]) -> tuple[float, ...]:
+def colour(visual: ET.Element, palette: Mapping[str, ET.Element]) -> tuple[float, ...]:
     """Return red, green, blue and alpha of a visual, 0 to 1."""
     material = visual.find("material")
     own = None if material is None else material.find("color")
