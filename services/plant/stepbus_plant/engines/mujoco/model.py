@@ -21,7 +21,6 @@ from stepbus_plant.engines.mujoco.urdf import (
     child_of,
     colour,
     joint_info,
-    load_mesh,
     origin,
     parent_of,
     part,
@@ -30,6 +29,7 @@ from stepbus_plant.engines.mujoco.urdf import (
     wxyz,
 )
 from stepbus_plant.geometry import Array, Pose, rotation
+from stepbus_plant.meshes import load_mesh
 from stepbus_plant.models import mesh_path
 from stepbus_schemas import Point, WiringError
 
