@@ -56,6 +56,20 @@ def _read(file: str, named: str) -> tuple[Array, Any]:
     return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
 
 
+def convex_hull(vertices: Array) -> tuple[Array, Any]:
+    """Return vertices and faces, as `load_mesh`, of the convex hull of points that have a volume."""
+    import coal  # noqa: PLC0415  as above
+
+    points = coal.StdVec_Vec3s()
+    points.extend(list(vertices))
+    hull = coal.Convex.convexHull(points, True, "Qt")
+    faces = (hull.polygons(n) for n in range(hull.num_polygons))
+    return (
+        np.array([hull.point(n) for n in range(hull.num_points)]),
+        np.array([[face[0], face[1], face[2]] for face in faces], dtype=int),
+    )
+
+
 def binary_stl(file: str) -> bytes:
     """Return the triangles of a mesh file as a binary STL; raises as `load_mesh`."""
     vertices, faces = load_mesh(file)
