@@ -57,7 +57,7 @@ def _read(file: str, named: str) -> tuple[Array, Any]:
 
 
 def convex_hull(vertices: Array) -> tuple[Array, Any]:
-    """Return vertices and faces, as `load_mesh`, of the convex hull of points that have a volume."""
+    """Return vertices and faces of the convex hull of points with a volume, as `load_mesh`."""
     import coal  # noqa: PLC0415  as above
 
     points = coal.StdVec_Vec3s()
