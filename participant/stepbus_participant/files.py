@@ -40,14 +40,8 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     package, _, rest = url.removeprefix("package://").partition("/")
     if rest.startswith("/") or ".." in rest.split("/"):
         raise WiringError(f"{url} points outside its package; name a file inside it, without `..`")
-    spec = importlib.util.find_spec(package) if package.isidentifier() else None
-    if spec is not None and spec.submodule_search_locations:
-        return Path(next(iter(spec.submodule_search_locations))) / rest
-    cmeel = importlib.util.find_spec("cmeel")
-    if cmeel is not None and cmeel.origin is not None:
-        share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share"
-        if (share / package).is_dir():
-            return share / package / rest
+    if (installed := _installed(package)) is not None:
+        return installed / rest
     local = None if folder is None else _local(package, rest, folder)
     if local is not None:
         return local
@@ -55,6 +49,35 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     where = "" if folder is None else above
     hint = extra_hint(package)
     raise WiringError(f"{url}: package {package!r} is not installed{hint or where}")
+
+
+def package_folder(package: str, folder: Path) -> Path:
+    """Return the folder of a package, as `$(find <package>)` names it.
+
+    It is that of `package_path`, or else a folder of its name in `folder` or above it.
+    Raises WiringError when there is none.
+    """
+    if (installed := _installed(package)) is not None:
+        return installed
+    for parent in (folder, *folder.absolute().parents):
+        if parent.name == package or (parent / package).is_dir():
+            return parent if parent.name == package else parent / package
+    raise WiringError(
+        f"$(find {package}): package {package!r} is not installed{extra_hint(package)}, and no "
+        f"folder {package!r} is in or above {folder}"
+    )
+
+
+def _installed(package: str) -> Path | None:
+    """Return the folder of an installed Python package, or of `cmeel.prefix/share`."""
+    spec = importlib.util.find_spec(package) if package.isidentifier() else None
+    if spec is not None and spec.submodule_search_locations:
+        return Path(next(iter(spec.submodule_search_locations)))
+    cmeel = importlib.util.find_spec("cmeel")
+    if cmeel is None or cmeel.origin is None:
+        return None
+    share = Path(cmeel.origin).parent.parent / "cmeel.prefix" / "share" / package
+    return share if package and share.is_dir() else None
 
 
 def _local(package: str, rest: str, folder: Path) -> Path | None:

@@ -128,7 +128,9 @@ class _Sdf:
                 color = shape.find("material/diffuse")
                 if tag == "visual" and color is not None:
                     material = ET.SubElement(row, "material", {"name": f"{name}_{len(element)}"})
-                    rgba = self._numbers(color, 4, [1.0] * 4)
+                    # A colour of three numbers is opaque.
+                    count = min(len((color.text or "").split()) or 4, 4)
+                    rgba = [*self._numbers(color, max(count, 3), [1.0] * 4), 1.0][:4]
                     ET.SubElement(material, "color", {"rgba": text_of(rgba)})
         return element
 

@@ -7,6 +7,7 @@ PyBullet, refused or balanced by MuJoCo, and taken as it is by Pinocchio.
 
 from collections.abc import Iterator, Sequence
 from typing import Any
+from urllib.parse import unquote
 from xml.etree import ElementTree as ET
 
 from .urdf_check import LEFT_OUT, MOMENTS, Element, floats, moments
@@ -23,19 +24,28 @@ _SILENT = 1e-6
 def clean(root: Element) -> bool:
     """Clean a robot without problems in place; return whether it has changed.
 
-    Axes get the length 1, continuous joints lose `lower` and `upper`. An inertia that no body can
-    have becomes a third of its trace about every axis, as by MuJoCo's `balanceinertia`, or that of
-    a plate where the numbers are only rounded; a sentence on it is added to the robot (see
-    `urdf_warnings`).
+    Axes get the length 1, continuous joints lose `lower` and `upper`, `file://` meshes get a path.
+    An inertia that no body can have becomes a third of its trace about every axis, as by MuJoCo's
+    `balanceinertia`, or that of a plate where the numbers are only rounded; a sentence on it is
+    added to the robot (see `urdf_warnings`).
     """
     joints: Sequence[Any] = root.findall("joint")
     links: Sequence[Any] = root.findall("link")
+    files = [_as_path(mesh) for mesh in root.iter("mesh")]
     axes = [_unit(axis) for joint in joints for axis in joint.findall("axis")]
     stops = [_unlimited(joint) for joint in joints if joint.get("type") == "continuous"]
     repaired = [text for link in links for text in _balanced(link)]
     for text in filter(None, repaired):
         ET.SubElement(root, LEFT_OUT).text = text
-    return any((*axes, *stops)) or bool(repaired)
+    return any((*files, *axes, *stops)) or bool(repaired)
+
+
+def _as_path(mesh: Any) -> bool:
+    """Name the file of a mesh by its path; return whether it was named by a URL."""
+    url = mesh.get("filename", "")
+    if url.startswith("file://"):
+        mesh.set("filename", unquote(url.removeprefix("file://")))
+    return bool(url.startswith("file://"))
 
 
 def _unit(axis: Any) -> bool:

@@ -17,6 +17,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.conformance import conformance, select
 
 EXAMPLE = CHECKOUT / "examples" / "controllers" / "rust"
 CRATE = CHECKOUT / "clients" / "rust"
@@ -82,6 +83,13 @@ def test_window_and_transport_change_no_byte(result, tmp_path, transport, window
 def test_its_recording_is_replayed_equal(result, capsys):
     arguments = ["replay", str(result.recording), "--participant", "controller"]
     assert main(arguments) == 0, capsys.readouterr()
+
+
+@pytest.mark.slow
+def test_it_joins_each_time_although_another_process_replies_as_well(built):
+    checks = select(["wrong-replies"]) * 20
+    report = conformance(load(EXAMPLE), "controller", checks=checks)
+    assert [check.outcome for check in report.checks] == ["pass"] * 20
 
 
 @pytest.mark.slow

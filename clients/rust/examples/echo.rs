@@ -74,8 +74,7 @@ impl Participant for Mission {
     }
 
     fn update(&mut self, _step: i64, _inputs: &Inputs) -> Result<Answer, Error> {
-        let reference =
-            JointReference { position: pair(), velocity: pair(), acceleration: pair() };
+        let reference = JointReference { position: pair(), velocity: pair(), acceleration: pair() };
         Ok(Answer::default().with("reference", &reference))
     }
 }

@@ -5,14 +5,14 @@ use std::io::Write;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{channel, Receiver, RecvTimeoutError, Sender};
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 use serde_json::{json, Value as Json};
 use zenoh::handlers::FifoChannelHandler;
 use zenoh::liveliness::LivelinessToken;
 use zenoh::pubsub::{Publisher, Subscriber};
 use zenoh::qos::CongestionControl;
-use zenoh::query::Reply;
+use zenoh::query::{ConsolidationMode, QueryTarget, Reply};
 use zenoh::sample::SampleKind;
 use zenoh::{Config, Session, Wait};
 
@@ -118,18 +118,19 @@ impl Bus {
         }
     }
 
-    /// Asks to join, once; returns the payload of the reply, if one comes (P4.2).
-    pub fn query_join(&self, hello: Vec<u8>, timeout: Duration) -> zenoh::Result<Option<Vec<u8>>> {
+    /// Asks all that answer to be let in, once; yields the payloads of the replies as they arrive
+    /// (P4.2).
+    pub fn query_join(
+        &self,
+        hello: Vec<u8>,
+        timeout: Duration,
+    ) -> zenoh::Result<impl Iterator<Item = Vec<u8>>> {
         let query = self.session.get(format!("{}/join", self.keys)).payload(hello);
         let query = query.encoding(encoding("Hello/1")).timeout(timeout);
+        let query = query.target(QueryTarget::All).consolidation(ConsolidationMode::None);
         let replies: FifoChannelHandler<Reply> = query.wait()?;
-        let deadline = Instant::now() + timeout;
-        while let Ok(Some(reply)) = replies.recv_deadline(deadline) {
-            if let Ok(sample) = reply.result() {
-                return Ok(Some(sample.payload().to_bytes().into_owned()));
-            }
-        }
-        Ok(None)
+        let payload = |reply: Reply| Some(reply.result().ok()?.payload().to_bytes().into_owned());
+        Ok(replies.into_iter().filter_map(payload))
     }
 
     /// Publishes an `Outputs`.

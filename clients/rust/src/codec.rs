@@ -68,7 +68,8 @@ pub type Declaration = BTreeMap<String, Value>;
 /// Panics where a field lacks its form.
 pub fn declared<T: Message>() -> (String, Declaration) {
     let rows = T::declaration();
-    let rows = rows.unwrap_or_else(|| panic!("{}: give each field its form: `as \"float\"`", T::TYPE));
+    let rows =
+        rows.unwrap_or_else(|| panic!("{}: give each field its form: `as \"float\"`", T::TYPE));
     (T::TYPE.to_owned(), rows)
 }
 

@@ -101,14 +101,22 @@ fn hello<P: Participant>(ticket: &Ticket) -> Hello {
     }
 }
 
-/// Asks until it is answered (P4.2); else says why not.
+/// Asks until it is answered: the first valid `Welcome` counts, another reply only where there is
+/// none (P4.2). Else says why not.
 fn join(bus: &Bus, ticket: &Ticket, hello: &Hello, quit: &AtomicBool) -> Result<Welcome, String> {
     let (hello, timeout) = (encode(hello), ticket.join_timeout());
     let deadline = Instant::now() + timeout;
     while !quit.load(Ordering::Relaxed) {
-        let reply = bus.query_join(hello.clone(), timeout).map_err(|error| error.to_string())?;
-        if let Some(reply) = reply {
-            return read_reply(&reply, ticket);
+        let replies = bus.query_join(hello.clone(), timeout).map_err(|error| error.to_string())?;
+        let mut refusal = None;
+        for reply in replies {
+            match read_reply(&reply, ticket) {
+                Ok(welcome) => return Ok(welcome),
+                Err(text) => refusal = refusal.or(Some(text)),
+            }
+        }
+        if let Some(text) = refusal {
+            return Err(text);
         }
         if Instant::now() > deadline {
             return Err(format!("no answer from the orchestrator for {timeout:?}; is it running?"));

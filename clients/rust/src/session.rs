@@ -142,7 +142,9 @@ impl Session {
         let token = &self.welcome.token;
         match self.bus.next(timeout) {
             None => {}
-            Some(Event::Gone) => return Err(Leave::Quit("lost the connection to the orchestrator".to_owned())),
+            Some(Event::Gone) => {
+                return Err(Leave::Quit("lost the connection to the orchestrator".to_owned()))
+            }
             Some(Event::Output(index, bytes)) => {
                 self.sources[index].accept(&bytes, token, &mut self.drops)?;
             }

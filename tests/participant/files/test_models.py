@@ -1,5 +1,6 @@
 """URDF and xacro."""
 
+import re
 import sys
 from pathlib import Path
 
@@ -40,6 +41,34 @@ def test_included_files_are_found_beside_their_own_file_and_in_packages(tmp_path
     assert 'name="shoulder_pan_joint"' in text
 
 
+@pytest.mark.parametrize(
+    ("include", "names"),
+    [
+        ('<xacro:include filename="gone.xacro" optional="true"/>', []),
+        ('<xacro:include filename="parts/*.xacro"/>', ["a", "b"]),
+        ('<xacro:include filename="$(find my_arm)/urdf/c.xacro"/>', ["c", "d"]),
+        ("<xacro:include filename=\"${'parts'}/a.xacro\"/>", ["a"]),
+    ],
+)
+def test_xacro_decides_what_is_included(tmp_path, include, names):
+    for name in ("parts/a", "parts/b", "my_arm/urdf/d"):
+        xacro(tmp_path, f'<material name="{name[-1]}"/>', f"{name}.xacro")
+    inner = '<material name="c"/><xacro:include filename="$(find my_arm)/urdf/d.xacro"/>'
+    xacro(tmp_path, inner, "my_arm/urdf/c.xacro")
+    text = read_urdf_text(xacro(tmp_path, f'<link name="base"/>{include}'))
+    assert re.findall(r'<material name="(\w)"', text) == names
+
+
+def test_a_package_that_xacro_looks_for_in_vain_is_named(tmp_path):
+    told = refusal(xacro(tmp_path, '<xacro:include filename="$(find no_arm)/a.xacro"/>'))
+    assert "package 'no_arm' is not installed, and no folder 'no_arm' is in or above" in told
+
+
+def test_xacro_in_a_file_called_urdf_is_expanded(tmp_path):
+    content = '<xacro:property name="ns" value="left"/><link name="${ns}_base"/>'
+    assert '<link name="left_base"/>' in read_urdf_text(xacro(tmp_path, content, "r.urdf"))
+
+
 def test_no_line_is_longer_than_pybullet_reads(tmp_path):
     joint = '<joint name="{0}" type="fixed"><parent link="link_0"/><child link="link_{0}"/></joint>'
     links = "".join(f'<link name="link_{n}"/>{joint.format(n)}' for n in range(1, 200))
@@ -51,9 +80,9 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
     ("content", "told"),
     [
         ('<link name="${unknown}"/>', "cannot expand xacro: .*unknown"),
-        ('<xacro:include filename="gone.xacro"/>', "gone.xacro: No such file"),
+        ('<xacro:include filename="gone.xacro"/>', "No such file or directory: .*gone.xacro"),
         ('<xacro:include filename="package://no-such/x"/>', "package 'no-such' is not installed"),
-        ('<xacro:include filename="r.urdf.xacro"/>', "includes itself"),
+        ('<xacro:include filename="r.urdf.xacro"/>', "recursion"),
         ("<link", "is not XML"),
         ("<xacro:property/>", "cannot expand xacro: .*missing attribute 'name'"),
         ('<xacro:macro name="m" params=""><xacro:m/></xacro:macro><xacro:m/>', "recursion"),

@@ -103,6 +103,13 @@ def test_what_changes_the_motion_and_no_urdf_says_is_refused(tmp_path, old, new,
         read_urdf_text(tmp_path / "arm.sdf")
 
 
+def test_a_colour_of_three_numbers_is_opaque(tmp_path):
+    visual = '<visual name="v"><geometry><sphere><radius>1</radius></sphere></geometry>'
+    painted = f"{visual}<material><diffuse>0.2 0.4 0.6</diffuse></material></visual></link>"
+    (tmp_path / "arm.sdf").write_text(SDF.replace("</link>", painted, 1))
+    assert 'rgba="0.2 0.4 0.6 1.0"' in read_urdf_text(tmp_path / "arm.sdf")
+
+
 def test_a_joint_follows_another_one_as_in_a_urdf(tmp_path):
     path = tmp_path / "arm.sdf"
     followed = '<mimic joint="shoulder"><multiplier>0.5</multiplier><reference>0.2</reference>'

@@ -205,7 +205,7 @@ class Controller:
         self.inbox, self.held = queue.SimpleQueue(), {}
         self.alive = session.liveliness().declare_token(self.prefix + f"alive/{self.name}")
         self.watched = self.watch()
-        self.welcome = self.check_welcome(self.join(ticket.get("join_timeout_s", 10.0)))
+        self.welcome = self.join(ticket.get("join_timeout_s", 10.0))
         self.inputs = self.welcome["inputs"]
         self.sources = self.make_sources()
         keys = ["start", "trigger", "stop", *(f"out/{source}" for source in self.sources)]
@@ -226,16 +226,29 @@ class Controller:
         }
         return hello if self.lowest == self.highest else {**hello, "lowest_protocol": self.lowest}
 
+    def query(self, timeout_s):
+        """Ask all that answer."""
+        return self.session.get(
+            self.prefix + "join",
+            payload=msgpack.packb(self.hello()),
+            encoding="application/msgpack;stepbus.Hello/1",
+            timeout=timeout_s,
+            target=zenoh.QueryTarget.ALL,
+            consolidation=zenoh.ConsolidationMode.NONE,
+        )
+
     def join(self, timeout_s):
-        encoding = "application/msgpack;stepbus.Hello/1"
         deadline = time.monotonic() + timeout_s
         while time.monotonic() < deadline:
-            replies = self.session.get(
-                self.prefix + "join", payload=msgpack.packb(self.hello()), encoding=encoding, timeout=timeout_s
-            )  # fmt: skip
-            for reply in replies:
+            refusals = []
+            for reply in self.query(timeout_s):
                 if reply.ok is not None:
-                    return unpack(reply.ok.payload.to_bytes())
+                    try:
+                        return self.check_welcome(unpack(reply.ok.payload.to_bytes()))
+                    except (Refused, Malformed) as exc:
+                        refusals.append(exc)
+            if refusals:
+                raise refusals[0]
             time.sleep(0.05)
         raise Refused(f"nobody answered within {timeout_s} s")
 

@@ -1,6 +1,8 @@
 """The controller of by_the_page.py with one mistake: `wrong_controller.py MISTAKE`."""
 
 import contextlib
+import itertools
+import math
 import os
 import random
 import signal
@@ -68,6 +70,30 @@ class IgnoresTerm(Controller):
 class AsksForever(Controller):
     def join(self, timeout_s):
         return super().join(1000.0)
+
+
+class AsksOne(Controller):
+    """Asks the one that Zenoh picks."""
+
+    target = by_the_page.zenoh.QueryTarget.BEST_MATCHING
+
+    def query(self, timeout_s):
+        hello = by_the_page.msgpack.packb(self.hello())
+        key = self.prefix + "join"
+        return self.session.get(key, payload=hello, timeout=timeout_s, target=self.target)
+
+
+class Consolidates(AsksOne):
+    """Asks all, but lets Zenoh keep one reply."""
+
+    target = by_the_page.zenoh.QueryTarget.ALL
+
+
+class FirstReply(Controller):
+    """Takes the first reply for the only one."""
+
+    def query(self, timeout_s):
+        return itertools.islice(super().query(timeout_s), 1)
 
 
 class AnyWelcome(Controller):
@@ -194,6 +220,14 @@ class TakesNewest(Controller):
 class IgnoresDelay(Controller):
     def due(self, config, step):
         return super().due({**config, "delay": 0}, step)
+
+
+class RoundsToZero(Controller):
+    """Rounds as C does: step −1 down to step 0."""
+
+    def due(self, config, step):
+        reach = step - config.get("delay", 0)
+        return reach - int(math.fmod(reach, config.get("every", 1)))
 
 
 class ForgetsInputs(Controller):
@@ -332,9 +366,9 @@ class HangingSource(Source):
 MISTAKES = {
     cls.__name__: cls
     for cls in (
-        WrongToken, WrongPorts, HandshakesOnce, LaterStart, FiresAlways, IgnoresTerm, AsksForever, AnyWelcome, NoHandshakes, WrongLimits,
+        WrongToken, WrongPorts, AsksOne, FirstReply, Consolidates, HandshakesOnce, LaterStart, FiresAlways, IgnoresTerm, AsksForever, AnyWelcome, NoHandshakes, WrongLimits,
         WrongEncoding, StepsMissing, TwiceDifferent, WrongTime, StrangerOutputs, Mistyped, NoLog,
-        BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay,
+        BigBatches, Random, Clock, IgnoresTriggers, LastTrigger, Silent, TakesNewest, IgnoresDelay, RoundsToZero,
         ForgetsInputs, ZerosForHeld, FixedOrder, IgnoresStop, AnyStop, StopsAtOnce,
         ExitsThree, Unwatchful, SilentFaults, LosesBatches, NoText, TicketNumber,
     )

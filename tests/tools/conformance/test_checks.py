@@ -24,14 +24,18 @@ PATIENT = ("controller.step_timeout=30s", "controller.stop_timeout=30s")
 # Mistake → what the kit says of it, by the first of its checks.
 SAID = {
     "AnyWelcome": "it became ready after a Welcome of protocol 1000|did not end within .* of a Welcome",
+    "AsksOne": "reaches both processes on `join` .* did not arrive: it exited with code 1",
     "Clock": r"two runs with the same inputs differ: step \d+: command",
     "ExitsZeroWithoutTicket": "exited with code 0 without a ticket",
+    "Consolidates": "its last error: another process refuses you again",
+    "FirstReply": "Ready did not arrive: .*no MessagePack",
     "FixedOrder": r"with the joints of .* in reverse order, .*command.*is",
     "ForgivesDuplicates": "reported no fault of plant",
     "HangsAtGarbage": "step 0 did not arrive within 4 s",
     "IgnoresDelay": "it reports a fault only with joint_state absent at first",
     "IgnoresTriggers": r"published step 12 before a Trigger with step_limit > 12",
     "OnlyFloats": "it reported a fault",
+    "RoundsToZero": "step 0 did not arrive within 4 s; it reports that it is waiting for",
     "StepsMissing": "step 5 did not arrive|step 6 was published instead of 5",
     "StopsAtOnce": r"the last step it published is 11, expected 12 \(P11.2\)",
     "StrangerOutputs": "has another token",
@@ -43,8 +47,8 @@ SAID = {
 
 
 EXPIRES = {
-    "AnyWelcome": "join", "HangsAtGarbage": "step", "StepsMissing": "step",
-    "StrangerOutputs": "step", "TwiceDifferent": "step", "Unwatchful": "stop",
+    "AnyWelcome": "join", "AsksOne": "join", "HangsAtGarbage": "step", "RoundsToZero": "step",
+    "StepsMissing": "step", "StrangerOutputs": "step", "TwiceDifferent": "step", "Unwatchful": "stop",
 }  # fmt: skip
 """Which deadline finds a mistake; the others need none."""
 
@@ -140,7 +144,7 @@ def test_nothing_is_left_of_a_program_that_hangs(hurried_inputs, tmp_path):
 @pytest.mark.slow
 def test_the_program_written_from_the_page_passes(inputs, tmp_path):
     names = [
-        "refused", "peers-last", "steps", "log", "determinism", "triggers", "late-input",
+        "wrong-replies", "refused", "peers-last", "steps", "log", "determinism", "triggers", "late-input",
         "wrong-message", "control-noise", "stop-overtakes",
     ]  # fmt: skip
     results = outcomes(inputs, program("by_the_page.py"), tmp_path, names)
@@ -151,9 +155,9 @@ def test_the_program_written_from_the_page_passes(inputs, tmp_path):
 @pytest.mark.parametrize(
     ("participant", "names"),
     [
-        ("controller", ["steps", "joint-order"]),
+        ("controller", ["wrong-replies", "steps", "nothing-due", "joint-order"]),
         ("mission", ["steps", "stop-at-end"]),
-        ("plant", ["late-input", "stop-at-end"]),
+        ("plant", ["late-input", "nothing-due", "stop-at-end"]),
     ],
 )
 def test_our_own_participants_pass(two_link_recording, tmp_path, participant, names):

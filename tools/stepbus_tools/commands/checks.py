@@ -41,7 +41,7 @@ def conformance_command(
     """Check a program against the protocol.
 
     Simulates the orchestrator and all peers of one participant, on the real bus, and checks the
-    participant's behaviour: 63 checks, each of one clause of docs/protocol.md. Restarts the program
+    participant's behaviour: 65 checks, each of one clause of docs/protocol.md. Restarts the program
     for each check. Exit code 0: no check failed, 11: at least one failed.
 
     program: command line of the program, started in the current folder (default: the one in the

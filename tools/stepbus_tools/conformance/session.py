@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from queue import Empty, SimpleQueue
-from typing import Any, Self
+from typing import Self
 
 from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.processes.child import Child
@@ -16,8 +16,8 @@ from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.bus import open_bus
-from stepbus_participant import Endpoint, Sample, ZenohBus
-from stepbus_schemas import encode, encoding_of
+from stepbus_participant import Endpoint, Request, Sample, ZenohBus
+from stepbus_schemas import Refusal, encode, encoding_of
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
 from stepbus_tools.conformance.slots import SharedSlots
@@ -29,6 +29,19 @@ _TICK_S = 0.02
 _LONGEST_TICK_S = 0.25
 # The last messages of a process may arrive a little after its end.
 _LAST_LINES_S = 0.1
+# After this time, a query that did not reach all who reply on `join` is dropped, and repeated.
+_ROUND_S = 0.5
+# Each link has its own order: replies on two of them keep theirs where they are this far apart.
+_APART_S = 0.05
+_WELCOME = b""
+_REPLIES = (
+    b"garbage",
+    encode(Refusal(reason="another process refuses you")),
+    _WELCOME,
+    # Behind the Welcome, whose place it takes for a program that lets Zenoh consolidate replies.
+    encode(Refusal(reason="another process refuses you again")),
+)
+"""The replies on `join` of the peers' end and of the orchestrator, in their order."""
 
 
 class Session:
@@ -65,6 +78,9 @@ class Session:
         self._peers: dict[str, Callable[..., None]] = {}
         self._bulk: dict[str, dict[str, Callable[..., None]]] = {}
         self._control: dict[str, Callable[..., None]] = {}
+        self._queries: dict[bytes, Request] = {}
+        self._queried_at = 0.0
+        self._replies: tuple[bytes, ...] = (_WELCOME,)
         self._bus: ZenohBus | None = None
         self._child: Child | None = None
 
@@ -103,7 +119,7 @@ class Session:
             content = sample.attachment, sample.payload, sample.encoding
             put(partial(transcript.add_bulk, port, *content))
 
-        bus.answer("join", lambda request: put(partial(self._admit, request)))
+        bus.answer("join", partial(self._take_query, _WELCOME))
         for channel in ("out", "log", "ready", "fault"):
             bus.subscribe(f"{channel}/{name}", partial(record, channel))
         for port, output in self.spec.outputs.items():
@@ -119,11 +135,16 @@ class Session:
         if not self._setup.own_peers:
             self._open_publishers(bus)
 
-    def open_peers(self) -> None:
-        """Open the peers' own end of the bus."""
+    def open_peers(self, *, replying: bool = False) -> None:
+        """Open the peers' own end of the bus; replying: wrongly on `join`, around the `Welcome`."""
         names = [name for name in self._mesh.participants if name != self.spec.name]
         if names:
-            self._open_publishers(self._open(self._mesh.participants[names[0]]))
+            bus = self._open(self._mesh.participants[names[0]])
+            self._open_publishers(bus)
+            if replying:
+                self._replies = _REPLIES
+                for reply in set(_REPLIES) - {_WELCOME}:
+                    bus.answer("join", partial(self._take_query, reply))
 
     def _open(self, endpoint: Endpoint) -> ZenohBus:
         bus = open_bus(endpoint, self._run)
@@ -163,12 +184,37 @@ class Session:
         if self._child is not None:
             self._child.signal(number)
 
-    # --- waiting -----------------------------------------------------------------------------
+    # --- admission ---------------------------------------------------------------------------
 
-    def _admit(self, request: Any) -> None:
+    def drop_queries(self) -> None:
+        """Drop a query that did not reach all who reply; the program repeats it."""
+        if time.monotonic() - self._queried_at > _ROUND_S:
+            self._queries.clear()
+
+    def _take_query(self, reply: bytes, request: Request) -> None:
+        self._inbox.put(partial(self._on_query, reply, request))
+
+    def _on_query(self, reply: bytes, request: Request) -> None:
+        """Keep a query until it has reached all who reply; then they do, in their order."""
+        self._queries[reply], self._queried_at = request, time.monotonic()
+        if len(self._queries) == len(self._replies):
+            for each in self._replies:
+                self._reply(each, self._queries.pop(each))
+
+    def _reply(self, reply: bytes, request: Request) -> None:
+        if reply == _WELCOME:
+            self._admit(request)
+            return
+        time.sleep(_APART_S)
+        request.reply(reply, encoding_of("Refusal/1"))
+        time.sleep(_APART_S)
+
+    def _admit(self, request: Request) -> None:
         self.transcript.add_hello(request.payload)
         answer = self._setup.answer(self.scenario, self.spec, self.token)
         request.reply(encode(answer), encoding_of(f"{type(answer).__name__}/1"))
+
+    # --- waiting -----------------------------------------------------------------------------
 
     def poll(self, timeout_s: float = _TICK_S) -> bool:
         """Process what has arrived; return whether anything did within a time [s]."""

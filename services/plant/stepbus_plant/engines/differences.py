@@ -50,7 +50,6 @@ DIFFERENCES = (
         "convex hulls, one per object in an OBJ",
         "convex hulls, one per file; a flat mesh has none, and is refused as a collision shape",
     ),
-    Difference("lidar on a mesh", "hits its convex hull", "hits its triangles"),
     Difference("lidar ray that starts inside a shape", "no hit", "hits the inside"),
     Difference("`<mimic>` and gripper coupling", "limited force", "unlimited force"),
     Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),

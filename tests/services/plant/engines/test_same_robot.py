@@ -1,9 +1,11 @@
 """Both engines and the controller's model compute with the same robot, however a URDF is written."""
 
 import math
+import re
 
 import numpy as np
 import pytest
+import trimesh
 from support.services.mechanics import (
     FLOOR,
     ROOT,
@@ -22,7 +24,7 @@ from support.services.mechanics import (
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import SettingsError
-from stepbus_plant.engine import Light
+from stepbus_plant.engine import BASE, Light
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import WiringError
 
@@ -141,6 +143,49 @@ def test_a_mesh_in_an_stl_written_as_text_is_solid(tmp_path, engine):
         np.array([[0.0, 0.0, 2.0]]), np.array([[0.0, 0.0, 0.0]])
     )
     assert distance == pytest.approx((2.0 - 0.6) / 2.0, abs=2e-3)
+
+
+@pytest.mark.parametrize("name", ["cube.glb", "cube.ply", "cube.obj", "file://cube.stl"])
+def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, name):
+    mesh = trimesh.creation.box((0.6, 0.4, 0.2))
+    file = tmp_path / name.removeprefix("file://")
+    mesh.export(file)
+    if file.suffix == ".obj":
+        # The form of numbers that some programs write: .3 for 0.3.
+        file.write_text(re.sub(r"(?<=[ -])0\.", ".", file.read_text()))
+    named = f"file://{file}" if name != file.name else name
+    geometry = f'<mesh filename="{named}"/>'
+    visual = f"<visual><geometry>{geometry}</geometry></visual>"
+    cube = robot(link("cube", 1.0, (1.0,) * 3, geometry, more=visual))
+    physics = make(tmp_path, engine, {"cube": fixed(cube)}).physics
+    downwards = np.array([[0.28, 0.18, 1.0], [0.28, 0.22, 1.0], [0.32, 0.18, 1.0]])
+    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
+    # From 1 m above to 1 m below, its top is 0.1 m above the middle; PyBullet adds a margin of 1 mm.
+    assert hits[0] == pytest.approx(0.45, abs=1e-3)
+    assert np.isinf(hits[1:]).all()
+
+
+OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
+
+
+def test_a_concave_mesh_is_its_hull_for_rays_and_its_box(tmp_path, engine):
+    solid = trimesh.creation.extrude_triangulation(
+        vertices=np.array(OUTLINE, dtype=float),
+        faces=[(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)],
+        height=1.0,
+    )
+    solid.export(tmp_path / "l.stl")
+    thing = robot(link("l", 1.0, (1.0,) * 3, '<mesh filename="l.stl"/>'))
+    physics = make(tmp_path, engine, {"l": fixed(thing)}).physics
+    low, high = physics.engine.box((0, BASE))
+    # PyBullet's boxes are larger by its margin of 1 mm and its contact threshold.
+    assert low == pytest.approx((0.0, 0.0, 0.0), abs=4e-3)
+    assert high == pytest.approx((2.0, 2.0, 1.0), abs=4e-3)
+    # In the leg, in the notch but within the hull, and outside of the hull.
+    downwards = np.array([[0.5, 0.5, 3.0], [1.2, 1.2, 3.0], [1.6, 1.6, 3.0]])
+    hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
+    assert hits[:2] == pytest.approx([1 / 3, 1 / 3], abs=1e-3)
+    assert np.isinf(hits[2])
 
 
 def test_a_collision_shape_that_an_engine_drops_is_refused_by_name(tmp_path, engine):

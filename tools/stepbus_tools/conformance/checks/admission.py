@@ -127,6 +127,23 @@ def _nobody_answers(kit: Kit) -> str:
     return _refused(code, "when join was not answered for 1 s")
 
 
+@check("P4.2", "it takes the valid `Welcome` where another process replies as well", inputs=True)
+def _wrong_replies(kit: Kit) -> str:
+    limits = kit.spec.deadlines
+    with kit.harness(Setup(own_peers=True)) as harness:
+        harness.open_bus()
+        harness.open_peers(replying=True)
+        harness.start_program()
+        harness.until(
+            lambda: harness.transcript.asked,
+            "a query that reaches both processes on `join` (Zenoh's target ALL)",
+            limits.spawn_s + limits.join_s,
+            harness.drop_queries,
+        )
+        harness.await_ready()
+    return "joined, with garbage and a Refusal before the Welcome, and one behind"
+
+
 def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:
     """Return the check of an answer to `Hello` that has to end the participant."""
 

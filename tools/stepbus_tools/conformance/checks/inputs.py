@@ -165,6 +165,30 @@ def _rarer_source(kit: Kit) -> str:
     return "the due messages, held in between"
 
 
+@check(
+    "P6.1",
+    "while nothing is due, it waits for no input: rarer sources, each `delay` > 0",
+    inputs=True,
+)
+def _nothing_due(kit: Kit) -> str:
+    """Publish nothing to it until it has read its first step, for which nothing is due."""
+    setup = Setup(
+        every={name: 3 * kit.every(name) for name in kit.feed},
+        delays={name: max(1, item.delay) for name, item in kit.spec.inputs.items()},
+    )
+    # One that publishes first reads behind it: its next step shows that it has read.
+    step = kit.spec.every if kit.spec.publishes == "first" else 0
+    with kit.running(setup=setup) as harness:
+        harness.release(step + 1)
+        try:
+            harness.await_output(step)
+        except Failed:
+            if not harness.transcript.faults:
+                raise
+            return f"does not wait: a fault ({harness.transcript.faults[0].message[:80]})"
+    return f"published step {step} before its sources"
+
+
 @check("P6.3", "firing at every other step, it still gets the messages in between", inputs=True)
 def _own_every(kit: Kit) -> str:
     """Make it fire at every other step, with messages at the steps in between only."""

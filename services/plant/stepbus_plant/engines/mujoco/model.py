@@ -21,7 +21,6 @@ from stepbus_plant.engines.mujoco.urdf import (
     child_of,
     colour,
     joint_info,
-    load_mesh,
     origin,
     parent_of,
     part,
@@ -30,6 +29,7 @@ from stepbus_plant.engines.mujoco.urdf import (
     wxyz,
 )
 from stepbus_plant.geometry import Array, Pose, rotation
+from stepbus_plant.meshes import convex_hull, load_mesh
 from stepbus_plant.models import mesh_path
 from stepbus_schemas import Point, WiringError
 
@@ -257,6 +257,9 @@ class Builder:
             faces = faces[:, ::-1] if np.prod(scale) < 0.0 else faces
             rank = np.linalg.matrix_rank(scaled - scaled[0], tol=1e-9)
             name = f"mesh {len(self._meshes)}" if rank >= (3 if is_solid else 2) else ""
+            if name and is_solid:
+                # MuJoCo's contacts are with the hull; so are its rays then, as in PyBullet.
+                scaled, faces = convex_hull(scaled)
             if name:
                 mesh = self._spec.add_mesh(name=name)
                 mesh.uservert, mesh.userface = scaled.ravel().tolist(), faces.ravel().tolist()

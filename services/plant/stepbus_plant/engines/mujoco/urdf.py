@@ -3,16 +3,14 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
-from typing import Any
 from xml.etree import ElementTree as ET
 
 import numpy as np
 
 from stepbus_plant.engine import JointInfo
 from stepbus_plant.engines.differences import PYBULLET_CONTACT, refused
-from stepbus_plant.geometry import Array, Pose, quaternion
+from stepbus_plant.geometry import Pose, quaternion
 from stepbus_schemas import Point, Quaternion, WiringError
 
 _FRICTION = {"lateral": 0.5, "rolling": 0.0, "spinning": 0.0}
@@ -88,28 +86,6 @@ def joint_info(n: int, joint: ET.Element) -> JointInfo:
         link=child_of(joint),
         axis=(x, y, z),
     )
-
-
-def load_mesh(file: str) -> tuple[Array, Any]:
-    """Return vertices, shape (n, 3), and faces, shape (m, 3), of an STL, OBJ or DAE."""
-    state = Path(file).stat()
-    return _loaded(file, (state.st_mtime_ns, state.st_size))
-
-
-@cache
-def _loaded(file: str, _state: tuple[int, int]) -> tuple[Array, Any]:
-    import coal  # noqa: PLC0415  only models with meshes need it
-
-    try:
-        loaded = coal.MeshLoader().load(file, np.ones(3))
-    except (RuntimeError, ValueError, OSError) as exc:
-        text = str(exc).partition("message:")[2] or str(exc)
-        raise WiringError(f"cannot read {file}: {text.strip().splitlines()[0]}") from exc
-    faces = [
-        [triangle[0], triangle[1], triangle[2]]
-        for triangle in (loaded.tri_indices(n) for n in range(loaded.num_tris))
-    ]
-    return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
 
 
 def colour(visual: ET.Element, palette: Mapping[str, ET.Element]) -> tuple[float, ...]:
