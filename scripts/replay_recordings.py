@@ -6,6 +6,7 @@ as the action sets them:
 RECORDINGS    recordings or folders of runs, one path or pattern a line
 PARTICIPANTS  names, separated by spaces; empty: all participants of each recording
 TOLERANCE     YAML file of tolerances; empty: equal to the byte
+SOURCE        folder or file of the scenario; empty: the current folder
 TRUST         `true` also starts programs that are not in the work tree
 TIMEOUT       limit for one replay [s]; empty: 600
 OUT           folder of reports and new recordings; must not exist, or be empty
@@ -48,6 +49,7 @@ class Options:
     recordings: list[Path]
     participants: list[str]
     tolerance: str
+    source: str
     trust: bool
     timeout: float
     out: Path
@@ -115,6 +117,7 @@ def options_from(env: Mapping[str, str]) -> Options:
         recordings=list(dict.fromkeys(recordings)),
         participants=participants,
         tolerance=env.get("TOLERANCE", ""),
+        source=env.get("SOURCE", ""),
         trust=trust == "true",
         timeout=timeout,
         out=out,
@@ -177,6 +180,7 @@ def replay(recording: Path, participant: str, folder: Path, options: Options) ->
     command = ["replay", str(recording), "--participant", participant, "--json"]
     command += ["--update", str(new)]
     command += ["--tolerance", options.tolerance] if options.tolerance else []
+    command += ["--source", options.source] if options.source else []
     command += ["--trust"] if options.trust else []
     code, output, errors = stepbus(*command, timeout=options.timeout)
     done = code in (0, DIFFERENT)

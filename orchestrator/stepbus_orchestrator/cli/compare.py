@@ -87,9 +87,9 @@ def replay_command(
     Starts one participant of a recorded run, or another program in its place, feeds it the recorded
     inputs in lockstep, and compares each output with the recorded one: byte for byte, or within a
     tolerance. Shows the first divergent step with its inputs. Uses the program of the scenario in
-    your work tree, or the copy in the recording if the scenario is not found there. Exit code 0:
-    equal, 10: different. A program that is not in your work tree is listed first and starts only
-    after you confirm, or with --trust.
+    --source, or else the copy in the recording. Exit code 0: equal, 10: different. A recorded
+    program that differs from yours is listed first and starts only after you confirm, or with
+    --trust.
 
     $ stepbus replay run.mcap --participant controller
     $ stepbus replay runs/arm --participant controller --set controller.params.kp=9

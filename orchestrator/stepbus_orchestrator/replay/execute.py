@@ -56,16 +56,17 @@ def replay(
 ) -> ReplayResult:
     """Run one participant on its recorded inputs and compare its outputs with the recording.
 
-    Uses the program, files and parameters of the work tree if the scenario is found there
-    (`find_work_tree`), otherwise the copy in the recording.
+    Uses the program, files and parameters of the scenario in `source`, otherwise the copy in the
+    recording.
 
     recording: a run.mcap, or the folder of its run. participant: participant to start. tolerance:
     tolerances of the outputs; default: byte-identical. set: override one value of the recorded
     scenario, e.g. controller.params.kp=101. update: write a new reference recording. window: number
     of steps that recorded inputs are sent ahead. recorded: start the copy in the recording, not the
-    program in the work tree. source: folder or file of the scenario in the work tree (default:
-    search for it). bridge: start the program through `stepbus bridge`. program: start this program
-    instead of the recorded one, in the current folder; all following arguments belong to it.
+    program of the scenario. source: folder or file of the scenario (default: the file that
+    result.json names, or else the current folder). bridge: start the program through `stepbus
+    bridge`. program: start this program instead of the recorded one, in the current folder; all
+    following arguments belong to it.
     trusted: fingerprint of the programs that may be started (`Sources.fingerprint`); None: any.
     observer, interrupt: as in `run`.
 
@@ -131,9 +132,8 @@ def _copy_notes(recording: Recording, participant: str) -> list[str]:
     if not programs_of(recording, participant).files:
         return []
     note = (
-        "testing the copy in the recording, as its scenario was not found in the work "
-        f"tree; give its folder with {argument('--source')}, or choose the copy with "
-        f"{argument('--recorded')}"
+        "testing the copy in the recording, as its scenario is not in the current folder; give its "
+        f"folder with {argument('--source')}, or choose the copy with {argument('--recorded')}"
     )
     return [note]
 

@@ -107,7 +107,7 @@ def _from_tree(
 ) -> Prepared:
     """Return a recorded scenario with one participant as it is in the work tree."""
     unused = [name for name in tree.programs if name != participant]
-    today = _load(tree.file, [*tree.overrides, *overrides], tree.programs, unused)
+    today = _load(tree.file, overrides, tree.programs, unused)
     new, old = today.participant(participant), scenario.participant(participant)
     timeouts = (key for key in new.__struct_fields__ if key.endswith("_timeout_ns"))
     spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})

@@ -79,8 +79,8 @@ def programs_of(
     plugins = {n: _plugins(recording, n, modules) for n in specs if participant in {None, n}}
     named = {name: classes for name, classes in plugins.items() if classes}
     if tree is not None and participant is not None:
-        # Overrides are parameters of the recording; without them, the tree has its own.
-        named = named if tree.overrides else {}
+        # The tree has its own parameters.
+        named = {}
         commands = {participant: _command(tree.programs[participant])}
         shown, is_own = [f"those in {tree.folder}"], tree.is_yours
     else:
