@@ -19,10 +19,7 @@ _ASKING = frozenset(
 """Types that need a reader; a status, an event or a picture may be for the recording only."""
 
 _TOLERANCE = 1e-6
-_FULL_TURN = 2 * math.pi + 1e-3
 _OFTEN = 0.1
-_FAR = 20
-"""How many times its stop a prismatic joint is sent to where millimetres are meant for metres."""
 
 
 @dataclass(frozen=True)
@@ -123,13 +120,7 @@ class _Watched:
 def _beyond(name: str, joint: Joint, count: Count) -> str:
     unit = "rad" if joint.is_rotary else "m"
     stop = joint.lower if count.worst < joint.lower else joint.upper
-    text = f"{name} is commanded to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
-    if joint.is_rotary and abs(count.worst) > _FULL_TURN:
-        radians = math.radians(count.worst)
-        text += f"; is it in degrees? {count.worst:.4g}° is {radians:.4g} rad"
-    elif not joint.is_rotary and abs(count.worst) > _FAR * abs(stop):
-        text += f"; is it in mm? {count.worst:.4g} mm is {count.worst / 1000:.4g} m"
-    return text
+    return f"{name} is commanded to {count.worst:.4g} {unit}, beyond its stop at {stop:.4g} {unit}"
 
 
 def findings(recording: Recording) -> list[str]:

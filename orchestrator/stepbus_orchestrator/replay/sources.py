@@ -83,16 +83,16 @@ class Sources:
 def _refuse_unresolved(recording: Path, scenario: bytes) -> None:
     """Raise RecordingFailed where a scenario takes programs or message types from elsewhere.
 
-    A base or a template could bring programs that `programs_in` does not see, and loading types
-    from a module would execute it. No run records these: a recorded scenario is resolved.
+    A base could bring programs that `programs_in` does not see, and loading types from a module
+    would execute it. No run records these: a recorded scenario is resolved.
     """
     try:
         data = parse_yaml(SCENARIO_ATTACHMENT, scenario.decode(errors="replace"))
     except SettingsError:
         return
     content = data if isinstance(data, dict) else {}
-    if key := next((key for key in ("extends", "templates") if key in content), None):
-        raise RecordingFailed(f"{recording}: its scenario has the key {key!r}: refused")
+    if "extends" in content:
+        raise RecordingFailed(f"{recording}: its scenario has the key 'extends': refused")
     given = content.get("types")
     for source in given if isinstance(given, list) else [given]:
         if isinstance(source, str) and not is_file_name(source):

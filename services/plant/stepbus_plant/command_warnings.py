@@ -88,11 +88,9 @@ def _without_effect(joint: Joint, command: JointCommand, index: int) -> Iterator
 
 
 def _unreached(joint: Joint, target: float) -> Iterator[tuple[str, str]]:
-    hint = joint.degrees_hint(target)
     if not joint.lower <= target <= joint.upper:
         stop = joint.within_stops(target)
-        text = f"target {target:g} {joint.unit} is beyond its stop at {stop:g}; limited to it"
-        # A sinusoid in degrees starts within a turn; the hint should still come.
-        yield "turn" if hint else "stop", text + hint
-    elif hint:
-        yield "turn", f"target {target:g} rad is more than a full turn{hint}"
+        yield (
+            "stop",
+            f"target {target:g} {joint.unit} is beyond its stop at {stop:g}; limited to it",
+        )

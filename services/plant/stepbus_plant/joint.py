@@ -13,7 +13,6 @@ from stepbus_plant.world import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description
 
 # Joint limits are often a full turn, rounded up [rad].
-_FULL_TURN = 2 * math.pi + 1e-3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,12 +70,6 @@ class Joint:
         """Return the nearest position that it can have [rad]."""
         return min(max(position, self.lower), self.upper)
 
-    def degrees_hint(self, position: float) -> str:
-        """Return the end of a sentence if a position looks like degrees instead of radians."""
-        if not self.is_rotary or not _FULL_TURN < abs(position) < math.inf:
-            return ""
-        return f"; is it in degrees? {position:g}° is {math.radians(position):.4f} rad"
-
     def cannot_teleport(self, position: float) -> str:
         """Return why it cannot be put at a position [rad], as a sentence; empty: it can."""
         # NaN fails the comparison too.
@@ -84,7 +77,7 @@ class Joint:
             return ""
         return (
             f"joint {self.name} cannot be teleported to {position:g}; its limits are "
-            f"[{self.lower:g}, {self.upper:g}]{self.degrees_hint(position)}"
+            f"[{self.lower:g}, {self.upper:g}]"
         )
 
     def follow(self, leader: Joint, mimic: Mimic) -> Joint:
@@ -105,10 +98,7 @@ class Joint:
             yield f"lower {self.lower} is above upper {self.upper}"
         elif not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
-            yield (
-                f"start position {self.start} is outside its limits "
-                f"{limits}{self.degrees_hint(self.start)}"
-            )
+            yield f"start position {self.start} is outside its limits {limits}"
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
         if self.friction and has_motor:
             actuation = f" and actuation {self.actuation}" if self.mode == "torque" else ""

@@ -184,8 +184,7 @@ class CameraSettings(Settings):
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what no camera can have."""
         if self.fov >= math.pi:
-            hint = f"is it in degrees? {self.fov:g}° is {math.radians(self.fov):.4f} rad"
-            yield ("fov",), f"{self.fov:g} rad is half a turn or more; {hint}"
+            yield ("fov",), f"{self.fov:g} rad is half a turn or more; angles are in radians"
         if self.near >= self.far:
             yield ("near",), f"{self.near:g} m is not less than 'far', {self.far:g} m"
 

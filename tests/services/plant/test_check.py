@@ -70,7 +70,7 @@ IN_THE_WORLD = [
     ({"physics_step: 5ms": "physics_step: 2ms"}, "3: physics_step: 2ms does not divide the plant's step of 5ms"),
     ({"physics_step: 5ms": "substeps: 3"}, "3: substeps: 3 substeps do not divide the plant's step of 5ms into whole nanoseconds"),
     ({"joint2: {pos": "jont2: {pos"}, "10: bodies.arm.joints.jont2: unknown joint 'jont2'; did you mean 'joint2'?"),
-    ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]; is it in degrees? 100° is 1.7453 rad"),
+    ({"position: 1.0": "position: 100.0"}, "10: bodies.arm.joints.joint2: joint joint2: start position 100.0 is outside its limits [-6.2832, 6.2832]"),
     ({"imus:": "bases: {cart: {left: jont1, right: joint2, wheel_radius: 1, track: 1}}\nimus:"}, "11: bases.cart.left: joint 'jont1' is unknown; did you mean 'joint1'?"),
     ({"imus:": "contacts: {skin: {links: [lnk1]}}\nimus:"}, "11: contacts.skin.links[0]: link 'lnk1' is unknown; did you mean 'link1'?"),
     ({"imus:": "wrenches: {ft: {joint: jont1}}\nimus:"}, "11: wrenches.ft.joint: joint 'jont1' is unknown; did you mean 'joint1'?"),

@@ -11,24 +11,26 @@ from stepbus_schemas import Point, Quaternion
 
 
 def _import_pybullet() -> Any:
-    """Import PyBullet, which prints when it was built: to descriptor 2 instead of 1.
+    """Import PyBullet without what it prints in C, on descriptor 1 or 2: when it was built.
 
-    It does so in C, and where a run is in the process of the user's program, 1 is that program's.
+    These may be those of the user's program; in a log, it would be the last thing a plant said.
     """
     flush = ctypes.CDLL(None).fflush
     try:
-        stdout, stderr = os.dup(1), os.dup(2)
+        kept, nowhere = [os.dup(1), os.dup(2)], os.open(os.devnull, os.O_WRONLY)
     except OSError:
         return import_module("pybullet")
     flush(None)
-    os.dup2(stderr, 1)
+    for number in (1, 2):
+        os.dup2(nowhere, number)
     try:
         return import_module("pybullet")
     finally:
         flush(None)
-        os.dup2(stdout, 1)
-        os.close(stdout)
-        os.close(stderr)
+        for number, descriptor in enumerate(kept, 1):
+            os.dup2(descriptor, number)
+            os.close(descriptor)
+        os.close(nowhere)
 
 
 bullet = _import_pybullet()

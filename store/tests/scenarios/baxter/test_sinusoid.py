@@ -153,7 +153,7 @@ def test_a_warning_is_shown_counted_and_recorded(tmp_path, capsys):
     assert main(["run", "baxter", "--in-process", "--out", str(out), "--no-report", *sets]) == 0
     shown = " ".join(capsys.readouterr().out.split())
     effort = "step 0: joint left_e0: has an effort limit of 0 N·m; nothing moves it"
-    degrees = "is it in degrees? 90° is 1.5708 rad"
+    degrees = "target 90 rad is beyond its stop"
     assert (shown.count(effort), shown.count(degrees)) == (2, 2)
     assert "warnings 2" in shown
     assert json.loads((out / "result.json").read_text())["warning_count"] == 2

@@ -74,7 +74,7 @@ def scenario(folder, more="", urdf=None):
         (
             "mission.params.offset.joint1=-30",
             "",
-            "is it in degrees? -30° is -0.5236 rad",
+            "is beyond its stop at -6.2832; limited to it",
         ),
     ],
     ids=["swapped", "no motor", "no effort", "beyond a stop", "degrees"],

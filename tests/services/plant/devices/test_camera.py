@@ -216,7 +216,7 @@ def test_an_image_port_in_a_world_without_cameras_is_refused(tmp_path):
         (
             "fov: 1.0",
             "fov: 60",
-            "fov: 60 rad is half a turn or more; is it in degrees? 60° is 1.0472",
+            "fov: 60 rad is half a turn or more; angles are in radians",
         ),
         ("far: 1.5", "far: 0.1", "near: 0.1 m is not less than 'far', 0.1 m"),
         ("10ms", "12ms", "period: 12ms is not a multiple of the plant's step (5ms)"),
