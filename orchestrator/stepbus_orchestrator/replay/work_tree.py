@@ -15,14 +15,20 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.replay.sources import Recorded
 from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario.extend import read_data as read_scenario
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.override import override
 from stepbus_orchestrator.scenario.program import programs_in
-from stepbus_orchestrator.scenario.scenario_files import BUILT, is_file, is_folder, is_scenario
+from stepbus_orchestrator.scenario.scenario_files import (
+    BUILT,
+    MARKS,
+    is_file,
+    is_folder,
+    is_scenario,
+)
 from stepbus_participant import SettingsError, read_file
 from stepbus_participant.parameters import YamlFile
 from stepbus_schemas import UNDECODABLE, WiringError
@@ -77,7 +83,7 @@ def is_yours(path: Path) -> bool:
 
 
 def find_work_tree(
-    recording: Recording, participant: str, given: Path | None = None
+    recording: Recorded, participant: str, given: Path | None = None
 ) -> WorkTree | None:
     """Return the scenario of a recording in the work tree; None where there is none.
 
@@ -179,7 +185,7 @@ def _repository(folder: Path) -> Path | None:
 
 
 def _below(root: Path) -> Iterator[Path]:
-    """Yield the folders below one, the nearest ones first; those of runs are left out."""
+    """Yield the folders below one, the nearest ones first, but those of runs and sweeps."""
     level, left = [root], _MOST_FOLDERS
     for _ in range(_DEEPEST + 1):
         below: list[Path] = []
@@ -188,7 +194,7 @@ def _below(root: Path) -> Iterator[Path]:
                 entries = sorted(folder.iterdir())
             except OSError:
                 continue
-            if folder / layout.TIMING_FILE not in entries:
+            if MARKS.isdisjoint(path.name for path in entries):
                 yield folder
                 below += filter(_is_searched, entries)
         level, left = below, max(0, left - len(level))

@@ -26,7 +26,7 @@ _MOST_FILES, _MOST_BYTES = 500, 16 << 20
 BUILT = ("__pycache__", "build", "node_modules", "runs", "site-packages", "sweeps", "target")
 """Folders of what is installed, cached, built or recorded."""
 _IGNORED = (*BUILT, ".*", "*.ipynb", "*.log", "*.mcap", "*.md")
-_MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
+MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
 """A folder that has one of these is a virtual environment, a sweep or a run."""
 _SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 _URL = re.compile(r"(?:package|model)://([\w.-]+/[^\s\"'<>,\]})]+)")
@@ -176,7 +176,7 @@ def _take_folder(files: Files, root: Path, *, warns: bool) -> None:
     paths: list[Path] = []
     size = 0
     for top, folders, names in os.walk(root):
-        if not _MARKS.isdisjoint(names):
+        if not MARKS.isdisjoint(names):
             folders.clear()
             continue
         where = Path(top)
