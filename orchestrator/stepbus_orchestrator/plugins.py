@@ -20,7 +20,7 @@ VIEWS = "stepbus.views"
 AFTER_RUN = "stepbus.after_run"
 """`(recording, *, has_plots) -> lines` of the summary; the CLI calls them when a run has ended."""
 RERUNS = "stepbus.reruns"
-"""The file that marks a folder → what repeats a numbered run of it."""
+"""The file that marks a folder → `(folder, number) -> run`: a `Recorded` with a method `run`."""
 
 _FILE = "entry_points.txt"
 

@@ -15,6 +15,7 @@ from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.branch import Branch, BranchPlan, branch
 from stepbus_orchestrator.replay.branch_change import Variant, variants
 from stepbus_participant import ExtraMissing
@@ -69,7 +70,7 @@ def branch_command(
     """
     recording, overrides, in_process = given["recording"], given.pop("set"), given.pop("in_process")
     out = given.pop("out") or new_folder(recording, f"at-{given['at']}")
-    given["trusted"] = trusted_programs(recording, trust=trust)
+    given["trusted"] = trusted_programs(Recording(recording), trust=trust)
     is_changed = bool(overrides or vary or given["calls"] or given["faults"])
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")

@@ -108,7 +108,7 @@ def replay_command(
     given |= {"recorded": tree is None, "source": None if tree is None else tree.file}
     given["tolerance"] = tolerance.read(participant)
     trusted = trusted_programs(
-        recording, participant, trust=trust, own_program=bool(program), tree=tree
+        Recording(recording), participant, trust=trust, own_program=bool(program), tree=tree
     )
     with (
         displayed(f"replay of {participant}", quiet=json) as display,

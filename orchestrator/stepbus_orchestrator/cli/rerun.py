@@ -13,6 +13,7 @@ from stepbus_orchestrator.cli.terminal.output import Answer, say
 from stepbus_orchestrator.cli.trust import trusted_programs
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import RUN_FILE, recording_file
 from stepbus_orchestrator.replay.rerun import Preparation, Rerun, rerun
 from stepbus_orchestrator.run.result import Result
@@ -55,17 +56,19 @@ def rerun_command(
     $ stepbus rerun sweeps/two_link 17
     """
     recording, out, overrides = given["recording"], given["out"], given["set"]
-    if rerun_row := _rerun_row(recording):
+    if run_of := _run_of(recording):
         if row is None or overrides:
             raise WiringError(
                 f"{recording} is a sweep: give the number of one of its runs, without --set"
             )
+        recorded = run_of(recording, row)
+        trusted_programs(recorded, trust=trust)
         out = out or new_folder(recording / f"{recording.resolve().name}-{row}", "rerun")
         with displayed(f"run {row}", quiet=json) as display, interruptible() as interrupt:
-            return _answer_of_row(rerun_row(recording, row, out, display, interrupt))
+            return _answer_of_row(recorded.run(out, display, interrupt))
     if row is not None:
         raise WiringError(f"{recording} is not a sweep, so it has no run {row}")
-    trusted = trusted_programs(recording, trust=trust)
+    trusted = trusted_programs(Recording(recording), trust=trust)
     out = out or new_folder(recording, "rerun")
     preparation = Preparation(recording, out, overrides, trusted=trusted)
     if not json:
@@ -85,8 +88,8 @@ def new_folder(recording: Path, suffix: str) -> Path:
     return next(Path("runs") / name for name in names if not (Path("runs") / name).exists())
 
 
-def _rerun_row(folder: Path) -> Callable[..., Any] | None:
-    """Return what repeats a run of a folder with many, such as a sweep; None: it is no such one."""
+def _run_of(folder: Path) -> Callable[..., Any] | None:
+    """Return what finds a run in a folder with many, such as a sweep; None: it is no such one."""
     if not folder.is_dir():
         return None
     return next((p.load() for p in points(RERUNS) if (folder / p.name).is_file()), None)

@@ -5,13 +5,13 @@ from pathlib import Path
 
 from stepbus_orchestrator.cli.terminal.output import print_error, write
 from stepbus_orchestrator.errors import Untrusted, indented
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.sources import Recorded
 from stepbus_orchestrator.replay.trust import Programs, programs_of
 from stepbus_orchestrator.replay.work_tree import WorkTree
 
 
 def trusted_programs(
-    recording: Path,
+    opened: Recorded,
     participant: str | None = None,
     *,
     trust: bool,
@@ -23,10 +23,9 @@ def trusted_programs(
     Those that are not in a work tree of this user's are shown, and need `trust` or a yes. Raises
     Untrusted without one.
     """
-    opened = Recording(recording)
     programs = programs_of(opened, participant, own_program=own_program, tree=tree)
     if not (programs.is_yours or trust):
-        _ask(recording, programs, tree)
+        _ask(opened.path, programs, tree)
     for note in programs.notes():
         print_error(note)
     return programs.fingerprint

@@ -5,6 +5,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
+from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
@@ -16,6 +17,25 @@ from stepbus_participant.parameters import is_file_name, parse_yaml
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")
 _LEVEL = "scenario_folder"
+
+
+class Recorded(Protocol):
+    """What a run can be repeated from: a recording, or a run of a sweep."""
+
+    @property
+    def path(self) -> Path:
+        """Return the file that stands for it."""
+        ...
+
+    @property
+    def attachments(self) -> Mapping[str, bytes]:
+        """Return name → content; the scenario and its files are among them."""
+        ...
+
+    @property
+    def scenario(self) -> Mapping[str, Any]:
+        """Return the scenario, as plain data."""
+        ...
 
 
 @dataclass(frozen=True)

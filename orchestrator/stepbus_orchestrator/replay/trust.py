@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
-from stepbus_orchestrator.replay.sources import Sources
+from stepbus_orchestrator.replay.sources import Recorded, Sources
 from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.model import ParticipantSpec
@@ -56,7 +55,7 @@ class Programs:
 
 
 def programs_of(
-    recording: Recording,
+    recording: Recorded,
     participant: str | None = None,
     *,
     own_program: bool = False,
@@ -119,7 +118,7 @@ def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
     return spec.participant not in participant_classes() or top in modules
 
 
-def _plugins(recording: Recording, participant: str, modules: Collection[str]) -> list[str]:
+def _plugins(recording: Recorded, participant: str, modules: Collection[str]) -> list[str]:
     """Return the classes that parameters name, such as `law`, of modules installed for other uses.
 
     A class in a file of the recording counts as that file.
@@ -151,7 +150,7 @@ def _is_shipped(name: str, content: bytes) -> bool:
     return any(_has(scenario / name, content) for scenario in scenarios)
 
 
-def _work_tree(recording: Recording, specs: Mapping[str, ParticipantSpec]) -> WorkTree | None:
+def _work_tree(recording: Recorded, specs: Mapping[str, ParticipantSpec]) -> WorkTree | None:
     """Return the scenario of a recording in the work tree; None where there is none, or several."""
     try:
         return find_work_tree(recording, next(iter(specs), ""))
@@ -177,7 +176,7 @@ def _has(path: Path, content: bytes) -> bool:
         return False
 
 
-def recorded_programs(recording: Recording) -> dict[str, ParticipantSpec]:
+def recorded_programs(recording: Recorded) -> dict[str, ParticipantSpec]:
     """Return the class or program of each participant, as it is recorded; raises WiringError."""
     text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
     try:

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.sources import Recorded
 from stepbus_orchestrator.run.result import RESULT_FILE
 from stepbus_orchestrator.scenario.extend import read_data as read_scenario
 from stepbus_orchestrator.scenario.locate import scenario_folders
@@ -63,7 +63,7 @@ def is_yours(path: Path) -> bool:
 
 
 def find_work_tree(
-    recording: Recording, participant: str, given: Path | None = None
+    recording: Recorded, participant: str, given: Path | None = None
 ) -> WorkTree | None:
     """Return the scenario of a recording; None where there is none.
 
@@ -84,7 +84,7 @@ def find_work_tree(
     return None
 
 
-def _origin(recording: Recording) -> Path | None:
+def _origin(recording: Recorded) -> Path | None:
     """Return the scenario file that `result.json` names, if both are yours."""
     path = recording.path.parent.absolute() / RESULT_FILE
     try:

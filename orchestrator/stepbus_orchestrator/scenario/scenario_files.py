@@ -23,7 +23,7 @@ _MOST_FILES, _MOST_BYTES = 500, 16 << 20
 BUILT = ("__pycache__", "build", "node_modules", "runs", "site-packages", "sweeps", "target")
 """Folders of what is installed, cached, built or recorded."""
 _IGNORED = (*BUILT, ".*", "*.ipynb", "*.log", "*.mcap", "*.md")
-_MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
+MARKS = {"pyvenv.cfg", "sweep.json", "timing.mcap"}
 """A folder that has one of these is a virtual environment, a sweep or a run."""
 _SCENARIO = re.compile(r"^(participants|extends)[ \t]*:", re.MULTILINE)
 
@@ -139,7 +139,7 @@ def _take_folder(files: Files, *, is_declared: bool) -> None:
     paths: list[Path] = []
     size = 0
     for top, folders, names in os.walk(root):
-        if not _MARKS.isdisjoint(names):
+        if not MARKS.isdisjoint(names):
             folders.clear()
             continue
         where = Path(top)

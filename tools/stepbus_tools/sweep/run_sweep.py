@@ -1,4 +1,4 @@
-"""Runs a sweep: every point that has no row yet; and one of its runs again."""
+"""Runs a sweep: every point that has no row yet."""
 
 import fcntl
 import os
@@ -20,31 +20,25 @@ from stepbus_orchestrator.errors import (
     argument,
 )
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.run.reports import Observer
-from stepbus_orchestrator.run.result import Result
-from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.bundle import Bundle, collect
 from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import Pool, PoolOptions
+from stepbus_tools.sweep.row_run import SOURCE_FOLDER
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.spec import (
     SPEC_FILE,
     Plan,
     differences,
     load_spec,
-    overrides_of,
     save_spec,
 )
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import write_run
 from stepbus_tools.whole_file import replaced
 
-_SOURCE_FOLDER = "source"
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
 RUNNING = "runs"
@@ -142,8 +136,8 @@ def _claim(plan: Plan, bundle: Bundle, home: Path) -> None:
     """Make a folder this sweep's; raises OutputExists where it is another one's."""
     fingerprint = bundle.fingerprint()
     if not (home / SPEC_FILE).exists():
-        shutil.rmtree(home / _SOURCE_FOLDER, ignore_errors=True)
-        bundle.unpack(home / _SOURCE_FOLDER)
+        shutil.rmtree(home / SOURCE_FOLDER, ignore_errors=True)
+        bundle.unpack(home / SOURCE_FOLDER)
         save_spec(home, plan.spec, fingerprint)
         return
     old, before = load_spec(home)
@@ -285,41 +279,3 @@ def _checked(row: ResultRow, point: Point) -> ResultRow:
             "with the versions of Optuna and SciPy that started the sweep"
         )
     return row
-
-
-@dataclass(frozen=True, kw_only=True)
-class RowRerun:
-    """A run of a sweep, and the same made again."""
-
-    row: ResultRow
-    result: Result
-
-    @property
-    def equal(self) -> bool:
-        """Return whether both recordings are the same, byte for byte."""
-        return bool(self.row.sha256) and self.row.sha256 == self.result.sha256
-
-
-def rerun_row(
-    folder: Path,
-    number: int,
-    out: Path,
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-) -> RowRerun:
-    """Run a row of a sweep's folder again in separate processes, from the files that it keeps.
-
-    out: a new folder. Raises WiringError where the folder holds no sweep or no such row, and as
-    `stepbus run` does.
-    """
-    load_spec(folder)
-    with Journal(folder) as journal:
-        if number not in journal:
-            raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
-        row = journal.row(number)
-    source = folder / _SOURCE_FOLDER / "scenario"
-    files = sorted(source.rglob(layout.SCENARIO_ATTACHMENT), key=lambda p: (-len(p.parts), p))
-    if not files:
-        raise WiringError(f"{source}: the scenario of the sweep no longer exists")
-    scenario = load(files[0], *overrides_of(Point(number, row.values)))
-    return RowRerun(row=row, result=run(scenario, Options(out=out), observer, interrupt))

@@ -1,0 +1,86 @@
+"""A run of a sweep, which can be made again from the files that the sweep's folder keeps."""
+
+import os
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT, file_attachment
+from stepbus_orchestrator.run.folder import read_files
+from stepbus_orchestrator.run.reports import Observer
+from stepbus_orchestrator.run.result import Result
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario.load import load
+from stepbus_orchestrator.scenario.override import override
+from stepbus_participant.parameters import read_yaml
+from stepbus_schemas import WiringError
+from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.rows import Journal, ResultRow
+from stepbus_tools.sweep.spec import SPEC_FILE, load_spec, overrides_of
+
+SOURCE_FOLDER = "source"
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowRerun:
+    """A run of a sweep, and the same made again."""
+
+    row: ResultRow
+    result: Result
+
+    @property
+    def equal(self) -> bool:
+        """Return whether both recordings are the same, byte for byte."""
+        return bool(self.row.sha256) and self.row.sha256 == self.result.sha256
+
+
+class RowRun:
+    """Run `number` of a sweep's folder, which starts nothing before `run`.
+
+    path: of the sweep's file. Raises WiringError where the folder holds no sweep or no such run.
+    """
+
+    def __init__(self, folder: Path, number: int) -> None:
+        load_spec(folder)
+        with Journal(folder) as journal:
+            if number not in journal:
+                raise WiringError(f"{folder} has no run {number}; it has {len(journal)} runs")
+            self._row = journal.row(number)
+        self.path = folder / SPEC_FILE
+        self._source = folder / SOURCE_FOLDER / "scenario"
+        files = self._source.rglob(SCENARIO_ATTACHMENT)
+        file = min(files, key=lambda p: (-len(p.parts), p), default=None)
+        if file is None:
+            raise WiringError(f"{self._source}: the scenario of the sweep no longer exists")
+        self._file = file
+        self._settings, self._faults = overrides_of(Point(number, self._row.values))
+
+    @cached_property
+    def scenario(self) -> dict[str, Any]:
+        """Return the scenario with the values of this run."""
+        return override(read_yaml(self._file, "a scenario"), self._settings).data
+
+    @cached_property
+    def attachments(self) -> dict[str, bytes]:
+        """Return the scenario and its files, as the recording of this run attaches them."""
+        home = self._file.parent
+        files = {
+            file_attachment(Path(os.path.relpath(path, home)).as_posix()): path
+            for path in self._source.rglob("*")
+            if path.is_file() and path != self._file
+        }
+        return {SCENARIO_ATTACHMENT: msgspec.json.encode(self.scenario), **read_files(files)}
+
+    def run(
+        self,
+        out: Path,
+        observer: Observer | None = None,
+        interrupt: threading.Event | None = None,
+    ) -> RowRerun:
+        """Run it again in separate processes; out: a new folder. Raises as `stepbus run` does."""
+        scenario = load(self._file, self._settings, self._faults)
+        return RowRerun(row=self._row, result=run(scenario, Options(out=out), observer, interrupt))
