@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check container-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -25,7 +25,6 @@ help:
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
 	@echo "make campaign   judge real runs with 66 external faults, 2,000 damaged recordings, 64 sales (1 h)"
 	@echo "make release-check try the release as its users will: build, install, run (20 min)"
-	@echo "make container-check carry out the Containerfile without a container engine (as root)"
 	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
 	@echo "make comparison run one small task in stepbus and in its peers, each in its own environment (10 min)"
@@ -119,10 +118,6 @@ docs: setup
 # What is committed, as a release; `make release-check RELEASE=--help` has the parts.
 release-check: setup
 	@$(PYTHON) -m scripts.release_check $(RELEASE)
-
-# The Containerfile, without a container engine; root only.
-container-check: setup
-	@$(PYTHON) -m scripts.release_container
 
 # Workflows, action, forms and citation, against schemas in the linters' own wheels: no network.
 SCHEMA := .venv/bin/check-jsonschema -q --builtin-schema
