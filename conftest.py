@@ -1,7 +1,6 @@
 """Fixtures that several test files share."""
 
 import gc
-import re
 import signal
 import subprocess
 import sys
@@ -21,7 +20,6 @@ from stepbus_orchestrator.scenario.load import load
 
 # A folder of `testpaths` is never ignored itself; what is in it is.
 collect_ignore_glob = [] if find_spec("stepbus_store") else ["store/tests/*"]
-ROBOTS_MISSING = re.compile(r"run `make robots`")
 
 
 def pytest_addoption(parser):
@@ -118,20 +116,13 @@ def starts_a_process(request):
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_call():
-    """Skip what fails for want of the robots, or of OpenGL for MuJoCo's images, as a user is told.
-
-    And, with `--unit`, what was refused a process: the code under test may have caught the skip.
-    """
+    """Skip, with `--unit`, what was refused a process: the code under test may have caught that."""
     REFUSED.clear()
     try:
         return (yield)
-    except Exception as exc:
+    except Exception:
         if REFUSED:
             pytest.skip("starts a process")
-        if collect_ignore_glob and ROBOTS_MISSING.search(str(exc)):
-            pytest.skip("needs stepbus-store")
-        if "can draw no images" in str(exc):
-            pytest.skip(str(exc))
         raise
 
 

@@ -21,6 +21,7 @@ from campaign.scenarios import SCENARIOS, Scenario
 from campaign.table import RunTable
 from mcap.writer import Writer
 from support.messages.recordings import rewrite
+from support.tools import needs_store
 
 from stepbus_orchestrator.scenario.load import load
 
@@ -226,7 +227,13 @@ def test_the_cases_of_a_fault_strike_at_all_its_moments_with_all_its_signals(box
     assert signals == {"KILL", "TERM", "STOP"}
 
 
-@pytest.mark.parametrize("name", SCENARIOS)
+@pytest.mark.parametrize(
+    "name",
+    [
+        pytest.param(name, marks=needs_store if name.split("/")[0] in ("store", "baxter") else ())
+        for name in SCENARIOS
+    ],
+)
 def test_the_arguments_of_every_scenario_are_valid(name):
     row = SCENARIOS[name].patient(2.5)
     words = row.endless(name)

@@ -1,7 +1,9 @@
 """Programs that a test needs and a machine may lack: without them it is skipped, with a word."""
 
+import os
 import shutil
 import subprocess
+from ctypes.util import find_library
 from importlib.util import find_spec
 
 import pytest
@@ -19,6 +21,17 @@ def needs(*programs):
     for program in programs:
         if shutil.which(program) is None:
             pytest.skip(f"{program} is not installed")
+
+
+def needs_opengl(engine):
+    """Skip the test of an engine's images where OpenGL is not installed, which MuJoCo draws with."""
+    if engine == "mujoco" and "MUJOCO_GL" not in os.environ and find_library("EGL") is None:
+        pytest.skip("MuJoCo cannot render images: libEGL is not installed")
+
+
+needs_store = pytest.mark.skipif(
+    find_spec("stepbus_store") is None, reason="stepbus-store is not installed: `make robots`"
+)
 
 
 def tracked(folder):

@@ -6,7 +6,7 @@ import psutil
 import pytest
 from support.services.camera import IMAGES, WORLD, make_plant, write_scene
 from support.services.control import Stand
-from support.tools import needs_pybullet
+from support.tools import needs_opengl, needs_pybullet
 
 from stepbus_plant import drawing
 from stepbus_plant.camera import Camera
@@ -167,6 +167,7 @@ def test_however_long_the_latency_there_are_few_copies(tmp_path):
 
 @pytest.mark.parametrize("engine", [name for name in ENGINES if is_here(name)])
 def test_the_renderer_is_known(tmp_path, engine):
+    needs_opengl(engine)
     with standing(tmp_path, WORLD, engine=engine) as stand:
         versions = stand.participant.versions()
     assert f"{engine} {versions[engine]}" in versions["renderer"]

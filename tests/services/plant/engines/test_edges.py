@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.services.camera import IMAGES, make_plant, visual, write_scene
 from support.services.devices import box, link, write_urdf
+from support.tools import needs_opengl
 
 WORLD = """
 cameras:
@@ -20,6 +21,7 @@ NEAR_AN_EDGE = 0.07
 
 def seen(folder, engine, edges, *, yaw, **camera):
     """Return where a camera 1 m above a thin plate sees it, shape (height, width)."""
+    needs_opengl(engine)
     write_scene(folder, WORLD.format(**camera), tilt=f"{math.pi} 0 {yaw}")
     x0, x1, y0, y1 = edges
     plate = visual(

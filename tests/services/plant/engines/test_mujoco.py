@@ -145,7 +145,7 @@ def test_without_a_renderer_it_says_what_to_install(kind):
     )
     assert tried.returncode == 1
     last = tried.stderr.strip().splitlines()[-1]
-    assert f"can draw no images with MUJOCO_GL={kind}" in last
+    assert f"cannot render images with MUJOCO_GL={kind}" in last
     assert "install libegl1" in last
     assert "`cameras: false`" in last
 

@@ -21,6 +21,7 @@ from support.services.mechanics import (
     robot,
     sensed,
 )
+from support.tools import needs_opengl
 
 from stepbus_plant.engine import BASE
 from stepbus_plant.geometry import quaternion, rotation
@@ -103,6 +104,7 @@ def test_a_state_that_is_saved_goes_on_to_the_bit(tmp_path, engine):
 
 
 def test_an_image_has_the_depth_of_what_it_shows(tmp_path, engine):
+    needs_opengl(engine)
     """A camera looks along x at a wall 1 m away, whose upper edge is at the height of the camera."""
     looks = '<visual><origin xyz="0 0 0"/><geometry><box size="0.2 4 2"/></geometry>{}</visual>'
     red = '<material name="red"><color rgba="1 0 0 1"/></material>'

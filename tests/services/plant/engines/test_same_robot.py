@@ -21,6 +21,7 @@ from support.services.mechanics import (
     robot,
     state,
 )
+from support.tools import needs_opengl
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import SettingsError
@@ -212,6 +213,7 @@ def middle_pixel(folder, engine, wall):
 
 
 def look(plant):
+    needs_opengl(plant.physics.engine.name)
     view = view_matrix((0.0, 0.0, 0.0), 3.0, math.radians(90), 0.0)
     projection = projection_matrix(1.0, 1.0, 0.1, 10.0)
     return plant.physics.engine.image((8, 8), view, projection, FLAT)

@@ -64,7 +64,7 @@ def test_a_limit_that_there_is_not_is_none(tmp_path):
     [
         (
             ("joint1", 7.0),
-            r"joint joint1 cannot be teleported to 7; its limits are \[-6.2832, 6.2832\]; is",
+            r"joint joint1 cannot be teleported to 7; its limits are \[-6.2832, 6.2832\]",
         ),
         (("joint1", float("nan")), "joint joint1 cannot be teleported to nan"),
         (("joint1", "x"), "joint joint1: 'x' is not a number"),
