@@ -166,7 +166,7 @@ def _changes(sources: Sources, scenario: Scenario, overrides: Sequence[str]) -> 
 def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:
     if scenario.steps is None:
         yield (
-            f"the scenario has no duration, the recording has {1 + recording.last_step} steps; if "
+            f"the scenario has no duration, the recording has {recorded_end(recording)} steps; if "
             "no participant ends the run, end it with Ctrl-C or give it one with "
             f"{argument('--set', value='duration=…')}"
         )

@@ -199,3 +199,9 @@ def test_a_recording_with_shared_models_is_run_again_from_itself_alone(tmp_path)
     shutil.rmtree(tmp_path / "models")
     shutil.rmtree(tmp_path / "arm")
     assert Preparation(first.recording, tmp_path / "again").run().equal
+
+
+def test_an_open_end_is_told_with_the_number_of_recorded_steps(tmp_path):
+    recording = run_joints(tmp_path, "duration=50ms", in_process=True).recording
+    notes = Preparation(recording, tmp_path / "again", ["duration=null"]).notes
+    assert "the scenario has no duration, the recording has 10 steps;" in " ".join(notes)

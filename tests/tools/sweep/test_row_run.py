@@ -8,6 +8,7 @@ from support.runs.joints import write_scenario
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.replay.recorded import recorded_end
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.sweep.bundle import collect
 from stepbus_tools.sweep.rows import Journal, ResultRow
@@ -58,4 +59,4 @@ def test_a_sweep_of_the_work_tree_or_with_trust_is_run(swept, tmp_path, is_trust
     if is_trusted:
         shutil.rmtree(scenario.parent)
     main(["rerun", str(folder), "0", "--out", str(out), *["--trust"] * is_trusted])
-    assert Recording(out / "run.mcap").last_step == 9
+    assert recorded_end(Recording(out / "run.mcap")) == 10
