@@ -108,7 +108,8 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     assert "kp * error" in text
     program.write_text(text.replace("kp * error", "1.01 * kp * error"))
     (tmp_path / "runs/broken.mcap").write_text("no recording")
-    code, log, summary, outputs = act(tmp_path, recordings="runs/short\nruns/*.mcap")
+    recordings = "runs/short\nruns/*.mcap"
+    code, log, summary, outputs = act(tmp_path, recordings=recordings, source="my_arm")
     assert (code, outputs) == (1, "equal=false\n")  # a replay that fails weighs more
     assert "runs/short plant: equal" in log
     assert "::error file=runs/short,title=stepbus replay::controller: step 1: " in log
@@ -122,7 +123,8 @@ def test_a_difference_is_in_summary_annotation_and_artifact(tmp_path):
     assert f"`{folder.name}/report.html`" in summary
     page = (folder / "report.html").read_text()
     assert folder.name in page  # the replayed curves lie over those of the recording
-    again = stepbus("replay", folder / "new.mcap", "--participant", "controller", "--json")
+    shown = ("--participant", "controller", "--source", "my_arm", "--json")
+    again = stepbus("replay", folder / "new.mcap", *shown)
     assert json.loads(again.stdout)["equal"]
 
 

@@ -8,6 +8,7 @@ import json
 import pytest
 from support.messages.recordings import rewrite
 from support.paths import CHECKOUT
+from support.runs.conformance import ours
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
@@ -72,7 +73,8 @@ def test_each_is_recovered_when_it_was_cut_off(path, tmp_path):
 @pytest.mark.slow
 @every_layout
 def test_each_is_replayed(path, capsys):
-    assert main(["replay", str(path), "--participant", "controller"]) == 0
+    words = ours("controller")  # the first two name a program of a stepbus of their time
+    assert main(["replay", str(path), "--participant", "controller", "--exec", *words]) == 0
     assert "controller: equal to the recording over 100 steps" in capsys.readouterr().out
 
 

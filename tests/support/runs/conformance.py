@@ -16,7 +16,7 @@ from stepbus_tools.conformance.material import read
 FOUND_BY = {
     "AnyStop": ["control-noise"],
     "AnyToken": ["unauthenticated"],
-    "AnyWelcome": ["welcome-protocol", "welcome-name", "welcome-token"],
+    "AnyWelcome": ["wrong-replies", "welcome-protocol", "welcome-name", "welcome-token"],
     "AsksForever": ["nobody-answers"],
     "AsksOne": ["wrong-replies"],
     "BigBatches": ["batch"],
@@ -35,7 +35,7 @@ FOUND_BY = {
     "FreezesAtLarge": ["oversize"],
     "HandshakesOnce": ["handshake"],
     "HangsAtGarbage": ["garbage"],
-    "IgnoresDelay": ["delayed"],
+    "IgnoresDelay": ["delayed", "nothing-due"],
     "IgnoresStop": [
         "replayed-log", "stop-before-ready", "stop-before-start", "stop-while-waiting",
         "stop-between-steps", "stop-at-end", "stop-overtakes",
@@ -59,7 +59,7 @@ FOUND_BY = {
     "RoundsToZero": ["nothing-due"],
     "Silent": ["waits-for-trigger", "late-input"],
     "SilentFaults": [
-        "absent", "delayed", "changed-duplicate", "skipped-step", "malformed-outputs",
+        "absent", "delayed", "nothing-due", "changed-duplicate", "skipped-step", "malformed-outputs",
         "wrong-message",
     ],
     "StepsMissing": ["steps", "replayed-log"],

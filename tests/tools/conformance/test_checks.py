@@ -21,13 +21,16 @@ SHORT = (
 """For mistakes of which some deadline finds each."""
 PATIENT = ("controller.step_timeout=30s", "controller.stop_timeout=30s")
 
-# Mistake → what the kit says of it, by the first of its checks.
+# Mistake → the check whose sentence is tested; the others: the first one.
+SAID_BY = {"AnyWelcome": "welcome-protocol", "StepsMissing": "steps"}
+
+# Mistake → what the kit says of it, by that check.
 SAID = {
     "AnyWelcome": "it became ready after a Welcome of protocol 1000|did not end within .* of a Welcome",
     "AsksOne": "reaches both processes on `join` .* did not arrive: it exited with code 1",
     "Clock": r"two runs with the same inputs differ: step \d+: command",
     "ExitsZeroWithoutTicket": "exited with code 0 without a ticket",
-    "Consolidates": "its last error: another process refuses you again",
+    "Consolidates": "its last output: another process refuses you again",
     "FirstReply": "Ready did not arrive: .*no MessagePack",
     "FixedOrder": r"with the joints of .* in reverse order, .*command.*is",
     "ForgivesDuplicates": "reported no fault of plant",
@@ -73,7 +76,7 @@ def test_each_mistake_is_found_and_named(two_link_recording, inputs, tmp_path):
 
     def check(mistake):
         words = program("wrong_controller.py", mistake)
-        name = "steps" if mistake == "StepsMissing" else FOUND_BY[mistake][0]
+        name = SAID_BY.get(mistake, FOUND_BY[mistake][0])
         return outcomes(given(mistake), words, tmp_path / mistake, [name])[name]
 
     # Half of them only wait for a deadline.

@@ -53,10 +53,12 @@ def test_a_value_of_a_strangers_run_is_no_way_to_a_program(swept, capsys):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("is_trusted", [False, True])
-def test_a_sweep_of_the_work_tree_or_with_trust_is_run(swept, tmp_path, is_trusted):
+def test_a_sweep_of_the_work_tree_or_with_trust_is_run(swept, tmp_path, monkeypatch, is_trusted):
     scenario, make = swept
     folder, out = make(), tmp_path / "again"
     if is_trusted:
         shutil.rmtree(scenario.parent)
+    else:
+        monkeypatch.chdir(scenario.parent)
     main(["rerun", str(folder), "0", "--out", str(out), *["--trust"] * is_trusted])
     assert recorded_end(Recording(out / "run.mcap")) == 10
