@@ -85,14 +85,19 @@ def find_work_tree(
 
 
 def _origin(recording: Recorded) -> Path | None:
-    """Return the scenario file that `result.json` names, if both are yours."""
+    """Return the scenario file that `result.json` names, if both are yours.
+
+    A path within the folder of the recording is not taken: who sends the folder has written both.
+    """
     path = recording.path.parent.absolute() / RESULT_FILE
     try:
         origin = msgspec.json.decode(read_file(path), type=_Origin)
     except (OSError, *UNDECODABLE):
         return None
     file = Path(origin.file)
-    return file if origin.file and is_yours(path) and is_yours(file) and is_file(file) else None
+    if not file.is_absolute() or file.resolve().is_relative_to(path.parent.resolve()):
+        return None
+    return file if is_yours(path) and is_yours(file) and is_file(file) else None
 
 
 def _scenario_in(place: Path, name: object, participant: str) -> Path | None:

@@ -1,6 +1,8 @@
 """A replay tests the program in the work tree, and says what is not as recorded."""
 
+import json
 import shutil
+from pathlib import Path
 
 import pytest
 from support.tools import needs
@@ -49,6 +51,19 @@ def log(project):
     recording = record(project / "arm", project / "run")
     (project / "tests").mkdir()
     return recording.rename(project / "tests" / "kept.mcap")
+
+
+@pytest.mark.parametrize("is_absolute", [False, True])
+def test_a_folder_does_not_vouch_for_its_own_programs(project, monkeypatch, is_absolute):
+    recording = record(project / "arm", project / "sent")
+    (project / "arm").rename(project / "sent/arm")
+    monkeypatch.chdir(project)
+    named = Path("sent/arm/scenario.yaml")
+    (project / "sent/result.json").write_text(
+        json.dumps({"file": str(named.absolute() if is_absolute else named)})
+    )
+    with Recording(recording) as sent:
+        assert find_work_tree(sent, "controller") is None
 
 
 def test_a_gain_changed_in_the_scenario_is_caught(project, log):
