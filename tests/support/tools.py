@@ -33,6 +33,10 @@ needs_store = pytest.mark.skipif(
     find_spec("stepbus_store") is None, reason="stepbus-store is not installed: `make robots`"
 )
 
+needs_robots = pytest.mark.skipif(
+    find_spec("xacro") is None, reason="xacro and the robots are not installed: `make robots`"
+)
+
 
 def tracked(folder):
     """Return the files of a folder of the checkout that no build has made, relative to it.

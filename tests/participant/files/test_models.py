@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from support.runs.scenario import changed, load_text, write
+from support.tools import needs_robots
 
 from stepbus_participant import read_urdf_text
 from stepbus_schemas import WiringError
@@ -28,11 +29,13 @@ def test_a_urdf_is_returned_as_it_is(tmp_path):
     assert read_urdf_text(write(tmp_path, text, "r.urdf")) == text
 
 
+@needs_robots
 def test_a_xacro_is_expanded(tmp_path):
     macro = '<xacro:macro name="l" params="n"><link name="${n}_${2*3}"/></xacro:macro>'
     assert '<link name="arm_6"/>' in read_urdf_text(xacro(tmp_path, f'{macro}<xacro:l n="arm"/>'))
 
 
+@needs_robots
 def test_included_files_are_found_beside_their_own_file_and_in_packages(tmp_path):
     url = "package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf"
     xacro(tmp_path, f'<xacro:include filename="{url}"/>', "parts/arm.xacro")
@@ -41,6 +44,7 @@ def test_included_files_are_found_beside_their_own_file_and_in_packages(tmp_path
     assert 'name="shoulder_pan_joint"' in text
 
 
+@needs_robots
 @pytest.mark.parametrize(
     ("include", "names"),
     [
@@ -59,16 +63,19 @@ def test_xacro_decides_what_is_included(tmp_path, include, names):
     assert re.findall(r'<material name="(\w)"', text) == names
 
 
+@needs_robots
 def test_a_package_that_xacro_looks_for_in_vain_is_named(tmp_path):
     told = refusal(xacro(tmp_path, '<xacro:include filename="$(find no_arm)/a.xacro"/>'))
     assert "package 'no_arm' is not installed, and no folder 'no_arm' is in or above" in told
 
 
+@needs_robots
 def test_xacro_in_a_file_called_urdf_is_expanded(tmp_path):
     content = '<xacro:property name="ns" value="left"/><link name="${ns}_base"/>'
     assert '<link name="left_base"/>' in read_urdf_text(xacro(tmp_path, content, "r.urdf"))
 
 
+@needs_robots
 def test_no_line_is_longer_than_pybullet_reads(tmp_path):
     joint = '<joint name="{0}" type="fixed"><parent link="link_0"/><child link="link_{0}"/></joint>'
     links = "".join(f'<link name="link_{n}"/>{joint.format(n)}' for n in range(1, 200))
@@ -76,6 +83,7 @@ def test_no_line_is_longer_than_pybullet_reads(tmp_path):
     assert max(map(len, read_urdf_text(xacro(tmp_path, links)).splitlines())) < 1000
 
 
+@needs_robots
 @pytest.mark.parametrize(
     ("content", "told"),
     [
@@ -97,6 +105,7 @@ def test_what_cannot_be_expanded_is_refused_with_its_file(tmp_path, content, tol
         read_urdf_text(path)
 
 
+@needs_robots
 def test_a_mistake_leaves_nothing_behind_for_the_next_file(tmp_path):
     refusal(xacro(tmp_path, '<link name="${unknown}"/>'))
     assert '<link name="x"/>' in read_urdf_text(xacro(tmp_path, '<link name="x"/>'))
@@ -107,7 +116,7 @@ def test_without_the_package_xacro_the_extra_is_named(tmp_path, monkeypatch):
     assert "xacro needs xacro" in refusal(xacro(tmp_path, ""))
 
 
-@pytest.mark.parametrize("name", ["r.urdf", "r.xacro"])
+@pytest.mark.parametrize("name", ["r.urdf", pytest.param("r.xacro", marks=needs_robots)])
 def test_a_file_that_is_not_there_is_refused(tmp_path, name):
     assert "No such file" in refusal(tmp_path / name)
 

@@ -5,7 +5,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from support.tools import needs_pybullet
+from support.tools import needs_pybullet, needs_robots
 
 from stepbus_orchestrator.cli import main
 from stepbus_participant import package_path, parse_urdf, read_urdf_text, urdf_warnings
@@ -87,6 +87,7 @@ def test_all_mistakes_are_listed_by_line(tmp_path):
     assert [line.split(":")[0] for line in problems(tmp_path, text)] == ["4", "7"]
 
 
+@needs_robots
 def test_a_xacro_is_checked_as_it_is_expanded(tmp_path):
     head = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">'
     text = ARM.replace('<robot name="r">', head).replace('value="2"', 'value="${1-2}"')
@@ -114,10 +115,15 @@ def test_what_engines_can_simulate_passes(tmp_path, before, after):
 @pytest.mark.parametrize(
     "url",
     [
-        "package://example-robot-data/robots/baxter_description/urdf/baxter.urdf",
-        "package://example-robot-data/robots/ur_description/urdf/ur5_robot.urdf",
-        "package://example-robot-data/robots/panda_description/urdf/panda.urdf",
-        "package://example-robot-data/robots/tiago_description/robots/tiago.urdf",
+        *[
+            pytest.param(f"package://example-robot-data/robots/{file}", marks=needs_robots)
+            for file in (
+                "baxter_description/urdf/baxter.urdf",
+                "ur_description/urdf/ur5_robot.urdf",
+                "panda_description/urdf/panda.urdf",
+                "tiago_description/robots/tiago.urdf",
+            )
+        ],
         pytest.param("package://pybullet_data/humanoid/humanoid.urdf", marks=needs_pybullet),
         pytest.param("package://pybullet_data/husky/husky.urdf", marks=needs_pybullet),
         pytest.param("package://pybullet_data/r2d2.urdf", marks=needs_pybullet),
