@@ -175,11 +175,6 @@ def test_real_time_takes_a_factor(factor, tmp_path):
         stepbus.run("two_link", out=tmp_path / "out", real_time=factor)
 
 
-def test_a_run_that_was_not_in_real_time_has_no_lateness_(result):
-    with stepbus.Recording(result) as recording:
-        assert result_beside(recording).real_time is None
-
-
 def test_a_failed_result_raises_when_checked_and_prints_in_a_line(tmp_path):
     result = stepbus.run(
         "two_link", set=SHORT, out=tmp_path / "out", faults=["kill controller at 5"]

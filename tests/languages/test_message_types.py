@@ -13,7 +13,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"
 SHORT = ["duration=1s"]
@@ -57,12 +56,6 @@ def test_it_runs_again_from_its_recording_and_compares_equal(result, tmp_path, c
     assert main(["rerun", str(result.recording), "--trust", "--out", str(again)]) == 0
     assert "byte for byte as recorded" in capsys.readouterr().out
     assert main(["diff", str(result.recording), str(again)]) == 0
-
-
-def test_it_is_plotted(result):
-    plots = result.recording.with_name("report.png")
-    assert write_report(result.recording) == [f"plots     {plots}"]
-    assert plots.stat().st_size > 10_000
 
 
 def refused(folder, changes):
@@ -121,14 +114,3 @@ def test_the_conformance_kit_plays_it(folder, monkeypatch, capsys):
         arguments = ["conformance", "--scenario", str(folder), "--participant", participant]
         assert main(arguments) == 0
         assert f", {failures} failed," in capsys.readouterr().out
-
-
-CHECKS = ("join", "content", "determinism", "unknown-fields", "numbers", "wrong-message")
-
-
-@pytest.mark.slow
-def test_some_checks_of_the_kit_play_it(folder, capsys):
-    only = [word for name in CHECKS for word in ("--only", name)]
-    arguments = ["conformance", "--scenario", str(folder), "--participant", "controller", *only]
-    assert main(arguments) == 0
-    assert "0 failed" in capsys.readouterr().out

@@ -25,7 +25,6 @@ from stepbus_schemas import (
     encode_in_parts,
     encoding_of,
     explained,
-    type_name,
     viewing,
 )
 from stepbus_schemas.codec import _MARK, _PACKED_MARK
@@ -101,16 +100,6 @@ def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: s
     with pytest.raises(msgspec.ValidationError) as caught:
         msgspec.convert(value, Nested)
     assert explained(caught.value, Nested) == sentence
-
-
-@pytest.mark.parametrize("name", TYPES)
-def test_a_class_knows_its_versioned_name(name: str) -> None:
-    assert type_name(TYPES[name]) == name
-
-
-@pytest.mark.parametrize("name", MESSAGE_TYPES)
-def test_a_port_type_is_found_by_its_name(name: str) -> None:
-    assert SHIPPED[name] is MESSAGE_TYPES[name]
 
 
 def test_an_unknown_version_names_the_known_one() -> None:

@@ -10,9 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stepbus_schemas import (
-    MESSAGE_TYPES,
     Decoder,
-    Description,
     Imu,
     LaserScan,
     Message,
@@ -140,10 +138,6 @@ def test_a_message_of_ones_own_has_values_defaults_and_bytes_of_its_own():
     assert (message.enabled, message.gain, message.count, message.at) == (False, 0.0, 3, None)
     assert msgspec.msgpack.decode(encode(message)) == {"thrust": [1.5], "mode": "auto"}
     assert isinstance(message, Message)
-
-
-def test_the_same_declaration_gives_the_same_class():
-    assert Types({"Thruster/1": dict(THRUSTER)})["Thruster/1"] is Thruster
 
 
 def test_a_wrong_message_is_refused_with_type_and_path():
@@ -319,9 +313,3 @@ def test_numbers_are_reordered_by_name():
 def test_a_number_that_stands_for_nothing_is_refused(declaration, numbers, sentence):
     with pytest.raises(ValueError, match=sentence):
         RawLayout("T/1", Types({"T/1": declaration})).unflatten(numbers)
-
-
-def test_every_type_that_ships_has_a_layout_or_is_more_than_numbers():
-    texts = {name for name in MESSAGE_TYPES if not raw_fields(name)}
-    assert texts >= {"Image/1", "Text/1", "Goal/1", "Contacts/1"}
-    assert Description().names == []

@@ -5,13 +5,10 @@ import pytest
 from stepbus_schemas import (
     PROTOCOL_VERSION,
     SPOKEN,
-    Fault,
     Hello,
     Protocols,
     offered,
 )
-
-FAULT = Fault(name="plant", token="00", step=3, type="raised", message="too hot")
 
 
 @pytest.mark.parametrize(

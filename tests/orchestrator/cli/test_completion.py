@@ -2,14 +2,10 @@
 
 import os
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from support.runs.terminal import STEPBUS
 from support.tools import needs
-
-SCRIPTS = Path(sys.executable).parent
 
 
 @pytest.fixture(scope="module")

@@ -126,12 +126,3 @@ def test_an_interrupt_ends_it_and_leaves_nothing(own_temp, tmp_path):
         describe(load(sensor(tmp_path, "")), interrupt)
     assert caught.value.code == ExitCode.INTERRUPTED
     assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])
-
-
-def test_the_log_of_a_failure_is_quoted_and_its_folder_removed(own_temp, tmp_path, capsys):
-    path = sensor(tmp_path, "")
-    (tmp_path / "sensor.py").write_text("raise SystemExit('no such robot')")
-    assert main(["describe", str(path)]) == ExitCode.START
-    assert capsys.readouterr().err.endswith("; its log ends below\n  no such robot\n")
-    assert list(own_temp.iterdir()) == []
-    assert leftovers(tmp_path) == []

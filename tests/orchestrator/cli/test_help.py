@@ -11,7 +11,6 @@ from support.runs.terminal import at_terminal
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.commands import load_commands, make_parser
 from stepbus_orchestrator.cli.overview import GROUPS, command_names, outlines
-from stepbus_orchestrator.cli.terminal.output import fold
 
 ALL = command_names()
 
@@ -102,12 +101,3 @@ def test_a_terminal_of_80_columns_gets_whole_words(words, tmp_path):
     assert len(shown.splitlines()) > 1
     _, coloured = at_terminal(words, cwd=tmp_path)
     assert coloured == shown.replace("stepbus:", "\x1b[1;31mstepbus:\x1b[0m", 1)
-
-
-def test_a_line_with_columns_goes_on_below_the_last_one():
-    text = "ok    extra sim   what the plant needs"
-    assert fold(text, 30) == "ok    extra sim   what the\n" + " " * 18 + "plant needs"
-    assert (
-        fold("  a plain line of some words", 16, "  ") == "  a plain line\n    of some\n    words"
-    )
-    assert fold("a /very/long/path/that/is/whole", 12) == "a\n/very/long/path/that/is/whole"

@@ -2,19 +2,17 @@
 
 import argparse
 import inspect
-import re
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Annotated, Any, Literal
 
 import pytest
 
 import stepbus
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.commands import make_parser
 from stepbus_orchestrator.cli.parameters import (
     command,
     number,
@@ -136,39 +134,6 @@ def test_a_value_that_does_not_fit_is_refused(parser, capsys, words, sentence):
 )
 def test_the_docstring_explains_every_parameter(function):
     assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
-
-
-class Listing:
-    """Lists the options that have no help."""
-
-    def __init__(self):
-        self.unexplained = []
-
-    def add_mutually_exclusive_group(self):
-        return self
-
-    def add_argument(self, name, help="", **_):  # noqa: A002
-        self.unexplained += [] if help else [name]
-        return SimpleNamespace()
-
-
-@pytest.mark.parametrize("each", load_commands(), ids=lambda each: each.name)
-def test_every_option_of_every_command_is_explained(each):
-    listing = Listing()
-    each.add_arguments(listing)
-    assert listing.unexplained == []
-
-
-def options_of(each):
-    parser = argparse.ArgumentParser(each.name)
-    each.add_arguments(parser)
-    return re.sub(r"\s+", " ", parser.format_usage())
-
-
-def test_every_command_calls_the_place_it_writes_to_the_same():
-    found = [re.findall(r"--out (\w+)", options_of(each)) for each in load_commands()]
-    assert {name for names in found for name in names} == {"FOLDER", "FILE"}
-    assert not [each.name for each in load_commands() if "--keep FOLDER" in options_of(each)]
 
 
 @pytest.mark.parametrize(

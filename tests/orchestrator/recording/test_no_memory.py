@@ -2,16 +2,13 @@
 
 import itertools
 import json
-from io import BytesIO
 
 import pytest
 import zstandard
-from mcap.reader import make_reader
 
 import stepbus
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, chunk, recover
-from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.recording.workers import Workers
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
@@ -61,21 +58,6 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(tmp_path, comp
     assert recording.damage == ""
     assert steps
     assert steps == list(range(len(steps)))
-
-
-def test_a_chunk_is_kept_until_it_is_encoded(tmp_path, compressor):
-    stream, refusals = BytesIO(), 0
-    writer = MessageWriter(stream, chunk_size=1000)
-    for step in range(100):
-        try:
-            writer.add_messages([(1, bytes(100))], step, step, step)
-        except MemoryError:
-            refusals += 1
-            writer.add_messages([(1, bytes(100))], step, step, step)
-    writer.finish()
-    stream.seek(0)
-    summary = make_reader(stream).get_summary()
-    assert (refusals, summary.statistics.message_count) == (1, 100)
 
 
 def test_outputs_lost_for_lack_of_memory_have_none_behind_them(tmp_path, monkeypatch):

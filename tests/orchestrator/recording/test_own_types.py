@@ -9,7 +9,7 @@ from stepbus_orchestrator.recording import McapFile, Recorder, Recording
 from stepbus_orchestrator.recording.reader.descriptions import recorded_types
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
-from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode
+from stepbus_schemas import Description, Outputs, Types, WiringError, encode
 from stepbus_tools.report import write_report
 from stepbus_tools.viewing.page import write_page
 
@@ -100,13 +100,6 @@ def test_the_page_of_a_run_shows_its_own_types_with_their_units(path):
     assert '"title":"vehicle.out (Thruster/1)"' in text
     assert '"title":"thrust","unit":"N"' in text
     assert '"label":"left"' in text
-
-
-def test_named_numbers_are_plotted_too(tmp_path):
-    path = tmp_path / "run.mcap"
-    numbers = Scalars(values=[1.0, 2.0])
-    record(path, THRUSTER, lambda *_: numbers, port_type="Scalars/1")
-    assert write_report(path) == [f"plots     {path.with_name('report.png')}"]
 
 
 def test_a_schema_that_says_no_type_leaves_it_unknown(path):

@@ -14,7 +14,6 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
 STEP = "controller.step_timeout=2s"
-STOP = "controller.stop_timeout=500ms"
 READY = "controller.ready_timeout=500ms"
 SPAWN = "controller.spawn_timeout=500ms"
 NEVER_JOINS = [sys.executable, "-c", "import time; time.sleep(100)"]
@@ -71,21 +70,10 @@ def test_a_fault_before_the_first_step_is_blamed(joints_recording, kind, sentenc
     assert re.search(sentence, str(failure))
 
 
-def test_a_program_of_another_version_of_a_message_is_refused(joints_recording):
-    failure = failure_of(joints_recording, "controller.participant=joints.py:Future")
-    assert failure.code == ExitCode.START
-    assert "was refused: output controller.command: the program has JointCommand/2" in str(failure)
-
-
 def test_a_program_that_never_joins_is_blamed(joints_recording):
     failure = failure_of(joints_recording, SPAWN, program=NEVER_JOINS)
     assert failure.code == ExitCode.START
     assert "has not reached the bus" in str(failure)
-
-
-def test_one_that_does_not_end_is_blamed_and_killed(joints_recording):
-    failure = failure_of(joints_recording, fault("controller", "hang-at-close", 0), STOP)
-    assert failure.code == ExitCode.STOP_TIMEOUT
 
 
 def test_a_recording_without_a_step_is_no_test_that_passes(tmp_path):
@@ -93,11 +81,6 @@ def test_a_recording_without_a_step_is_no_test_that_passes(tmp_path):
     recording = run_joints(tmp_path, first, in_process=True).recording
     with pytest.raises(RecordingFailed, match="no complete step of plant: there is nothing to"):
         replay(recording, "plant")
-
-
-def test_the_log_of_one_that_failed_is_quoted(joints_recording):
-    failure = failure_of(joints_recording, fault("controller", "raise", 7))
-    assert "ValueError: the knee" in str(failure).partition("its log ends below\n")[2]
 
 
 def test_a_failed_replay_leaves_no_new_reference(joints_recording, tmp_path):

@@ -103,16 +103,6 @@ def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
     assert "first divergence: step 5: controller/command" in capsys.readouterr().out
 
 
-def test_where_nothing_ran_nothing_is_said_to_be_as_recorded(recorded, tmp_path, capsys):
-    cut = cut_off(recorded, 0)
-    broken = "controller.exec=[python, -c, exit(7)]"
-    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", broken]
-    assert cli.main(words) == ExitCode.START
-    said = capsys.readouterr().out
-    assert "every message" not in said
-    assert "nothing was compared" in said
-
-
 def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_path, capsys):
     broken = fault("controller", "raise", -1)
     failed = run_joints(tmp_path, broken, in_process=True)

@@ -12,7 +12,7 @@ import stepbus_scenarios
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.replay.sources import Sources, trusted_sources
+from stepbus_orchestrator.replay.sources import trusted_sources
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -172,18 +172,6 @@ def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
     with pytest.raises(OutputExists, match="already contains a run; choose another `out`"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
-
-
-@pytest.mark.parametrize("name", ["../models/x.csv", "../../a/b/x.csv"])
-def test_files_in_folders_above_are_where_the_scenario_names_them(tmp_path, name):
-    home = tmp_path / "far" / "home"
-    home.mkdir(parents=True)
-    shared = home / name
-    shared.parent.mkdir(parents=True, exist_ok=True)
-    shared.write_text("1")
-    scenario = Sources(b"", {name: b"1"}).unpack(tmp_path / "copy")
-    assert (scenario.parent / name).read_text() == "1"
-    assert scenario.is_relative_to(tmp_path / "copy")
 
 
 def test_a_recording_with_shared_models_is_run_again_from_itself_alone(tmp_path):

@@ -11,7 +11,7 @@ from support.runs.joints import fault, run_joints, write_scenario
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.branch import BranchPlan, branch
+from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.hosts import InProcess
@@ -124,13 +124,6 @@ def test_a_program_is_changed_by_its_absolute_path_and_runs_again_from_the_recor
     now, before = Recording(found.result.recording), Recording(gained)
     values = [part["controller.command"].values[43] for part in (now, before)]
     assert values[0] == pytest.approx(3 * values[1])
-    assert Preparation(found.result.recording, tmp_path / "c").run().equal
-
-
-def test_a_branch_is_run_again_from_its_recording_alone(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
     assert Preparation(found.result.recording, tmp_path / "c").run().equal
 
 
@@ -275,15 +268,6 @@ def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     found = branch(failed.recording, tmp_path / "b", at=60, set=[repaired], in_process=True)
     assert (found.result.exit_code, found.result.steps) == (0, STEPS)
     assert below(found.result.recording, 60) == below(failed.recording, 60)
-
-
-@pytest.mark.slow
-def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
-    slow = [fault("controller", "nap", 50), "controller.step_timeout=500ms"]
-    prepared = BranchPlan(recorded, 43, tmp_path / "b", slow)
-    found = prepared.run(debug=["controller"])
-    assert found.result.exit_code == 0
-    assert "--debug" in (tmp_path / "b/logs/controller.log").read_text()
 
 
 def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):

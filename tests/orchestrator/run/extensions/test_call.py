@@ -19,7 +19,7 @@ from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call, forget
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint
@@ -120,12 +120,6 @@ def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_
         live.save(tmp_path)
         assert (tmp_path / "victim").read_text() == "kept"
         assert (tmp_path / LIVE_FILE).lstat().st_mode == stat.S_IFREG | 0o600
-
-
-def test_a_folder_in_the_place_of_the_file_does_not_hold_up_the_end(tmp_path):
-    (tmp_path / LIVE_FILE).mkdir()
-    forget(tmp_path)
-    assert (tmp_path / LIVE_FILE).is_dir()
 
 
 def test_the_calls_of_all_participants_can_be_listed(tmp_path):

@@ -24,28 +24,6 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import WiringError
 
 
-def test_a_pace_that_nobody_touches_has_no_limit():
-    assert Pace().limit(7) == FAR
-    assert Pace(12).limit(7) == 12
-
-
-def test_a_pause_lets_what_is_under_way_be_done_and_no_more():
-    pace = Pace()
-    pace.pause()
-    assert (pace.limit(7), pace.limit(9)) == (7, 7)
-    pace.resume()
-    assert pace.limit(7) == FAR
-
-
-def test_steps_add_up_and_pause_a_run_that_goes_on():
-    pace = Pace()
-    pace.step()
-    pace.step(2)
-    assert pace.limit(7) == 10
-    pace.step()
-    assert pace.limit(10) == 11
-
-
 def test_keys_steer_the_pace():
     pace, interrupt = Pace(), threading.Event()
     limits = []

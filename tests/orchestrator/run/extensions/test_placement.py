@@ -93,22 +93,6 @@ def test_slow_steps_and_a_single_core_are_left_alone(options):
     assert Machine(**options).run_for(20) == 0
 
 
-def test_at_its_end_a_run_lets_all_go():
-    machine = Machine(apart=3000, together=4500)
-    machine.run_for(5)
-    assert machine.is_together
-    machine.placement.stopping()
-    assert not machine.is_together
-    assert machine.run_for(5) == 0
-
-
-def test_a_run_by_the_clock_is_left_alone():
-    machine = Machine(apart=3000, together=4500)
-    machine.run_for(5)
-    machine.is_timed = True
-    assert machine.run_for(5) == 0
-
-
 def test_only_those_that_wait_for_themselves_take_turns():
     assert in_cycles(load("two_link")) == ["plant", "controller"]
 

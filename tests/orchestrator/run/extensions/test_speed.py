@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 from stepbus_orchestrator.run.extensions.real_time import Speed
-from stepbus_orchestrator.run.kernel.barrier import FAR
 
 
 class Clock:
@@ -17,10 +16,6 @@ def by(clock, step_ns=10_000_000):
     speed = Speed(step_ns)
     speed.attach(SimpleNamespace(clock=clock))
     return speed
-
-
-def test_without_a_factor_nothing_is_held():
-    assert by(Clock()).limit(7) == FAR
 
 
 def test_steps_come_at_their_time():

@@ -82,12 +82,6 @@ def test_a_participant_that_cannot_get_ready_is_named(tmp_path, kind, sentence):
     assert re.search(sentence, result.reason)
 
 
-def test_a_program_that_does_not_take_part_is_named(tmp_path):
-    result = run_joints(tmp_path, "controller.exec=[sleep, '1000']", "controller.spawn_timeout=1s")
-    assert (result.exit_code, result.participant) == (ExitCode.START, "controller")
-    assert "has not reached the bus" in result.reason
-
-
 def test_a_program_for_another_version_of_a_message_is_refused_naming_both_sides(tmp_path):
     result = run_joints(tmp_path, "controller.participant=joints.py:Future")
     assert result.exit_code == ExitCode.START
