@@ -20,5 +20,5 @@ def test_a_python_that_does_not_run_is_one_sentence_and_changes_nothing(tmp_path
         env={**os.environ, "PYTHON3": "python2.9"},
     )
     assert (done.returncode, done.stdout) == (1, "")
-    assert done.stderr.startswith("PYTHON3=python2.9 does not run, or is older than Python 3.11")
+    assert done.stderr.startswith("PYTHON3=python2.9 does not run")
     assert (tmp_path / ".venv").is_dir()

@@ -78,19 +78,14 @@ def test_a_program_that_knows_another_version_is_refused(folder, tmp_path):
     (copy / "vehicle.py").write_text(
         (copy / "vehicle.py").read_text().replace("types.yaml", "old.yaml")
     )
-    assert "input vehicle.thruster: the program has Thruster/2, the scenario Thruster/1" in refused(
-        copy, text
-    )
+    assert "the program has Thruster/2" in refused(copy, text)
 
 
 def test_a_program_that_knows_other_fields_under_the_same_version_is_refused(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "copy")
     shutil.copy(copy / "types.yaml", copy / "old.yaml")
     changes = {"types.yaml": ("unit: N", "unit: kN"), "vehicle.py": ("types.yaml", "old.yaml")}
-    assert refused(copy, changes).endswith(
-        "vehicle: Thruster/1 differs: thrust is float[n] [N] in the program, float[n] [kN] in the "
-        "scenario; use the same declaration, or raise the version of the changed type"
-    )
+    assert refused(copy, changes).endswith("raise the version of the changed type")
 
 
 def test_a_program_in_c_that_insists_on_another_version_is_refused_before_the_run(folder, tmp_path):

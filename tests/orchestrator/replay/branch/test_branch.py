@@ -133,9 +133,7 @@ def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path
     )
     again = branch(first.result.recording, tmp_path / "c", at=70, in_process=True)
     assert again.equal
-    with pytest.raises(
-        RecordingFailed, match="is a branch from step 43: branch at that step or later"
-    ):
+    with pytest.raises(RecordingFailed, match="is a branch from step 43"):
         branch(first.result.recording, tmp_path / "d", at=42, in_process=True)
 
 
@@ -187,10 +185,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert found.result.participant == "controller"
     assert 30 < found.result.at_step < 90
-    assert (
-        "controller does not repeat the recording: controller/command: values["
-        in found.result.reason
-    )
+    assert "controller/command: values[" in found.result.reason
 
 
 def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
@@ -249,7 +244,7 @@ def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
 
 @pytest.mark.parametrize("change", ["step=1ms", "seed=3", "mission.every=2"])
 def test_what_decides_who_reads_what_is_kept(recorded, tmp_path, change):
-    with pytest.raises(WiringError, match="a branch cannot change step, seed, ports or rates"):
+    with pytest.raises(WiringError, match="step, seed, ports or rates"):
         branch(recorded, tmp_path / "b", at=43, set=[change])
 
 
@@ -288,7 +283,7 @@ def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
 def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
     held = run_joints(tmp_path, "controller.on_fault=hold", fault("controller", "raise", 60))
     assert branch(held.recording, tmp_path / "b", at=50).result.exit_code == ExitCode.FAULT
-    with pytest.raises(RecordingFailed, match="controller failed and was replaced from step 60"):
+    with pytest.raises(RecordingFailed, match="replaced from step 60"):
         branch(held.recording, tmp_path / "c", at=62)
 
 

@@ -150,7 +150,7 @@ def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
     rewrite(copy, "controller", 200, spoil)
     found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.result.exit_code == ExitCode.DIFFERENT
-    assert "controller does not repeat the recording" in found.result.reason
+    assert "does not repeat the recording" in found.result.reason
     assert "its checkpoint before step 200" in found.result.reason
     assert "`checkpoints=False`" in found.result.reason
 
@@ -170,7 +170,7 @@ def test_a_state_that_nobody_can_take_is_one_sentence(copy, tmp_path, change, wh
     rewrite(copy, "controller", 200, change)
     found = branch(copy, tmp_path / "b", at=250, in_process=True)
     assert found.result.exit_code == ExitCode.FAULT
-    assert "the checkpoint of controller before step 200" in found.result.reason
+    assert "controller before step 200" in found.result.reason
     assert why in found.result.reason
 
 

@@ -108,7 +108,7 @@ def test_a_call_that_cannot_be_answered_says_why_and_the_run_goes_on(tmp_path):
 def test_a_call_that_the_transport_would_lose_is_refused_before_it_is_sent(tmp_path):
     result, answers = asked(tmp_path, ["plant", "put", 0, "x" * 70_000], ["plant", "position", 0])
     assert (result.exit_code, answers[1].step) == (0, 20)
-    assert "more than the 60000 that the run's low-latency transport can carry" in answers[0]
+    assert "more than the 60000" in answers[0]
 
 
 def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_path):
@@ -197,4 +197,4 @@ def test_to_list_the_calls_of_nobody_is_a_mistake(monkeypatch, capsys):
     offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
     monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some", "plnt"]) != 0
-    assert "'plnt' does not accept calls; did you mean 'plant'?" in capsys.readouterr().err
+    assert "did you mean 'plant'?" in capsys.readouterr().err

@@ -82,10 +82,7 @@ def test_the_extension_of_the_page_ends_a_run(tmp_path, capsys):
         )
         == 0
     )
-    assert (
-        "(joint1 is at 0.503 rad, beyond its limit of 0.5 rad) after 107 steps"
-        in capsys.readouterr().out
-    )
+    assert "joint1 is at 0.503 rad" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

