@@ -12,60 +12,17 @@ import stepbus_schemas
 from stepbus import errors, messages, params, results, wiring
 
 MODULES = (errors, messages, params, results, wiring)
-PUBLIC = [
-    "Config",
-    "Description",
-    "Event",
-    "ExitCode",
-    "JointCommand",
-    "JointReference",
-    "JointState",
-    "Message",
-    "Method",
-    "Observer",
-    "Pace",
-    "Participant",
-    "Progress",
-    "Recording",
-    "Result",
-    "RunExtension",
-    "RunFailure",
-    "Scenario",
-    "ScenarioError",
-    "SensedJoints",
-    "Settings",
-    "Steering",
-    "Step",
-    "StepbusError",
-    "Tolerance",
-    "WiringError",
-    "branch",
-    "call",
-    "compare",
-    "describe",
-    "diff",
-    "errors",
-    "export",
-    "load",
-    "main",
-    "messages",
-    "params",
-    "recover",
-    "replay",
-    "report",
-    "rerun",
-    "results",
-    "run",
-    "sweep",
-    "take_part",
-    "testing",
-    "verify",
-    "wiring",
-]
+PUBLIC = (
+    "Config Description Event ExitCode JointCommand JointReference JointState Message Method "
+    "Observer Pace Participant Progress Recording Result RunExtension RunFailure Scenario "
+    "ScenarioError SensedJoints Settings Steering Step StepbusError Tolerance WiringError "
+    "branch call compare describe diff errors export load main messages params recover replay "
+    "report rerun results run sweep take_part testing verify wiring"
+)
 
 
 def test_the_public_names_are_these():
-    assert stepbus.__all__ == PUBLIC
+    assert " ".join(stepbus.__all__) == PUBLIC
 
 
 @pytest.mark.parametrize("module", [stepbus, *MODULES])

@@ -64,7 +64,7 @@ def test_a_package_whose_modules_are_missing_is_named_once(source, monkeypatch):
     source(None)
     for name in ("matplotlib", "matplotlib.figure"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ExtraMissing, match="^a plot needs matplotlib"):
+    with pytest.raises(ExtraMissing, match=r"^a plot needs matplotlib"):
         need("a plot", "matplotlib", "matplotlib.figure")
 
 

@@ -229,7 +229,7 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
     for _ in range(PER_KEY):
         answer = mutator.broken(welcome)
         with pytest.raises(
-            (RunError, MessageError), match="answer to Hello|the orchestrator speaks"
+            (RunError, MessageError), match=r"answer to Hello|the orchestrator speaks"
         ):
             join(SimpleNamespace(clock=time, query=lambda *_, reply=answer: [reply]), ticket)
 
