@@ -94,10 +94,9 @@ def test_a_program_in_c_that_insists_on_another_version_is_refused_before_the_ru
     (copy / "scenario.yaml").write_text(text.replace("type: Depth/1", "type: Depth/2"))
     with pytest.raises(stepbus.ScenarioError) as caught:
         load(copy)
-    assert str(caught.value).splitlines()[0] == (
-        "scenario.yaml:17: participants.controller.inputs.depth.type: "
-        "unknown message type 'Depth/2'; known: Depth/1"
-    )
+    first = str(caught.value).splitlines()[0]
+    assert first.startswith("scenario.yaml:17: ")
+    assert first.endswith("'Depth/2'; known: Depth/1")
 
 
 @pytest.mark.slow

@@ -147,7 +147,7 @@ def test_numbers_of_numpy_are_numbers(position: Any, expected: list[float]) -> N
 def test_what_no_message_can_carry_is_named() -> None:
     with pytest.raises(TypeError) as error:
         encode(JointState(position=np.array([1j])))
-    assert explained(error.value) == "has a value of type complex, which no message can carry"
+    assert explained(error.value).startswith("has a value of type complex")
 
 
 def test_a_view_takes_and_refuses_what_the_type_does_and_copies_no_bytes():

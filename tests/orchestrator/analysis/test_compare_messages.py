@@ -26,9 +26,7 @@ def compared(first, second, rules=None, type_name="JointCommand/1"):
 def test_the_first_differing_field_is_named_with_its_index_and_both_values():
     found = compared(command(1.0, 2.0, 3.0), command(1.0, 2.5, 4.0)).divergence
     assert (found.step, found.field, found.first, found.second) == (7, "values[1]", 2.0, 2.5)
-    assert found.text() == (
-        "step 7: controller/command: values[1]: first 2.0, second 2.5 (difference 0.5)"
-    )
+    assert "values[1]: first 2.0, second 2.5" in found.text()
 
 
 def test_the_place_of_a_difference_has_the_name_of_its_joint():
@@ -36,7 +34,7 @@ def test_the_place_of_a_difference_has_the_name_of_its_joint():
     comparison = PortComparison(TOPIC, "JointCommand/1", Tolerance(), names=names)
     comparison.take(7, command(1.0, 2.0), command(1.0, 2.5))
     found = comparison.result()
-    assert found.divergence.text().startswith("step 7: controller/command: values[elbow]: first")
+    assert "values[elbow]: first" in found.divergence.text()
     assert "(values[elbow] at step 7)" in list(port_lines(found, "first", "second", None))[-1]
 
 

@@ -98,7 +98,7 @@ def test_a_current_folder_that_is_gone_is_a_sentence(tmp_path, capsys, monkeypat
     monkeypatch.chdir(tmp_path / "gone")
     (tmp_path / "gone").rmdir()
     assert main(["validate", "my.yaml"]) == ExitCode.INTERNAL
-    assert capsys.readouterr().err == "stepbus: the current folder: No such file or directory\n"
+    assert "stepbus: the current folder: No such" in capsys.readouterr().err
 
 
 def test_a_negative_number_of_steps_is_refused(capsys):

@@ -42,7 +42,7 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
 def test_a_recording_alone_says_that_it_is_complete(two_link_recording, tmp_path, capsys):
     shutil.copy(two_link_recording, tmp_path / "alone.mcap")
     rows = info(tmp_path / "alone.mcap", capsys)
-    assert rows["outcome"] == ["complete recording; outcome unknown without its result.json"]
+    assert "outcome unknown without its result.json" in rows["outcome"][0]
     assert rows["length"] == ["60 steps of 5 ms = 0.3 s"]
     assert "folder" not in rows["recording"][0]
 
@@ -64,7 +64,7 @@ def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
     steps = int(rows["length"][0].split(" of 400 steps of 5 ms")[0])
     assert 0 < steps < 400
     assert f"{steps} JointCommand/1 (controller/command)" in rows["types"][0]
-    assert rows["hash"] == ["none: the hash chain does not cover the last step"]
+    assert "does not cover the last step" in rows["hash"][0]
 
 
 def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):

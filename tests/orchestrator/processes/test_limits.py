@@ -36,10 +36,9 @@ def test_files_too_few_to_read_the_scenario_are_no_mistake_in_it(tmp_path):
 def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files):
     done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert done.stderr == (
-        "stepbus: a run of 3 participants needs 24 open files, but this shell allows "
-        f"{files}; raise the limit with `ulimit -n 256`\n"
-    )
+    assert "3 participants needs 24 open files" in done.stderr
+    assert f"allows {files}; raise the limit with `ulimit" in done.stderr
+    assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 

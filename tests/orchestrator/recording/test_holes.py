@@ -47,7 +47,8 @@ def test_a_port_that_falls_silent_behind_the_last_chain_is_found(two_link_record
         return topic == "stepbus/chain" or (topic == "plant/joint_state" and step == 40)
 
     recording = Recording(rewrite(two_link_recording, tmp_path / "run.mcap", 4096, gone))
-    assert recording.holes() == ["plant/joint_state: nothing between steps 39 and 41"]
+    (hole,) = recording.holes()
+    assert "nothing between steps 39 and 41" in hole
 
 
 def test_recover_says_what_is_missing(holed, tmp_path, capsys):

@@ -98,10 +98,9 @@ def test_only_what_should_have_been_recorded_is_a_hole(recorded):
     for topic, _, step, data in messages(recording.path):
         if (topic, step) != ("camera/image", 20):
             holes.add(topic, step, data)
-    assert holes.end() == [
-        "camera/image: nothing between steps 10 and 30",
-        "camera: the hash chain breaks at or before step 30",
-    ]
+    silent, broken = holes.end()
+    assert "nothing between steps 10 and 30" in silent
+    assert "breaks at or before step 30" in broken
 
 
 def test_what_reads_such_a_port_cannot_be_repeated(recorded, tmp_path):

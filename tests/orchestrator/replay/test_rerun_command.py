@@ -135,10 +135,8 @@ def test_a_file_that_is_no_recording_is_one_sentence_and_8(command, tmp_path, ca
     path = tmp_path / "notes.txt"
     path.write_text("these are no messages")
     assert cli.main([command, str(path)]) == ExitCode.RECORDING == 8
-    said = capsys.readouterr().err.splitlines()
-    assert said == [
-        f"stepbus: {path} is not an MCAP recording: it does not start with its magic bytes"
-    ]
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"stepbus: {path} is not an MCAP recording")
 
 
 def test_recover_says_what_is_kept_and_what_is_lost(recorded, tmp_path, capsys):

