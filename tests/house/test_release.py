@@ -121,36 +121,12 @@ def builds_of(folder, files):
     return clean, found + differences({"clean": clean.sdist, "used": used.sdist})
 
 
-HOOK = b"""
-import os
-from hatchling.builders.hooks.plugin.interface import BuildHookInterface
-
-class Stamp(BuildHookInterface):
-    def initialize(self, version, build_data):
-        path = os.path.join(self.root, "src/cart/stamp.txt")
-        open(path, "w").write(os.environ.get("TZ", "none"))
-"""
-WITH_HOOK = {
-    **FILES,
-    "pyproject.toml": PYPROJECT + b"[tool.hatch.build.targets.wheel.hooks.custom]\n",
-    "hatch_build.py": HOOK,
-}
-
-
 @pytest.mark.slow
 def test_a_project_builds_to_the_same_bytes_also_in_a_tree_with_litter(tmp_path):
     clean, found = builds_of(tmp_path, FILES)
     assert found == []
     assert problems_of_wheel(clean.wheel, Layout(FILES)) == []
     assert problems_of_sdist(clean.sdist, Layout(FILES)) == []
-
-
-@pytest.mark.slow
-def test_a_build_that_depends_on_the_machine_is_found(tmp_path):
-    _, found = builds_of(tmp_path, WITH_HOOK)
-    assert [line.split(" gives")[0] for line in found] == [
-        "cart-1.2.0-py3-none-any.whl: used",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -11,8 +11,6 @@ from jsonschema import Draft202012Validator
 from scripts.release_contents import NEEDED, Layout
 from support.paths import CHECKOUT
 
-from stepbus_orchestrator.scenario.load import load
-
 PROJECTS = [
     tomllib.loads((CHECKOUT / name).read_text(encoding="utf-8"))
     for name in ("pyproject.toml", "store/pyproject.toml")
@@ -106,16 +104,3 @@ def test_the_catalogue_leads_to_valid_schemas_that_state_their_draft(entry):
     schema = json.loads((CHECKOUT / entry["url"].removeprefix(RAW)).read_text())
     assert schema["$schema"] == Draft202012Validator.META_SCHEMA["$id"]
     Draft202012Validator.check_schema(schema)
-
-
-def test_a_scenario_with_the_name_of_the_catalogue_is_valid_and_is_loaded(tmp_path):
-    source = CHECKOUT / "scenarios/stepbus_scenarios/two_link"
-    for path in source.glob("*.*"):
-        (tmp_path / path.name).write_bytes(path.read_bytes())
-    path = (tmp_path / "scenario.yaml").rename(tmp_path / "arm.stepbus.yaml")
-    scenario, world = CATALOGUE
-    assert fnmatch(path.name, scenario["fileMatch"][0])
-    assert not fnmatch(path.name, world["fileMatch"][0])
-    schema = json.loads((CHECKOUT / scenario["url"].removeprefix(RAW)).read_text())
-    Draft202012Validator(schema).validate(yaml.safe_load(path.read_text()))
-    assert load(str(path)).name == "two_link"

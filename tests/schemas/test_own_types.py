@@ -25,7 +25,6 @@ from stepbus_schemas import (
     meta,
     raw_fields,
     type_problems,
-    types_page,
     types_vectors,
 )
 from stepbus_schemas.vectors import from_notation
@@ -150,13 +149,6 @@ def test_a_type_that_ships_is_in_every_catalogue():
     assert TYPES["Imu/1"] is Imu
     with pytest.raises(WiringError, match=r"'Thruster/3'; known: Thruster/1$"):
         TYPES["Thruster/3"]
-
-
-def test_the_page_has_fields_units_and_numbers():
-    types = Types({"Thruster/1": {"thrust": THRUSTER["thrust"], "mode": ["off", "hold", "auto"]}})
-    page = types_page(["Thruster/1"], types)
-    assert "| list of float | N | (n,) | of each |" in page
-    assert "mode (0 off, 1 hold, 2 auto)" in page
 
 
 class Battery(Message, frozen=True):
@@ -290,13 +282,6 @@ def test_lists_without_names_take_their_length_from_the_shape():
     assert numbers[:7] == [0.0, 0.1, 0.0, 5.0, 1.0, 2.0, 3.0]
     assert layout.unflatten(numbers) == scan
     assert list(RawLayout("LaserScan/1").lacks()) == ["shape"]
-
-
-def test_numbers_are_reordered_by_name():
-    types = Types({"T/1": {"a": "float[n]", "b": "float[n,2]", "c": "float[3]"}})
-    layout = RawLayout("T/1", types, names=2)
-    message = types["T/1"](a=[1.0, 2.0], b=[(3.0, 4.0), (5.0, 6.0)], c=(7.0, 8.0, 9.0))
-    assert layout.flatten(message, [1, 0]) == [2, 1, 5, 6, 3, 4, 7, 8, 9]
 
 
 @pytest.mark.parametrize(

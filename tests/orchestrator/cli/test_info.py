@@ -67,7 +67,7 @@ def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
     assert "does not cover the last step" in rows["hash"][0]
 
 
-def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
+def test_a_run_that_failed_has_its_reason_its_faults_and_its_length(tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
     words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
     assert main([*words, "--fault", "kill controller at 5"]) == 5
@@ -77,15 +77,8 @@ def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
     assert reason in rows["outcome"][0]
     assert "; missing outputs: " in rows["outcome"][0]
     assert rows["events"][0].endswith("faults injected: kill controller at 5")
-
-
-def test_a_run_that_failed_is_as_long_as_its_result_says(tmp_path, capsys):
-    path = write_scenario(tmp_path / "source")
-    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
-    main([*words, "--fault", "kill controller at 5"])
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    capsys.readouterr()
-    assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
+    assert rows["length"][0].startswith(f"{result['steps']} of ")
     (tmp_path / "out" / "result.json").unlink()
     assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
 

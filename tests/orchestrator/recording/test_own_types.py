@@ -85,7 +85,7 @@ def test_types_that_differ_are_named_and_compared_as_they_are(path, tmp_path):
     record(other, declaration, thruster)
     found = diff(path, other)
     assert found.equal
-    assert ("float[n] [kN] in the second") in found.notes
+    assert "float[n] [kN] in the second" in " ".join(found.notes)
 
 
 def test_a_run_without_joints_is_plotted_by_its_own_types(path):
@@ -97,16 +97,3 @@ def test_the_page_of_a_run_shows_its_own_types_with_their_units(path):
     assert '"title":"vehicle.out (Thruster/1)"' in text
     assert '"title":"thrust","unit":"N"' in text
     assert '"label":"left"' in text
-
-
-def test_a_schema_that_says_no_type_leaves_it_unknown(path):
-    data = path.read_bytes()
-    with Recording(path) as recording:
-        assert "Thruster/1" in recording.types
-    broken = path.with_name("broken.mcap")
-    # A schema is in the summary too; both are changed alike, so that only the reading differs.
-    broken.write_bytes(
-        data.replace(b'"Thruster"', b'"Thrustes"').replace(b"properties", b"propertiez")
-    )
-    with Recording(broken) as recording:
-        assert "Thruster/1" not in recording.types

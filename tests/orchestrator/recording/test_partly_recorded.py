@@ -117,7 +117,7 @@ def test_what_publishes_it_is_replayed_and_compared_where_it_is_recorded(recorde
     found = replay(recorded(f"{IMAGE}=every 5"), "camera", recorded=True)
     assert found.equal
     assert {port.topic: port.equal for port in found.ports}["camera/image"] == 4
-    assert "compared where it is recorded" in found.notes
+    assert "compared where it is recorded" in " ".join(found.notes)
 
 
 @pytest.mark.parametrize(("how", "common"), [("every 5", 4), ("off", 0)])

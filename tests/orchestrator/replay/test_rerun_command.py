@@ -108,13 +108,6 @@ def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_pat
     assert "nothing was compared" in said
 
 
-def test_a_recording_without_a_step_cannot_be_confirmed(recorded, tmp_path, capsys):
-    cut = cut_off(recorded, 0)
-    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]
-    assert cli.main(words) == ExitCode.RECORDING
-    assert "nothing was compared" in capsys.readouterr().out
-
-
 def test_json_is_all_that_is_printed(recorded, tmp_path, capsys):
     assert cli.main(["rerun", str(recorded), "--json", "--out", str(tmp_path / "again")]) == 0
     answer = json.loads(capsys.readouterr().out)

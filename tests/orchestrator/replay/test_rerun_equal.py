@@ -141,19 +141,6 @@ def test_files_and_programs_outside_the_log_are_named(tmp_path):
     assert named == [shutil.which("sh"), "package://robots/a.stl", "package://robots/arm.urdf"]
 
 
-def test_a_scenario_without_a_duration_is_noted(tmp_path):
-    recorded = run_joints(tmp_path, fault("controller", "end", 9), in_process=True)
-    opened = Recording(recorded.recording)
-    sources = trusted_sources(opened, None)
-    endless = "\n".join(
-        line for line in sources.scenario.decode().splitlines() if not line.startswith("duration")
-    )
-    log = write_log(
-        tmp_path / "run.mcap", endless, sources.files, layout.versions_of(opened.metadata)
-    )
-    assert "the scenario has no duration" in " ".join(Preparation(log, tmp_path / "again").notes)
-
-
 @pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])
 def test_a_file_that_leads_out_of_its_folder_is_refused(tmp_path, name):
     log = write_log(tmp_path / "run.mcap", files={name: b"print()"})

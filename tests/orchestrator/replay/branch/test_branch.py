@@ -5,7 +5,7 @@ import textwrap
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from support.messages.recordings import rewrite
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
@@ -102,12 +102,16 @@ def gained(tmp_path):
     return run(load(path, program), Options(out=tmp_path / "a", host=InProcess())).recording
 
 
-def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    now, before = Recording(found.result.recording), Recording(gained)
-    assert below(found.result.recording, 43) == below(gained, 43)
+@pytest.fixture
+def changed(gained, tmp_path):
+    """The recording of a branch of it, with another gain from step 43 on."""
+    gain = ["controller.params={gain: 5}"]
+    return branch(gained, tmp_path / "b", at=43, set=gain, in_process=True).result.recording
+
+
+def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, changed):
+    now, before = Recording(changed), Recording(gained)
+    assert below(changed, 43) == below(gained, 43)
     values = [part["controller.command"].values[43] for part in (now, before)]
     assert values[0] == pytest.approx(5 * values[1])
     assert any(values[0])
@@ -127,21 +131,14 @@ def test_a_program_is_changed_by_its_absolute_path_and_runs_again_from_the_recor
     assert Preparation(found.result.recording, tmp_path / "c").run().equal
 
 
-def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path):
-    first = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    again = branch(first.result.recording, tmp_path / "c", at=70, in_process=True)
-    assert again.equal
+def test_a_branch_is_branched_again_but_not_before_its_own_step(changed, tmp_path):
+    assert branch(changed, tmp_path / "c", at=70, in_process=True).equal
     with pytest.raises(RecordingFailed, match="is a branch from step 43"):
-        branch(first.result.recording, tmp_path / "d", at=42, in_process=True)
+        branch(changed, tmp_path / "d", at=42, in_process=True)
 
 
-def test_a_replay_compares_a_changed_participant_from_there_on(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    replayed = replay(found.result.recording, "controller", recorded=True)
+def test_a_replay_compares_a_changed_participant_from_there_on(changed):
+    replayed = replay(changed, "controller", recorded=True)
     assert replayed.equal
     assert sum(port.equal for port in replayed.ports) == STEPS - 43
 
@@ -311,27 +308,6 @@ def test_a_failed_run_says_what_lacks(tmp_path):
     ],
 )
 def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):
-    path = tmp_path / "other.mcap"
-    with recorded.open("rb") as source, path.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target)
-        writer.start()
-        for item in reader.iter_attachments():
-            writer.add_attachment(0, 0, item.name, item.media_type, item.data)
-        writer.add_metadata(name, content)
-        channels = {}
-        for schema, channel, message in reader.iter_messages():
-            if channel.id not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, number, channel.metadata
-                )
-            writer.add_message(
-                channels[channel.id],
-                message.log_time,
-                message.data,
-                message.log_time,
-                message.sequence,
-            )
-        writer.finish()
+    path = rewrite(recorded, tmp_path / "other.mcap", 4096, noted={name: content})
     with pytest.raises(RecordingFailed, match=f"metadata record '{name}': .* not a step number"):
         branch(path, tmp_path / "b", at=43)

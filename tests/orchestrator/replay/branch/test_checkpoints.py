@@ -128,17 +128,6 @@ def test_states_of_no_or_another_recording_are_not_used(copy, tmp_path, index):
     assert "no checkpoints: " in found.notes[0]
 
 
-@pytest.mark.parametrize("step", ["٢٥٠", "9" * 5000, "", "02"])
-def test_an_index_with_what_is_no_step_is_not_used(copy, tmp_path, step):
-    path = copy.parent / "checkpoints" / "index.json"
-    index = json.loads(path.read_bytes())
-    index["states"]["plant"][step] = "00"
-    path.write_text(json.dumps(index))
-    found = branch(copy, tmp_path / "b", at=250, in_process=True)
-    assert found.equal
-    assert "no checkpoints: " in found.notes[0]
-
-
 def test_a_state_that_leads_elsewhere_is_named(copy, tmp_path):
     def spoil(state):
         whole = msgspec.msgpack.decode(state)
