@@ -91,10 +91,7 @@ def test_a_wheel_with_all_tracked_files_of_its_packages_and_no_other_passes(tmp_
             {"cart__get.py": b"pip install --index-url x"},
             "cart/get.py, line 1: the address of a package registry",
         ),
-        (
-            {"cart__py.typed": None},
-            "cart/py.typed is missing, so type checkers ignore the package",
-        ),
+        ({"cart__py.typed": None}, "cart/py.typed is missing, so type checkers ignore the package"),
     ],
 )
 def test_a_wheel_with_a_wrong_file_is_refused(tmp_path, changes, problem):
@@ -135,29 +132,8 @@ def test_a_project_builds_to_the_same_bytes_also_in_a_tree_with_litter(tmp_path)
         ("v1.2.0", "## 1.2.0\n", []),
         ("v1.2.0", "## 1.2.0 (2026-12-01)\n", []),
         ("v1.2.0", "## Unreleased\n", ["CHANGELOG.md has no section `## 1.2.0`"]),
-        (
-            "v1.3.0",
-            "## 1.2.0\n",
-            ["the tag v1.3.0 is not v1.2.0, the version of pyproject.toml"],
-        ),
+        ("v1.3.0", "## 1.2.0\n", ["the tag v1.3.0 is not v1.2.0, the version of pyproject.toml"]),
     ],
 )
 def test_a_tag_fits_the_version_and_the_changelog(tag, changelog, expected):
     assert release_check.problems_of_tag(tag, "1.2.0", changelog) == expected
-
-
-def test_the_hash_of_the_readme_counts_for_its_python_and_engine_only():
-    wanted = release_check.wanted_hash((3, 11), any_arithmetic=False, engine="pybullet")
-    assert wanted is not None
-    assert wanted.startswith("ce5a318e80bd7091")
-    for python in ((3, 11), (3, 12), (3, 13)):
-        wanted = release_check.wanted_hash(python, any_arithmetic=False, engine="mujoco")
-        assert wanted is not None
-        assert wanted.startswith("68be20e0d1b41d57")
-    for python, any_arithmetic, engine in (
-        ((3, 12), False, "pybullet"),
-        ((3, 11), True, "pybullet"),
-        ((3, 14), False, "mujoco"),
-    ):
-        options = {"any_arithmetic": any_arithmetic, "engine": engine}
-        assert release_check.wanted_hash(python, **options) is None

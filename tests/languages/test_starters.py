@@ -85,10 +85,6 @@ def test_an_unknown_language_is_refused_with_the_nearest(tmp_path, capsys):
     assert not (tmp_path / "arm").exists()
 
 
-def test_what_a_build_has_left_beside_an_example_is_not_copied(tmp_path):
-    assert "controller" not in map(str, write_starter(tmp_path / "arm", "c"))
-
-
 def test_the_next_command_is_one_that_a_shell_takes(tmp_path, capsys):
     main(["new", "--language", "c", str(tmp_path / "my arm")])
     folder = f"'{tmp_path}/my arm'"

@@ -102,24 +102,19 @@ def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: s
     assert explained(caught.value, Nested) == sentence
 
 
-def test_an_unknown_version_names_the_known_one() -> None:
-    with pytest.raises(WiringError, match="unknown message type 'JointState/9'"):
-        SHIPPED["JointState/9"]
-
-
-def test_an_unknown_type_names_all_there_are() -> None:
-    with pytest.raises(WiringError, match="'Nonsense/1'"):
-        SHIPPED["Nonsense/1"]
-
-
-def test_a_type_in_other_letters_is_the_one_that_is_meant() -> None:
-    with pytest.raises(WiringError, match="did you mean 'Imu/1'"):
-        SHIPPED["IMU/1"]
-
-
-def test_an_envelope_is_no_port_type() -> None:
-    with pytest.raises(WiringError, match="unknown message type 'Log/1'"):
-        SHIPPED["Log/1"]
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("JointState/9", "known: JointState/1"),
+        ("Nonsense/1", "known: BaseCommand/1, BaseState/1"),
+        ("IMU/1", "did you mean 'Imu/1'"),
+        ("Log/1", "unknown message type 'Log/1'"),
+    ],
+    ids=["version", "name", "letters", "envelope"],
+)
+def test_an_unknown_type_is_told_the_nearest_or_all(name: str, told: str) -> None:
+    with pytest.raises(WiringError, match=told):
+        SHIPPED[name]
 
 
 def test_the_encoding_names_the_type() -> None:

@@ -132,21 +132,6 @@ def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path
     assert all(sentences)
 
 
-def test_a_join_before_its_process_is_started_is_a_strangers(stand):
-    stand.loop.state.participants = {}
-    stand.take(Sample("join", encode(envelopes()["join"])))
-    assert stand.loop.state.unauthenticated == 1
-
-
-def test_every_query_is_answered_with_a_refusal(stand):
-    mutator = Mutator(3)
-    for _ in range(PER_KEY // 5):
-        query = Sample("join", mutator.broken(envelopes()["join"]))
-        stand.take(query)
-        (answer,) = query.replies
-        assert msgspec.msgpack.decode(answer).keys() == {"reason"}
-
-
 def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     stand, mutator = Stand(tmp_path, "controller.outputs.image={type: JointState/1, bulk: true}"), Mutator(4)  # fmt: skip
     for _ in range(PER_KEY):

@@ -166,8 +166,3 @@ class Declares(Participant):
 def test_a_class_that_declares_its_ports_needs_no_configuration():
     bench = Bench(Declares)
     assert (list(bench.config.inputs), list(bench.config.outputs)) == (["joint_state"], ["command"])
-
-
-def test_an_unknown_input_is_told_with_the_nearest():
-    with pytest.raises(WiringError, match=r"did you mean 'joint_state'\?$"):
-        Bench(Declares).step()

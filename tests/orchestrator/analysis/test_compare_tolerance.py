@@ -82,10 +82,7 @@ def test_the_command_line_goes_before_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("rule", "sentence"),
     [
-        (
-            ("controller/comand", "*"),
-            "no port 'controller/comand' in the recording; did you mean",
-        ),
+        (("controller/comand", "*"), "no port 'controller/comand' in the recording; did you mean"),
         (("controller/command", "value"), "no field 'value' in controller/command; did you mean"),
         (("*", "speed"), "no field 'speed' in any channel; known: mode, values, position"),
     ],

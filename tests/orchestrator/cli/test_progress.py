@@ -63,15 +63,6 @@ def test_a_run_says_its_share_its_rate_and_the_time_left():
     assert reached.detail.startswith("400 steps/s; slowest: controller, 210 µs")
 
 
-def test_the_second_of_several_runs_goes_on_where_the_first_ended():
-    watch = RunWatch("verify arm", runs=4)
-    watch.take(progress(step=2000))
-    watch.next_run()
-    late = {"plant": "spawned", "mission": "ready"}
-    reached = watch.take(progress(phase="starting", phases=late))
-    assert "waiting for plant, run 2 of 4, 25 %" in reached.line()
-
-
 def test_a_participant_that_holds_the_step_is_named():
     watch = RunWatch("arm")
     watch.take(progress(step=7, elapsed_s=1.0))

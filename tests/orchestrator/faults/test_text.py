@@ -89,10 +89,7 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
 @pytest.mark.parametrize(
     ("setting", "sentence"),
     [
-        (
-            "plant.on_fault=hold",
-            "hold is not possible for a participant that publishes first",
-        ),
+        ("plant.on_fault=hold", "hold is not possible for a participant that publishes first"),
         ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "unknown key 'hald'; did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "no output 'comand'; did you mean 'command'?"),

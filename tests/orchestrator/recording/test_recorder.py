@@ -83,25 +83,6 @@ def test_nothing_can_be_added_to_a_closed_recording(recorder, tmp_path):
     assert (tmp_path / "other").read_bytes() == b""
 
 
-@pytest.mark.parametrize(
-    "add",
-    [
-        lambda file: file.add(0, 0, b"", 0),
-        lambda file: file.attach("a", "text/plain", b""),
-        lambda file: file.add_metadata("a", {}),
-        lambda file: file.add_channel("a/b", "Event/1", {}),
-    ],
-)
-def test_a_closed_file_refuses_whatever_is_added(path, add):
-    file = McapFile(path)
-    file.close()
-    content = path.read_bytes()
-    with pytest.raises(RecordingFailed, match="is closed"):
-        add(file)
-    file.close()
-    assert path.read_bytes() == content
-
-
 def test_an_aborted_run_keeps_what_is_before_a_broken_message(recorder, path):
     for step in range(3):
         recorder.offer("plant", outputs(step, events=b"\xc1" if step == 1 else WARNING))

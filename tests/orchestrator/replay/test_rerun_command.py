@@ -73,10 +73,7 @@ def test_of_a_recording_that_is_cut_off_what_is_there_is_compared(tmp_path, caps
     cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
     assert cli.main(["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]) == 0
     said = capsys.readouterr().out
-    assert re.search(
-        r"as recorded: \d+ steps, after which",
-        said,
-    )
+    assert re.search(r"as recorded: \d+ steps, after which", said)
     assert "differ" not in said
 
 

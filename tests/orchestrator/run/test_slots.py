@@ -199,11 +199,7 @@ def test_who_is_killed_ends_the_run_and_leaves_no_file(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("kind", "found"),
-    [
-        ("cut", "bytes, or less"),
-        ("earlier", "holds step 11 with"),
-        ("elsewhere", "holds "),
-    ],
+    [("cut", "bytes, or less"), ("earlier", "holds step 11 with"), ("elsewhere", "holds ")],
 )
 def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_path, kind, found):
     result, _ = record(tmp_path, "window=1", camera=kind)

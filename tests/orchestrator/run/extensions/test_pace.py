@@ -147,10 +147,7 @@ def test_pausing_needs_somebody_who_can_press_a_key(tmp_path):
         text=True,
         check=False,
     )
-    assert (
-        done.returncode,
-        "--pause-at needs" in done.stderr,
-    ) == (2, True)
+    assert (done.returncode, "--pause-at needs" in done.stderr) == (2, True)
 
 
 def read_until(terminal, text, seconds=30.0):

@@ -26,12 +26,3 @@ def test_steps_come_at_their_time():
     clock.now += 0.0201
     assert speed.limit(41) == 42
     assert 0.0 < speed.wait_s(42, 1.0) < 0.02
-
-
-def test_who_was_held_does_not_hurry():
-    clock = Clock()
-    speed = by(clock)
-    speed.set(1.0, 0)
-    clock.now += 5.0
-    assert speed.limit(1) == 2
-    assert speed.limit(2) == 2

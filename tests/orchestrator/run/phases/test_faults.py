@@ -96,8 +96,7 @@ def test_a_slow_start_of_one_is_not_blamed_on_those_that_wait_for_it(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "code"),
-    [("hang-at-close", ExitCode.STOP_TIMEOUT), ("raise-at-close", ExitCode.DIED)],
+    ("kind", "code"), [("hang-at-close", ExitCode.STOP_TIMEOUT), ("raise-at-close", ExitCode.DIED)]
 )
 def test_a_participant_that_does_not_end_is_named_and_the_recording_is_complete(
     tmp_path, kind, code

@@ -71,11 +71,7 @@ def scenario(folder, more="", urdf=None):
         ("seed=0", "motor: false", "joint joint1: has no motor (world file: motor: false); it"),
         ("plant.params.effort.joint1=0", "", "joint joint1: has an effort limit of 0 N·m; nothing"),
         ("seed=0", "upper: -0.5, lower: -1", "rad is beyond its stop at -0.5; limited to it"),
-        (
-            "mission.params.offset.joint1=-30",
-            "",
-            "is beyond its stop at -6.2832; limited to it",
-        ),
+        ("mission.params.offset.joint1=-30", "", "is beyond its stop at -6.2832; limited to it"),
     ],
     ids=["swapped", "no motor", "no effort", "beyond a stop", "degrees"],
 )
