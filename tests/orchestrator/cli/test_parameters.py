@@ -117,10 +117,10 @@ def test_without_json_the_answer_is_its_lines(parser, capsys):
 @pytest.mark.parametrize(
     ("words", "sentence"),
     [
-        (["--coats", "many"], "argument --coats: 'many' is not a number of coats"),
-        (["--coats", "0"], "argument --coats: '0' is not a number of coats"),
-        (["--color", "green"], "argument --color: invalid choice: 'green'"),
-        (["--at", "3", "--dry-first"], "--dry-first: not allowed with argument --at"),
+        (["--coats", "many"], "'many' is not a number of coats"),
+        (["--coats", "0"], "'0' is not a number of coats"),
+        (["--color", "green"], "invalid choice: 'green'"),
+        (["--at", "3", "--dry-first"], "not allowed with argument --at"),
     ],
 )
 def test_a_value_that_does_not_fit_is_refused(parser, capsys, words, sentence):

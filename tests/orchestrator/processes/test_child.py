@@ -144,7 +144,7 @@ def test_a_full_disk_is_named_and_not_what_was_printed_last(tmp_path):
     [
         (
             Activity(is_stopped=True, cpu_s=9),
-            "signal or a debugger has stopped it; `kill -CONT -7`",
+            "`kill -CONT -7`",
         ),
         (Activity(waits_for_disk=True), "is in uninterruptible I/O"),
         (Activity(cpu_s=4.0), "it has computed for 4.0 s"),
