@@ -66,12 +66,6 @@ def test_a_new_scenario_runs_as_it_is(tmp_path, capsys):
     assert (tmp_path / "out" / "report.png").stat().st_size > 10_000
 
 
-def test_new_refuses_a_folder_that_holds_something(tmp_path, capsys):
-    (tmp_path / "mine.txt").touch()
-    assert main(["new", str(tmp_path)]) == ExitCode.SCENARIO
-    assert "is not empty; choose a new folder" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

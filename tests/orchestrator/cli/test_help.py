@@ -58,11 +58,6 @@ def test_help_of_a_command_is_its_help(capsys, monkeypatch, name):
     assert said(["help", name], capsys, monkeypatch) == by_option
 
 
-def test_help_of_what_is_no_command_names_the_nearest(capsys):
-    assert main(["help", "brnch"]) == 2
-    assert "did you mean 'branch'?" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in ALL)], ids=str)
 def test_80_columns_are_enough_for_every_help_and_no_word_is_cut(capsys, monkeypatch, words):
     narrow = said(words, capsys, monkeypatch)

@@ -6,7 +6,6 @@ import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
-from stepbus_orchestrator.recording.reader.descriptions import recorded_types
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, WiringError, encode
@@ -37,21 +36,6 @@ def record(path, declaration, message, *, port_type="Thruster/1", steps=3):
 
 def thruster(types, step):
     return types["Thruster/1"](thrust=[float(step), 1.0], mode="on")
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        b"",
-        b"3",
-        b"\xff",
-        b'{"properties": 3}',
-        b'{"properties": {"a": {"type": "array", "prefixItems": []}}}',
-        b'{"properties":' + b'{"a":' * 100_000,
-    ],
-)
-def test_a_schema_that_is_no_schema_says_no_type(text):
-    assert recorded_types({"stepbus.T/1": text}) == Types()
 
 
 @pytest.fixture
