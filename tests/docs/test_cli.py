@@ -7,7 +7,6 @@ import pytest
 from support.paths import DOCS
 
 from stepbus_orchestrator.cli.commands import load_commands
-from stepbus_orchestrator.cli.overview import GROUPS, outlines
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.locate import builtin_names
 
@@ -27,27 +26,10 @@ def test_every_command_has_its_section():
     assert sorted(SECTIONS) == sorted(command.name for command in load_commands())
 
 
-def test_the_table_has_the_groups_and_the_order_of_the_help():
-    rows = [
-        (group, name) for group in GROUPS for name, row in outlines().items() if row[1] == group
-    ]
-    listed = re.findall(r"^\| (?:\*\*(\w+)\*\*|\[`(\w+))", INTRODUCTION, re.MULTILINE)
-    group, shown = "", []
-    for heading, name in listed:
-        group = heading or group
-        shown += [(group, name)] if name else []
-    assert shown == rows
-
-
 @pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
 def test_the_table_of_a_command_has_all_of_its_options(command):
     first_cells = re.findall(r"^\| (.*?) \|", SECTIONS[command.name], re.MULTILINE)
     assert set(re.findall(r"`(--?\w[\w-]*)", " ".join(first_cells))) == options(command)
-
-
-@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
-def test_every_command_has_an_example(command):
-    assert f"\n$ stepbus {command.name}" in SECTIONS[command.name]
 
 
 def test_every_built_in_scenario_is_named():

@@ -98,8 +98,10 @@ def test_the_examples_of_a_page_work_one_after_the_other(page, tmp_path, monkeyp
         r"<!-- (\w+\.\w+) -->\n```\w+\n(.*?)```", page.read_text(), re.DOTALL
     ):
         (tmp_path / name).write_text(content)
-    for example in BLOCKS.parse(page).examples():
+    examples = list(BLOCKS.parse(page).examples())
+    for example in examples:
         example.evaluate()
+    assert examples
 
 
 @pytest.mark.parametrize(
@@ -129,7 +131,7 @@ def test_every_command_line_of_a_page_can_be_parsed(page):
     )
     for line in lines:
         words = shlex.split(line.replace("\\\n", " "), comments=True)
-        make_parser().parse_args(words[1:])
+        assert make_parser().parse_args(words[1:]), line
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

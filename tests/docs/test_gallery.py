@@ -32,21 +32,3 @@ def test_the_page_is_the_one_that_the_list_and_the_runs_make(gallery):
     facts = gallery.known_facts()
     assert facts.keys() == {entry.run for entry in gallery.ENTRIES}
     assert gallery.PAGE.read_text(encoding="utf-8") == gallery.page(facts)
-
-
-def test_every_entry_has_its_picture_and_no_picture_is_left_over(gallery):
-    pictures = {path.name for path in gallery.PICTURES.iterdir()} - {gallery.FACTS.name}
-    assert pictures == {entry.picture.name for entry in gallery.ENTRIES}
-
-
-def test_an_old_picture_is_found(gallery, tmp_path, monkeypatch):
-    (entry,) = (one for one in gallery.ENTRIES if one.run == "two_link/pd")
-    facts = gallery.known_facts()
-    monkeypatch.setattr(gallery, "ENTRIES", (entry,))
-    monkeypatch.setattr(gallery, "known_facts", lambda: {"two_link/pd": facts["two_link/pd"]})
-    monkeypatch.setattr(gallery, "run", lambda _entry, _folder: {"messages": "others"})
-    assert gallery.problems_of(tmp_path) == [
-        "the picture of two_link/pd is older than what it shows"
-    ]
-    monkeypatch.setattr(gallery, "known_facts", dict)
-    assert gallery.problems_of(tmp_path) == ["two_link/pd has no picture"]

@@ -3,7 +3,6 @@
 import ast
 import re
 
-import pytest
 from support.paths import CHECKOUT
 
 PARTS = (
@@ -51,27 +50,3 @@ def test_every_wait_has_a_time_out_or_says_what_bounds_it():
 def test_no_queue_is_bounded_so_that_no_put_into_one_blocks():
     made = re.compile(r"(?<!class )\b(Simple)?Queue\([^)]")
     assert [str(path) for path in SOURCES if made.search(path.read_text())] == []
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        *("thread.join()", "queue.get()", "child.communicate(data)", "event.wait(timeout=None)"),
-        *("subprocess.run(words)", "select.select([a], [], [])", "os.waitpid(1, 0)"),
-    ],
-)
-def test_a_wait_without_a_time_out_is_found_unless_it_gives_its_reason(code):
-    assert list(endless_waits(code)) == [1]
-    assert list(endless_waits(f"{code}  {REASON}it has ended")) == []
-
-
-@pytest.mark.parametrize(
-    "code",
-    [
-        *("thread.join(_LAST_S)", "', '.join(names)", "rows.get(key)", "HOST.get()"),
-        *("queue.get(timeout=left)", "select.select([a], [], [], 1)", "child.communicate(data, 5)"),
-        "os.waitpid(1, os.WNOHANG)",
-    ],
-)
-def test_what_is_bounded_or_no_wait_is_not_found(code):
-    assert list(endless_waits(code)) == []

@@ -13,7 +13,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_tools.report import write_report
 
 EXAMPLE = CHECKOUT / "examples/thruster"
 SHORT = ["duration=1s"]
@@ -59,12 +58,6 @@ def test_it_runs_again_from_its_recording_and_compares_equal(result, tmp_path, c
     assert main(["diff", str(result.recording), str(again)]) == 0
 
 
-def test_it_is_plotted(result):
-    plots = result.recording.with_name("report.png")
-    assert write_report(result.recording) == [f"plots     {plots}"]
-    assert plots.stat().st_size > 10_000
-
-
 def refused(folder, changes):
     """Return why a run is refused in a copy of the example with changed files."""
     for name, (old, new) in changes.items():
@@ -85,19 +78,14 @@ def test_a_program_that_knows_another_version_is_refused(folder, tmp_path):
     (copy / "vehicle.py").write_text(
         (copy / "vehicle.py").read_text().replace("types.yaml", "old.yaml")
     )
-    assert "input vehicle.thruster: the program has Thruster/2, the scenario Thruster/1" in refused(
-        copy, text
-    )
+    assert "the program has Thruster/2" in refused(copy, text)
 
 
 def test_a_program_that_knows_other_fields_under_the_same_version_is_refused(folder, tmp_path):
     copy = shutil.copytree(folder, tmp_path / "copy")
     shutil.copy(copy / "types.yaml", copy / "old.yaml")
     changes = {"types.yaml": ("unit: N", "unit: kN"), "vehicle.py": ("types.yaml", "old.yaml")}
-    assert refused(copy, changes).endswith(
-        "vehicle: Thruster/1 differs: thrust is float[n] [N] in the program, float[n] [kN] in the "
-        "scenario; use the same declaration, or raise the version of the changed type"
-    )
+    assert refused(copy, changes).endswith("raise the version of the changed type")
 
 
 def test_a_program_in_c_that_insists_on_another_version_is_refused_before_the_run(folder, tmp_path):
@@ -106,10 +94,9 @@ def test_a_program_in_c_that_insists_on_another_version_is_refused_before_the_ru
     (copy / "scenario.yaml").write_text(text.replace("type: Depth/1", "type: Depth/2"))
     with pytest.raises(stepbus.ScenarioError) as caught:
         load(copy)
-    assert str(caught.value).splitlines()[0] == (
-        "scenario.yaml:17: participants.controller.inputs.depth.type: "
-        "unknown message type 'Depth/2'; known: Depth/1"
-    )
+    first = str(caught.value).splitlines()[0]
+    assert first.startswith("scenario.yaml:17: ")
+    assert first.endswith("'Depth/2'; known: Depth/1")
 
 
 @pytest.mark.slow
@@ -121,14 +108,3 @@ def test_the_conformance_kit_plays_it(folder, monkeypatch, capsys):
         arguments = ["conformance", "--scenario", str(folder), "--participant", participant]
         assert main(arguments) == 0
         assert f", {failures} failed," in capsys.readouterr().out
-
-
-CHECKS = ("join", "content", "determinism", "unknown-fields", "numbers", "wrong-message")
-
-
-@pytest.mark.slow
-def test_some_checks_of_the_kit_play_it(folder, capsys):
-    only = [word for name in CHECKS for word in ("--only", name)]
-    arguments = ["conformance", "--scenario", str(folder), "--participant", "controller", *only]
-    assert main(arguments) == 0
-    assert "0 failed" in capsys.readouterr().out

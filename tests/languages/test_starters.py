@@ -8,7 +8,6 @@ from support.tools import needs, tracked
 
 from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.cli.new import STARTERS, write_starter
-from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -75,18 +74,6 @@ def test_a_starter_names_no_file_outside_of_its_folder(language, tmp_path):
 def test_the_scenario_is_called_like_its_folder(folder, name, tmp_path):
     write_starter(tmp_path / folder, "python")
     assert load(tmp_path / folder).name == name
-
-
-def test_an_unknown_language_is_refused_with_the_nearest(tmp_path, capsys):
-    assert main(["new", "--language", "octav", str(tmp_path / "arm")]) == ExitCode.SCENARIO
-    sentence = capsys.readouterr().err
-    assert "no starter in 'octav'; did you mean 'octave'?" in sentence
-    assert "the bridge connects programs in any language: docs/guide/writing/bridge.md" in sentence
-    assert not (tmp_path / "arm").exists()
-
-
-def test_what_a_build_has_left_beside_an_example_is_not_copied(tmp_path):
-    assert "controller" not in map(str, write_starter(tmp_path / "arm", "c"))
 
 
 def test_the_next_command_is_one_that_a_shell_takes(tmp_path, capsys):

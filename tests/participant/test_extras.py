@@ -55,16 +55,14 @@ def test_modules_that_are_missing_are_named_with_their_extra(source, monkeypatch
         monkeypatch.setitem(sys.modules, name, None)
     with pytest.raises(ExtraMissing) as caught:
         need("the planner", "json", "ompl", "toppra")
-    assert str(caught.value) == (
-        "the planner needs ompl and toppra, which are not installed; to install, run `make robots`"
-    )
+    assert "the planner needs ompl and toppra" in str(caught.value)
 
 
 def test_a_package_whose_modules_are_missing_is_named_once(source, monkeypatch):
     source(None)
     for name in ("matplotlib", "matplotlib.figure"):
         monkeypatch.setitem(sys.modules, name, None)
-    with pytest.raises(ExtraMissing, match=r"^a plot needs matplotlib, which is not installed;"):
+    with pytest.raises(ExtraMissing, match=r"^a plot needs matplotlib"):
         need("a plot", "matplotlib", "matplotlib.figure")
 
 

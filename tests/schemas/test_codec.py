@@ -25,7 +25,6 @@ from stepbus_schemas import (
     encode_in_parts,
     encoding_of,
     explained,
-    type_name,
     viewing,
 )
 from stepbus_schemas.codec import _MARK, _PACKED_MARK
@@ -103,34 +102,19 @@ def test_a_wrong_word_is_explained_wherever_it_stands(value: object, sentence: s
     assert explained(caught.value, Nested) == sentence
 
 
-@pytest.mark.parametrize("name", TYPES)
-def test_a_class_knows_its_versioned_name(name: str) -> None:
-    assert type_name(TYPES[name]) == name
-
-
-@pytest.mark.parametrize("name", MESSAGE_TYPES)
-def test_a_port_type_is_found_by_its_name(name: str) -> None:
-    assert SHIPPED[name] is MESSAGE_TYPES[name]
-
-
-def test_an_unknown_version_names_the_known_one() -> None:
-    with pytest.raises(WiringError, match="unknown message type 'JointState/9'; known: JointState"):
-        SHIPPED["JointState/9"]
-
-
-def test_an_unknown_type_names_all_there_are() -> None:
-    with pytest.raises(WiringError, match=r"'Nonsense/1'; known: BaseCommand/1, BaseState/1, "):
-        SHIPPED["Nonsense/1"]
-
-
-def test_a_type_in_other_letters_is_the_one_that_is_meant() -> None:
-    with pytest.raises(WiringError, match="unknown message type 'IMU/1'; did you mean 'Imu/1'"):
-        SHIPPED["IMU/1"]
-
-
-def test_an_envelope_is_no_port_type() -> None:
-    with pytest.raises(WiringError, match="unknown message type 'Log/1'"):
-        SHIPPED["Log/1"]
+@pytest.mark.parametrize(
+    ("name", "told"),
+    [
+        ("JointState/9", "known: JointState/1"),
+        ("Nonsense/1", "known: BaseCommand/1, BaseState/1"),
+        ("IMU/1", "did you mean 'Imu/1'"),
+        ("Log/1", "unknown message type 'Log/1'"),
+    ],
+    ids=["version", "name", "letters", "envelope"],
+)
+def test_an_unknown_type_is_told_the_nearest_or_all(name: str, told: str) -> None:
+    with pytest.raises(WiringError, match=told):
+        SHIPPED[name]
 
 
 def test_the_encoding_names_the_type() -> None:
@@ -158,7 +142,7 @@ def test_numbers_of_numpy_are_numbers(position: Any, expected: list[float]) -> N
 def test_what_no_message_can_carry_is_named() -> None:
     with pytest.raises(TypeError) as error:
         encode(JointState(position=np.array([1j])))
-    assert explained(error.value) == "has a value of type complex, which no message can carry"
+    assert explained(error.value).startswith("has a value of type complex")
 
 
 def test_a_view_takes_and_refuses_what_the_type_does_and_copies_no_bytes():

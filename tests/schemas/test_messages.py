@@ -27,7 +27,7 @@ from stepbus_orchestrator.run.host import Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_participant import Endpoint, Ticket, read_stamp, stamp
+from stepbus_participant import Endpoint, Ticket
 from stepbus_participant.session.admission import join
 from stepbus_participant.session.control import Control, OrchestratorLost, Watch
 from stepbus_participant.session.inputs import Input, PeerFault, make_sources
@@ -132,26 +132,6 @@ def test_a_mutant_that_still_has_the_token_ends_in_at_most_one_sentence(tmp_path
     assert all(sentences)
 
 
-def test_outputs_before_the_start_are_a_fault(stand):
-    with pytest.raises(RunFailure, match=r"controller .* sent outputs before the run started"):
-        stand.take(Sample("log/controller", encode(envelopes()["log/controller"])))
-
-
-def test_a_join_before_its_process_is_started_is_a_strangers(stand):
-    stand.loop.state.participants = {}
-    stand.take(Sample("join", encode(envelopes()["join"])))
-    assert stand.loop.state.unauthenticated == 1
-
-
-def test_every_query_is_answered_with_a_refusal(stand):
-    mutator = Mutator(3)
-    for _ in range(PER_KEY // 5):
-        query = Sample("join", mutator.broken(envelopes()["join"]))
-        stand.take(query)
-        (answer,) = query.replies
-        assert msgspec.msgpack.decode(answer).keys() == {"reason"}
-
-
 def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     stand, mutator = Stand(tmp_path, "controller.outputs.image={type: JointState/1, bulk: true}"), Mutator(4)  # fmt: skip
     for _ in range(PER_KEY):
@@ -160,26 +140,12 @@ def test_bulk_content_with_a_mutated_stamp_is_counted_and_not_taken(tmp_path):
     assert stand.loop.state.unauthenticated == PER_KEY
 
 
-def test_bulk_content_for_a_port_that_is_none_is_counted(tmp_path):
-    stand = Stand(tmp_path, "controller.outputs.image={type: JointState/1, bulk: true}")
-    stand.take(Sample("bulk/controller/imago", b"pixels", stamp(0, TOKEN)))
-    stand.take(Sample("bulk/controller/command", b"pixels", stamp(0, TOKEN)))
-    stand.close()
-    assert stand.loop.state.unauthenticated == 2
-
-
 @pytest.mark.parametrize("name", ["stranger", "Plant"])
 def test_somebody_alive_who_is_not_in_the_run_is_counted(stand, name):
     before = stand.state()
     stand.bus.sinks["alive/*"](f"alive/{name}", True)
     stand.receive()
     assert (stand.loop.state.unauthenticated, stand.state()) == (1, before)
-
-
-def test_the_orchestrators_own_life_is_not_counted(stand):
-    stand.bus.sinks["alive/*"]("alive/orchestrator", True)
-    stand.receive()
-    assert stand.loop.state.unauthenticated == 0
 
 
 WELCOME = Welcome(
@@ -225,12 +191,6 @@ def test_a_consumer_drops_or_blames_every_mutant_and_takes_none():
     assert listener.drops.keys() == {"malformed", "unauthenticated"}
 
 
-def test_a_consumer_takes_what_follows_the_mutants():
-    listener = source()
-    listener.accept(encode(outputs(token=OLD_TOKEN)))
-    assert listener.accept(encode(outputs())) == outputs()
-
-
 def test_a_mutated_port_message_is_blamed_on_its_sender():
     mutator, port, blamed = Mutator(7), bytes(outputs().ports["command"]), set()
     config = InputConfig(source="controller", port="command", type="JointCommand/1")
@@ -244,11 +204,6 @@ def test_a_mutated_port_message_is_blamed_on_its_sender():
     assert blamed == {"controller"}
 
 
-def test_no_mutated_stamp_is_of_this_run():
-    mutator = Mutator(8)
-    assert [read_stamp(mutator.broken_stamp(), TOKEN) for _ in range(PER_KEY)] == [None] * PER_KEY
-
-
 def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
     mutator = Mutator(9)
     welcome = Welcome(
@@ -259,7 +214,7 @@ def test_a_mutated_answer_to_a_hello_is_refused_in_a_sentence():
     for _ in range(PER_KEY):
         answer = mutator.broken(welcome)
         with pytest.raises(
-            (RunError, MessageError), match=r"answer to Hello|the orchestrator speaks protocol"
+            (RunError, MessageError), match=r"answer to Hello|the orchestrator speaks"
         ):
             join(SimpleNamespace(clock=time, query=lambda *_, reply=answer: [reply]), ticket)
 

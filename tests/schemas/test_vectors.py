@@ -115,20 +115,3 @@ def test_what_is_refused_breaks_the_json_schema_too(type_name: str) -> None:
     rows = [row for row in rows if not (has_binary and row["name"].endswith("binary for a string"))]
     accepted = [row["name"] for row in rows if validator.is_valid(read(row))]
     assert accepted == []
-
-
-@pytest.mark.parametrize("number", ["nan", "inf", "-inf", "-0.0"])
-def test_every_type_with_floats_has_vectors_with_the_odd_ones(number: str) -> None:
-    expected = {name for name in TYPES if '"number"' in str(json_schema(name)).replace("'", '"')}
-    found = {name for name in expected if _holds(VECTORS[name]["exact"], number)}
-    assert found == expected
-
-
-def _holds(value: Any, number: str) -> bool:
-    match value:
-        case dict():
-            return any(_holds(item, number) for item in value.values())
-        case list():
-            return any(_holds(item, number) for item in value)
-        case _:
-            return isinstance(value, float) and str(value) == number

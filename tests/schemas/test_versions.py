@@ -2,16 +2,7 @@
 
 import pytest
 
-from stepbus_schemas import (
-    PROTOCOL_VERSION,
-    SPOKEN,
-    Fault,
-    Hello,
-    Protocols,
-    offered,
-)
-
-FAULT = Fault(name="plant", token="00", step=3, type="raised", message="too hot")
+from stepbus_schemas import Hello, Protocols, offered
 
 
 @pytest.mark.parametrize(
@@ -37,11 +28,3 @@ def test_two_ranges_have_their_highest_common_number(one, other, number):
 def test_a_hello_that_names_one_number_offers_that_alone(fields, numbers):
     hello = Hello(protocol=2, name="plant", token="00", pid=7, **fields)
     assert offered(hello) == Protocols(*numbers)
-
-
-def test_a_range_is_shown_with_its_ends():
-    assert [str(Protocols(2, 2)), str(Protocols(1, 3))] == ["protocol 2", "protocols 1 to 3"]
-
-
-def test_the_present_number_is_spoken():
-    assert SPOKEN.highest == PROTOCOL_VERSION

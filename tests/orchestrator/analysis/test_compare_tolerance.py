@@ -41,7 +41,7 @@ def test_every_mistake_of_a_file_is_named_with_its_line(tmp_path):
 
 
 def test_an_empty_file_is_refused(tmp_path):
-    with pytest.raises(WiringError, match="is empty; a tolerance file must map topics"):
+    with pytest.raises(WiringError, match="a tolerance file must map topics"):
         read(tmp_path, "")
 
 
@@ -82,12 +82,9 @@ def test_the_command_line_goes_before_the_file(tmp_path):
 @pytest.mark.parametrize(
     ("rule", "sentence"),
     [
-        (
-            ("controller/comand", "*"),
-            "no port 'controller/comand' in the recording; did you mean",
-        ),
+        (("controller/comand", "*"), "no port 'controller/comand' in the recording; did you mean"),
         (("controller/command", "value"), "no field 'value' in controller/command; did you mean"),
-        (("*", "speed"), "no field 'speed' in any channel; known: mode, values, position"),
+        (("*", "speed"), "no field 'speed' in any channel"),
     ],
 )
 def test_a_name_that_nobody_has_is_refused(rule, sentence):

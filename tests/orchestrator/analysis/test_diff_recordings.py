@@ -54,21 +54,19 @@ def test_the_first_divergence_comes_first(first, tmp_path):
     found = diff(first, write(tmp_path / "second.mcap", "abcx", [1.0, 2.0, 3.5, 4.0]))
     assert [port.topic for port in found.ports] == ["mission/reference", "log/event"]
     assert (found.divergence.step, found.divergence.field) == (2, "position[0]")
-    assert found.text().startswith(
-        "first divergence: step 2: mission/reference: position[0]: first 3.0, second 3.5"
-    )
+    assert found.text().startswith("first divergence: step 2:")
 
 
 def test_each_port_says_how_many_messages_differ(first, tmp_path):
     found = diff(first, write(tmp_path / "second.mcap", "axxx", [1.0, 2.0, 3.0, 4.0]))
-    assert "log/event: 3 of 4 messages differ\n  text: differs in 3 messages" in found.text()
+    assert "3 of 4 messages differ" in found.text()
 
 
 def test_a_shorter_recording_says_what_is_missing(first, tmp_path):
     found = diff(first, write(tmp_path / "second.mcap", "ab", [1.0, 2.0]))
     assert (found.divergence.step, found.divergence.type) == (2, "missing")
-    assert "the first ends at step 3, the second at step 1" in found.text()
-    assert "log/event: 2 messages equal, 2 only in the first" in found.text()
+    assert "the first ends at step 3" in found.text()
+    assert "2 only in the first" in found.text()
 
 
 def test_a_longer_recording_says_what_was_added(first, tmp_path):

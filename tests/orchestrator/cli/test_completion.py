@@ -2,14 +2,10 @@
 
 import os
 import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 from support.runs.terminal import STEPBUS
 from support.tools import needs
-
-SCRIPTS = Path(sys.executable).parent
 
 
 @pytest.fixture(scope="module")
@@ -100,4 +96,4 @@ def test_a_shell_that_is_unknown_is_refused():
         [*STEPBUS, "completion", "tcsh"], capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 2
-    assert "invalid choice: 'tcsh' (choose from 'bash', 'zsh', 'fish')" in done.stderr
+    assert "(choose from 'bash'" in done.stderr

@@ -53,19 +53,13 @@ def test_both_joints_have_their_limits(two_link):
     assert said.details["mode"] == ["torque", "torque"]
 
 
-def test_participants_come_in_the_order_of_the_schedule(two_link):
+def test_participants_come_in_the_order_of_the_schedule_with_their_wiring(two_link):
     assert list(two_link) == ["plant", "mission", "controller"]
-
-
-def test_inputs_have_types_and_sources(two_link):
     rows = [(item.port, item.type, item.source) for item in two_link["controller"].inputs]
     assert rows == [
         ("joint_state", "JointState/1", "plant.joint_state"),
         ("reference", "JointReference/1", "mission.reference"),
     ]
-
-
-def test_outputs_say_who_takes_them(two_link):
     taken = {output.port: output.taken_by for output in two_link["controller"].outputs}
     assert taken == {"command": ["plant.command"], "status": []}
 
@@ -126,12 +120,3 @@ def test_an_interrupt_ends_it_and_leaves_nothing(own_temp, tmp_path):
         describe(load(sensor(tmp_path, "")), interrupt)
     assert caught.value.code == ExitCode.INTERRUPTED
     assert (list(own_temp.iterdir()), leftovers(tmp_path)) == ([], [])
-
-
-def test_the_log_of_a_failure_is_quoted_and_its_folder_removed(own_temp, tmp_path, capsys):
-    path = sensor(tmp_path, "")
-    (tmp_path / "sensor.py").write_text("raise SystemExit('no such robot')")
-    assert main(["describe", str(path)]) == ExitCode.START
-    assert capsys.readouterr().err.endswith("; its log ends below\n  no such robot\n")
-    assert list(own_temp.iterdir()) == []
-    assert leftovers(tmp_path) == []

@@ -1,7 +1,6 @@
 """`stepbus help`, the overview, and text that fits the terminal."""
 
 import re
-import shlex
 import subprocess
 import sys
 
@@ -9,9 +8,8 @@ import pytest
 from support.runs.terminal import at_terminal
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.commands import load_commands
 from stepbus_orchestrator.cli.overview import GROUPS, command_names, outlines
-from stepbus_orchestrator.cli.terminal.output import fold
 
 ALL = command_names()
 
@@ -54,24 +52,10 @@ def test_without_a_command_the_overview_is_an_error(capsys):
     assert "usage: stepbus COMMAND" in capsys.readouterr().err
 
 
-def test_help_which_has_the_five_with_an_example_that_works(capsys, monkeypatch):
-    shown = said(["help", "which"], capsys, monkeypatch)
-    examples = [shlex.split(line)[2:] for line in shown.splitlines() if "$ stepbus" in line]
-    assert [words[0] for words in examples] == ["replay", "rerun", "verify", "diff", "branch"]
-    for words in examples:
-        make_parser([words[0]]).parse_args(words)
-    assert len(shown.splitlines()) <= 24
-
-
 @pytest.mark.parametrize("name", ["run", "sweep", "help"])
 def test_help_of_a_command_is_its_help(capsys, monkeypatch, name):
     by_option = said([name, "--help"], capsys, monkeypatch)
     assert said(["help", name], capsys, monkeypatch) == by_option
-
-
-def test_help_of_what_is_no_command_names_the_nearest(capsys):
-    assert main(["help", "brnch"]) == 2
-    assert "no command 'brnch'; did you mean 'branch'?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("words", [["--help"], *([name, "--help"] for name in ALL)], ids=str)
@@ -102,12 +86,3 @@ def test_a_terminal_of_80_columns_gets_whole_words(words, tmp_path):
     assert len(shown.splitlines()) > 1
     _, coloured = at_terminal(words, cwd=tmp_path)
     assert coloured == shown.replace("stepbus:", "\x1b[1;31mstepbus:\x1b[0m", 1)
-
-
-def test_a_line_with_columns_goes_on_below_the_last_one():
-    text = "ok    extra sim   what the plant needs"
-    assert fold(text, 30) == "ok    extra sim   what the\n" + " " * 18 + "plant needs"
-    assert (
-        fold("  a plain line of some words", 16, "  ") == "  a plain line\n    of some\n    words"
-    )
-    assert fold("a /very/long/path/that/is/whole", 12) == "a\n/very/long/path/that/is/whole"

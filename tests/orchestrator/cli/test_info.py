@@ -42,7 +42,7 @@ def test_a_run_is_ten_lines(two_link_recording, capsys):
 def test_a_recording_alone_says_that_it_is_complete(two_link_recording, tmp_path, capsys):
     shutil.copy(two_link_recording, tmp_path / "alone.mcap")
     rows = info(tmp_path / "alone.mcap", capsys)
-    assert rows["outcome"] == ["complete recording; outcome unknown without its result.json"]
+    assert "outcome unknown without its result.json" in rows["outcome"][0]
     assert rows["length"] == ["60 steps of 5 ms = 0.3 s"]
     assert "folder" not in rows["recording"][0]
 
@@ -64,10 +64,10 @@ def test_one_that_was_cut_off_says_so_and_how_far_it_goes(tmp_path, capsys):
     steps = int(rows["length"][0].split(" of 400 steps of 5 ms")[0])
     assert 0 < steps < 400
     assert f"{steps} JointCommand/1 (controller/command)" in rows["types"][0]
-    assert rows["hash"] == ["none: the hash chain does not cover the last step"]
+    assert "does not cover the last step" in rows["hash"][0]
 
 
-def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
+def test_a_run_that_failed_has_its_reason_its_faults_and_its_length(tmp_path, capsys):
     path = write_scenario(tmp_path / "source")
     words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
     assert main([*words, "--fault", "kill controller at 5"]) == 5
@@ -77,15 +77,8 @@ def test_a_run_that_failed_has_its_reason_and_its_faults(tmp_path, capsys):
     assert reason in rows["outcome"][0]
     assert "; missing outputs: " in rows["outcome"][0]
     assert rows["events"][0].endswith("faults injected: kill controller at 5")
-
-
-def test_a_run_that_failed_is_as_long_as_its_result_says(tmp_path, capsys):
-    path = write_scenario(tmp_path / "source")
-    words = ["run", str(path), "--no-report", "--out", str(tmp_path / "out")]
-    main([*words, "--fault", "kill controller at 5"])
     result = json.loads((tmp_path / "out" / "result.json").read_text())
-    capsys.readouterr()
-    assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
+    assert rows["length"][0].startswith(f"{result['steps']} of ")
     (tmp_path / "out" / "result.json").unlink()
     assert info(tmp_path / "out", capsys)["length"][0].startswith(f"{result['steps']} of ")
 

@@ -148,17 +148,6 @@ class Changer(Observer):
             self.pace.resume()
 
 
-@pytest.mark.slow
-def test_the_command_says_that_a_recording_was_changed(tmp_path):
-    freeze = ["--fault", "freeze controller at 200 for 2s", "--set", "controller.step_timeout=30s"]
-    process, recording = start(tmp_path, "--no-report", "--set", "duration=2s", *freeze)
-    overwrite(recording)
-    _, errors = process.communicate(timeout=60)
-    assert f"the recording {recording} has other content than was written" in errors
-    assert "Traceback" not in errors
-    assert process.returncode == ExitCode.RECORDING
-
-
 def test_a_killed_orchestrator_has_recorded_what_was_complete_a_moment_before(tmp_path):
     """The first chunk is far from full at step 100, and the run stays there."""
     freeze = ["--fault", "freeze controller at 100 for 20s", "--set", "controller.step_timeout=30s"]

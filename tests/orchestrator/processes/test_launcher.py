@@ -41,10 +41,8 @@ def test_a_reaper_that_cannot_be_started_ends_the_run_in_a_sentence(
     monkeypatch.setattr(subprocess, "Popen", fail)
     result = run_joints(tmp_path)
     assert (result.exit_code, list(own_temp.iterdir())) == (ExitCode.START, [])
-    assert result.reason == (
-        "cannot start the reaper, which cleans up after a run: Too many open files; "
-        "check ulimit -n and ulimit -u"
-    )
+    assert "cannot start the reaper" in result.reason
+    assert "Too many open files; check ulimit -n" in result.reason
 
 
 def test_a_stopped_reaper_does_not_hang_the_end(tmp_path, own_temp, monkeypatch):

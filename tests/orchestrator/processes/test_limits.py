@@ -29,17 +29,16 @@ def limited(folder, limit, *words):
 def test_files_too_few_to_read_the_scenario_are_no_mistake_in_it(tmp_path):
     done = limited(tmp_path, "-n 6", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "a run of 1 participant needs 22 open files, but this shell allows 6" in done.stderr
+    assert "1 participant needs 22 open files" in done.stderr
 
 
 @pytest.mark.parametrize("files", [22, 23])
 def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files):
     done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert done.stderr == (
-        "stepbus: a run of 3 participants needs 24 open files, but this shell allows "
-        f"{files}; raise the limit with `ulimit -n 256`\n"
-    )
+    assert "3 participants needs 24 open files" in done.stderr
+    assert f"allows {files}; raise the limit with `ulimit" in done.stderr
+    assert done.stderr.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
 
 
@@ -57,7 +56,7 @@ def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
 def test_too_little_memory_is_one_sentence_before_anything_is_made(tmp_path):
     done = limited(tmp_path, "-v 500000", "run", "two_link", "--no-report")
     assert done.returncode == ExitCode.START
-    assert "a run needs 1024 MB of address space on top of what is loaded" in done.stderr
+    assert "1024 MB of address space" in done.stderr
     assert "this shell allows 488 MB in total" in done.stderr
     assert list(tmp_path.iterdir()) == []
 
@@ -68,7 +67,7 @@ def test_a_folder_that_no_address_can_name_is_refused(tmp_path, own_temp, monkey
     monkeypatch.setattr("tempfile.tempdir", str(folder))
     done = run(load("two_link", ["duration=50ms"]), Options(out=tmp_path / "run"))
     assert done.exit_code == ExitCode.BUS
-    assert "a Zenoh address cannot contain #; set TMPDIR" in done.reason
+    assert "a Zenoh address cannot contain #" in done.reason
     folder.rmdir()  # It is empty.
 
 
@@ -77,7 +76,7 @@ def test_a_path_that_is_no_text_is_refused(tmp_path, word):
     command = [STEPBUS.encode(), b"run", b"two_link", word]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.SCENARIO
-    assert "is not valid UTF-8; if it is valid in your terminal" in done.stderr
+    assert "is not valid UTF-8" in done.stderr
 
 
 def started_in(cwd, log):
@@ -85,12 +84,10 @@ def started_in(cwd, log):
 
 
 def test_a_folder_that_is_gone_at_the_start_is_nobodys_mistake(tmp_path):
-    with pytest.raises(
-        RecordingFailed, match="logs no longer exists: another process changed"
-    ) as caught:
+    with pytest.raises(RecordingFailed, match="logs no longer exists") as caught:
         started_in(tmp_path, tmp_path / "logs" / "plant.log")
     assert caught.value.participant is None
-    with pytest.raises(StartFailed, match="none no longer exists; plant starts in it") as caught:
+    with pytest.raises(StartFailed, match="none no longer exists") as caught:
         started_in(tmp_path / "none", tmp_path / "plant.log")
     assert caught.value.participant is None
 

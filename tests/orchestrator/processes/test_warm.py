@@ -115,20 +115,6 @@ def test_what_is_random_differs_from_one_participant_to_the_next(tmp_path, forke
     assert len({value for values in drawn for value in values}) == 4
 
 
-def test_a_folder_whose_name_is_no_text_is_one_to_start_in(tmp_path, forked):
-    folder = tmp_path / "\udcff"
-    folder.mkdir()
-    with warm.warm_parent():
-        began = child.Child(
-            "one", [sys.executable, "-P", "-m", "stepbus_participant", "none:None"], cwd=folder,
-            log=tmp_path / "log", environment=warm.participant_environment("/none.ticket"),
-        )  # fmt: skip
-        assert began.wait(20.0)
-        began.end()
-    assert forked == []
-    assert began.last_output().endswith("ModuleNotFoundError: No module named 'none'")
-
-
 def test_a_process_without_a_program_of_its_own_is_known_to_be_left_behind(
     tmp_path, forked, monkeypatch
 ):

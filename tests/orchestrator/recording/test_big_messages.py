@@ -5,8 +5,6 @@ import errno
 import os
 import random
 import shutil
-import threading
-import zlib
 
 import pytest
 from mcap.reader import make_reader
@@ -14,7 +12,6 @@ from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording, layout, recover
-from stepbus_orchestrator.recording.chunk import Chunk, encode_chunk
 from stepbus_orchestrator.recording.reader.tail import Tail
 from stepbus_orchestrator.recording.workers import Workers
 from stepbus_orchestrator.scenario.model import ParticipantSpec
@@ -150,48 +147,3 @@ def test_after_the_first_write_that_fails_only_the_index_is_written(
         assert recording.damage == ""
         states, images = recording["plant/joint_state"].steps, recording["plant/image"].steps
         assert images.tolist() == [step for step in pictures() if step <= states[-1]]
-
-
-def test_work_is_taken_in_order_and_at_most_so_much_of_it_waits():
-    go, taken, running = threading.Event(), [], []
-    workers = Workers(taken.append, threads=2)
-
-    def work(number):
-        running.append(number)
-        assert number or go.wait(60)
-        return number
-
-    for number in range(4):
-        workers.give(lambda number=number: work(number), 1 << 20)
-    assert taken == []
-    go.set()
-    for number in range(4, 20):
-        workers.give(lambda number=number: work(number), 1 << 20)
-        assert taken == list(range(number - 3))
-    workers.drain()
-    assert taken == sorted(running) == list(range(20))
-    for number in (20, 21):
-        workers.give(lambda number=number: work(number), 1)
-    workers.give(lambda: 1 // 0, 1)
-    assert sorted(running) == list(range(20))
-    with pytest.raises(ZeroDivisionError):
-        workers.drain()
-    assert taken == sorted(running) == list(range(22))
-    workers.close()
-
-
-def test_how_a_chunk_is_stored_depends_on_its_bytes_not_on_their_parts():
-    """A flush joins what is there; the samples that say whether to compress are the same."""
-    chance, found = random.Random(7), set()
-    content = chance.randbytes(40_000) + bytes(90_000) + chance.randbytes(70_000)
-    for ends in ((), (1,), (99, 120_000), range(0, len(content), 3000), (24_999, 25_001)):
-        chunk, begin = Chunk(), 0
-        for end in (*ends, len(content)):
-            chunk.records.append(content[begin:end])
-            begin = end
-        chunk.size, chunk.is_big, chunk.indexes = len(content), True, {1: [0, 0]}
-        encoded = encode_chunk(chunk)
-        data = b"".join(encoded.parts)
-        assert (encoded.crc, encoded.size) == (zlib.crc32(data), len(data))
-        found.add((encoded.compression, data))
-    assert [compression for compression, _ in found] == ["zstd"]

@@ -43,23 +43,19 @@ def with_port(path, topic):
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_participant_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, name):
+@pytest.mark.parametrize(
+    "make",
+    [
+        with_participant,
+        lambda path, name: with_participant(path, "plant", name),
+        lambda path, name: with_port(path, f"{name}/state"),
+        lambda path, name: with_port(path, f"plant/{name}"),
+    ],
+    ids=["participant", "scenario", "source", "port"],
+)
+def test_a_name_that_no_scenario_accepts_is_refused(tmp_path, make, name):
     with pytest.raises(RecordingFailed, match="is not a valid name"):
-        Recording(with_participant(tmp_path / "run.mcap", name))
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_scenario_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, name):
-    with pytest.raises(RecordingFailed, match="is not a valid name"):
-        Recording(with_participant(tmp_path / "run.mcap", "plant", name))
-
-
-@pytest.mark.parametrize("name", NAMES)
-@pytest.mark.parametrize("topic", ["{}/state", "plant/{}"])
-def test_a_port_with_a_name_that_no_scenario_accepts_is_refused(tmp_path, topic, name):
-    path = with_port(tmp_path / "run.mcap", topic.format(name))
-    with pytest.raises(RecordingFailed, match="is not a valid name"):
-        Recording(path)
+        Recording(make(tmp_path / "run.mcap", name))
 
 
 @pytest.mark.parametrize("length", [0, 200])
@@ -82,7 +78,7 @@ def test_every_command_refuses_such_a_recording_in_one_line(
     make(tmp_path / "run.mcap", "../../\x1b[2Jx")
     assert cli.main([words[0], "run.mcap", *words[1:]]) == ExitCode.RECORDING
     error = capsys.readouterr().err
-    assert error.startswith("stepbus: run.mcap is not from stepbus, or from a newer version: ")
+    assert error.startswith("stepbus: run.mcap is not from stepbus")
     assert "\x1b[2J" not in error
     assert [path.name for path in tmp_path.iterdir()] == ["run.mcap"]
 

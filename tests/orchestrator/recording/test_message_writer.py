@@ -4,13 +4,10 @@ import random
 from io import BytesIO
 
 import pytest
-from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, Metadata, Schema
 from mcap.writer import CompressionType, Writer
-from support.messages.recordings import chunks
 
 from stepbus_orchestrator.recording.message_writer import MessageWriter
-from stepbus_orchestrator.recording.records import records_of
 
 
 def by_the_package(given, chunk_size=2000):
@@ -65,25 +62,3 @@ def test_the_bytes_are_those_of_the_mcap_package(count):
 def test_a_message_larger_than_a_chunk_is_written_as_the_package_does():
     given = [(0, 5, b"x" * 10_000), (1, 6, b""), (0, 7, b"y")]
     assert by_us(given) == by_the_package(given)
-
-
-def test_a_chunk_ends_between_steps():
-    stream = BytesIO()
-    writer = MessageWriter(stream, chunk_size=2000)
-    channels = [writer.register(channel(f"topic{n}", 0)) for n in range(3)]
-    chance = random.Random(5)
-    for step in range(300):
-        for number in channels:
-            data = chance.randbytes(chance.randrange(300))
-            writer.add_messages([(number, data)], step * 10, 0, step)
-    writer.finish()
-    data = stream.getvalue()
-    ends = [steps_of(data[offset : offset + length]) for offset, length in chunks(data)]
-    assert len(ends) > 20
-    assert [step for steps in ends for step in sorted(set(steps))] == list(range(300))
-
-
-def steps_of(chunk):
-    """Return the steps of the messages in a chunk."""
-    records = records_of(Opcode.CHUNK, chunk[9:])
-    return [record.sequence for record in records if isinstance(record, Message)]

@@ -22,7 +22,5 @@ def test_a_recording_damaged_before_its_channels_is_not_replayed(two_link_record
     data = two_link_recording.read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: chunks(data)[0][0] + 20])
-    with pytest.raises(
-        RecordingFailed, match="has no complete step of controller: it is damaged: the chunk"
-    ):
+    with pytest.raises(RecordingFailed, match="has no complete step of controller"):
         replay_participant(cut, "controller")

@@ -6,10 +6,9 @@ import pytest
 
 from stepbus_orchestrator.analysis.diff import diff
 from stepbus_orchestrator.recording import McapFile, Recorder, Recording
-from stepbus_orchestrator.recording.reader.descriptions import recorded_types
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
-from stepbus_schemas import Description, Outputs, Scalars, Types, WiringError, encode
+from stepbus_schemas import Description, Outputs, Types, WiringError, encode
 from stepbus_tools.report import write_report
 from stepbus_tools.viewing.page import write_page
 
@@ -39,21 +38,6 @@ def thruster(types, step):
     return types["Thruster/1"](thrust=[float(step), 1.0], mode="on")
 
 
-@pytest.mark.parametrize(
-    "text",
-    [
-        b"",
-        b"3",
-        b"\xff",
-        b'{"properties": 3}',
-        b'{"properties": {"a": {"type": "array", "prefixItems": []}}}',
-        b'{"properties":' + b'{"a":' * 100_000,
-    ],
-)
-def test_a_schema_that_is_no_schema_says_no_type(text):
-    assert recorded_types({"stepbus.T/1": text}) == Types()
-
-
 @pytest.fixture
 def path(tmp_path):
     record(tmp_path / "run.mcap", THRUSTER, thruster)
@@ -68,7 +52,7 @@ def test_a_recording_is_read_by_its_own_schemas(path):
         assert list(port.mode) == ["on"] * 3
         assert [step for step, message in port.messages() if message.thrust[0] > 0] == [1, 2]
         assert recording.types == Types({"Thruster/1": THRUSTER})
-        with pytest.raises(WiringError, match="no field 'thrusts'; did you mean 'thrust'"):
+        with pytest.raises(WiringError, match="did you mean 'thrust'"):
             port["thrusts"]
 
 
@@ -85,10 +69,7 @@ def test_types_that_differ_are_named_and_compared_as_they_are(path, tmp_path):
     record(other, declaration, thruster)
     found = diff(path, other)
     assert found.equal
-    assert (
-        "vehicle/out: Thruster/1 differs: thrust is float[n] [N] in the first, float[n] [kN] in "
-        "the second"
-    ) in found.notes
+    assert "float[n] [kN] in the second" in " ".join(found.notes)
 
 
 def test_a_run_without_joints_is_plotted_by_its_own_types(path):
@@ -100,23 +81,3 @@ def test_the_page_of_a_run_shows_its_own_types_with_their_units(path):
     assert '"title":"vehicle.out (Thruster/1)"' in text
     assert '"title":"thrust","unit":"N"' in text
     assert '"label":"left"' in text
-
-
-def test_named_numbers_are_plotted_too(tmp_path):
-    path = tmp_path / "run.mcap"
-    numbers = Scalars(values=[1.0, 2.0])
-    record(path, THRUSTER, lambda *_: numbers, port_type="Scalars/1")
-    assert write_report(path) == [f"plots     {path.with_name('report.png')}"]
-
-
-def test_a_schema_that_says_no_type_leaves_it_unknown(path):
-    data = path.read_bytes()
-    with Recording(path) as recording:
-        assert "Thruster/1" in recording.types
-    broken = path.with_name("broken.mcap")
-    # A schema is in the summary too; both are changed alike, so that only the reading differs.
-    broken.write_bytes(
-        data.replace(b'"Thruster"', b'"Thrustes"').replace(b"properties", b"propertiez")
-    )
-    with Recording(broken) as recording:
-        assert "Thruster/1" not in recording.types

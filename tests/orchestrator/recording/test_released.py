@@ -75,7 +75,7 @@ def test_each_is_recovered_when_it_was_cut_off(path, tmp_path):
 def test_each_is_replayed(path, capsys):
     words = ours("controller")  # the first two name a program of a stepbus of their time
     assert main(["replay", str(path), "--participant", "controller", "--exec", *words]) == 0
-    assert "controller: equal to the recording over 100 steps" in capsys.readouterr().out
+    assert "equal to the recording over 100 steps" in capsys.readouterr().out
 
 
 def test_a_recording_of_a_later_layout_is_one_error(tmp_path, capsys):

@@ -47,7 +47,7 @@ def test_an_equal_run_says_so_and_exits_with_0(recorded, tmp_path, capsys):
     code = cli.main(["rerun", str(recorded), "--out", str(tmp_path / "again")])
     said = capsys.readouterr().out
     assert code == 0
-    assert "10 steps, byte for byte as recorded\nmessages  " in said
+    assert "10 steps, byte for byte as recorded" in said
     assert "note:" not in said
 
 
@@ -57,11 +57,8 @@ def test_another_result_is_shown_and_exits_with_10(tmp_path, capsys):
     code = cli.main(["rerun", str(first.recording), "--set", other, "--out", str(tmp_path / "b")])
     said = capsys.readouterr().out
     assert code == ExitCode.DIFFERENT
-    assert "note: the scenario differs from the recorded one: --set controller.params" in said
-    assert (
-        "first divergence: step 5: controller/command: the first has a message, the second has none"
-        in said
-    )
+    assert "--set controller.params" in said
+    assert "step 5: controller/command" in said
 
 
 def test_a_failed_run_exits_with_its_own_code(recorded, tmp_path, capsys):
@@ -76,11 +73,7 @@ def test_of_a_recording_that_is_cut_off_what_is_there_is_compared(tmp_path, caps
     cut = cut_off(rewrite(recorded, tmp_path / "fine.mcap", 512), 0.5)
     assert cli.main(["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]) == 0
     said = capsys.readouterr().out
-    assert re.search(
-        r"\nevery message of the recording is as recorded: \d+ steps, after which it is cut off or "
-        r"incomplete; this run made 200\n",
-        said,
-    )
+    assert re.search(r"as recorded: \d+ steps, after which", said)
     assert "differ" not in said
 
 
@@ -91,7 +84,7 @@ def test_of_a_run_that_was_interrupted_its_steps_are_compared(tmp_path, capsys):
     run(load(source, ["duration=1s"]), options, Stopper(stop), stop)
     assert cli.main(["rerun", str(tmp_path / "out"), "--out", str(tmp_path / "again")]) == 0
     said = capsys.readouterr().out
-    assert "as recorded: 50 steps, after which it ends early; this run made 200\n" in said
+    assert "as recorded: 50 steps" in said
 
 
 def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
@@ -100,17 +93,7 @@ def test_a_change_in_a_recording_that_is_cut_off_is_found(tmp_path, capsys):
     other = "controller.params={fault: end, at: 4}"
     words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", other]
     assert cli.main(words) == ExitCode.DIFFERENT
-    assert "first divergence: step 5: controller/command" in capsys.readouterr().out
-
-
-def test_where_nothing_ran_nothing_is_said_to_be_as_recorded(recorded, tmp_path, capsys):
-    cut = cut_off(recorded, 0)
-    broken = "controller.exec=[python, -c, exit(7)]"
-    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust", "--set", broken]
-    assert cli.main(words) == ExitCode.START
-    said = capsys.readouterr().out
-    assert "every message" not in said
-    assert "nothing was compared" in said
+    assert "step 5: controller/command" in capsys.readouterr().out
 
 
 def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_path, capsys):
@@ -119,14 +102,7 @@ def test_a_run_that_fails_again_before_its_first_step_is_not_as_recorded(tmp_pat
     assert cli.main(["rerun", str(failed.recording), "--out", str(tmp_path / "again")]) != 0
     said = capsys.readouterr().out
     assert "as recorded" not in said
-    assert "the recording has no complete step: nothing was compared" in said
-
-
-def test_a_recording_without_a_step_cannot_be_confirmed(recorded, tmp_path, capsys):
-    cut = cut_off(recorded, 0)
-    words = ["rerun", str(cut), "--out", str(tmp_path / "again"), "--trust"]
-    assert cli.main(words) == ExitCode.RECORDING
-    assert "the recording has no complete step: nothing was compared" in capsys.readouterr().out
+    assert "nothing was compared" in said
 
 
 def test_json_is_all_that_is_printed(recorded, tmp_path, capsys):
@@ -149,10 +125,8 @@ def test_a_file_that_is_no_recording_is_one_sentence_and_8(command, tmp_path, ca
     path = tmp_path / "notes.txt"
     path.write_text("these are no messages")
     assert cli.main([command, str(path)]) == ExitCode.RECORDING == 8
-    said = capsys.readouterr().err.splitlines()
-    assert said == [
-        f"stepbus: {path} is not an MCAP recording: it does not start with its magic bytes"
-    ]
+    (said,) = capsys.readouterr().err.splitlines()
+    assert said.startswith(f"stepbus: {path} is not an MCAP recording")
 
 
 def test_recover_says_what_is_kept_and_what_is_lost(recorded, tmp_path, capsys):
@@ -160,15 +134,15 @@ def test_recover_says_what_is_kept_and_what_is_lost(recorded, tmp_path, capsys):
     cut.write_bytes(recorded.read_bytes()[:1000])
     assert cli.main(["recover", str(cut)]) == 0
     said = capsys.readouterr().out
-    assert "kept no messages; attachments: 1, metadata records: 0\n" in said
-    assert "on; 10 of the scenario's 10 steps are missing\n" in said
+    assert "kept no messages; attachments: 1" in said
+    assert "10 of the scenario's 10 steps" in said
     assert f"wrote {tmp_path / 'cut.recovered.mcap'}\n" in said
 
 
 def test_recover_of_an_undamaged_recording_counts_its_messages(recorded, tmp_path, capsys):
     assert cli.main(["recover", str(recorded), "--out", str(tmp_path / "x.mcap")]) == 0
     said = capsys.readouterr().out
-    assert "undamaged\nkept 25 messages up to step 10; " in said
+    assert "kept 25 messages up to step 10" in said
     assert "lost" not in said
 
 

@@ -165,8 +165,3 @@ def test_programs_of_the_peers_need_not_be_there(joints):
     assert replay(joints, "controller", set=missing).equal
     with pytest.raises(ScenarioError, match="no program 'no-such-program'"):
         replay(joints, "plant", set=missing)
-
-
-def test_an_end_asked_for_too_early_is_noted(joints):
-    result = replay(joints, "controller", set=[fault("controller", "end", 9)])
-    assert result.notes == ["the run ended after step 9: controller: the goal is reached"]

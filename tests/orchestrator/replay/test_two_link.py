@@ -73,9 +73,7 @@ def test_a_tolerance_lets_another_gain_pass(two_link_recording):
 def test_the_command_says_it_and_exits_with_its_code(two_link_recording, capsys):
     words = ["replay", str(two_link_recording), "--participant", "controller"]
     assert main([*words, "--set", *OTHER_GAIN]) == ExitCode.DIFFERENT
-    assert "first divergence: step 1: controller/command: values[joint1]: recording " in (
-        capsys.readouterr().out
-    )
+    assert "step 1: controller/command: values" in (capsys.readouterr().out)
 
 
 def test_the_command_prints_json_for_programs(two_link_recording, capsys):
@@ -109,7 +107,7 @@ def test_an_update_never_replaces_a_file(two_link_recording):
 
 
 def test_a_participant_that_is_not_there_is_refused(two_link_recording):
-    with pytest.raises(WiringError, match="no participant 'controler'; did you mean 'controller'"):
+    with pytest.raises(WiringError, match="did you mean 'controller'"):
         replay(two_link_recording, "controler")
 
 

@@ -85,24 +85,6 @@ def test_the_recording_does_not_depend_on_how_python_optimises(tmp_path, level):
     assert recorded[0] == recorded[1]
 
 
-SCHEMAS = """
-import json, stepbus_schemas
-names = [*stepbus_schemas.MESSAGE_TYPES, *stepbus_schemas.ENVELOPE_TYPES]
-print(json.dumps([stepbus_schemas.json_schema(name) for name in names], sort_keys=True))
-"""
-
-
-@pytest.mark.slow
-def test_the_schemas_do_not_depend_on_how_python_optimises():
-    printed = {
-        subprocess.run(
-            [sys.executable, *options, "-c", SCHEMAS], check=True, capture_output=True
-        ).stdout
-        for options in ([], ["-O"], ["-OO"])
-    }
-    assert len(printed) == 1
-
-
 def test_the_seed_of_a_participant_is_published_arithmetic():
     """53 bits of the SHA-256 of `<seed of the run>/<name>`: old recordings are run again with it."""
     assert participant_seed(7, "mission") == 7906202399376919

@@ -171,7 +171,7 @@ def test_on_the_quick_transport_content_has_to_be_in_slots(tmp_path, in_messages
     assert replay(result.recording, "viewer").equal
     result, _ = record(tmp_path / "2", "bus.low_latency=true", slow="cannot")
     assert result.exit_code == 3
-    assert "the content of camera.frame travels in messages here" in result.reason
+    assert "camera.frame travels in messages" in result.reason
 
 
 @pytest.mark.slow
@@ -199,11 +199,7 @@ def test_who_is_killed_ends_the_run_and_leaves_no_file(tmp_path, name):
 
 @pytest.mark.parametrize(
     ("kind", "found"),
-    [
-        ("cut", "bytes, or less"),
-        ("earlier", "holds step 11 with"),
-        ("elsewhere", "holds "),
-    ],
+    [("cut", "bytes, or less"), ("earlier", "holds step 11 with"), ("elsewhere", "holds ")],
 )
 def test_a_slot_that_does_not_hold_what_was_announced_names_port_and_step(tmp_path, kind, found):
     result, _ = record(tmp_path, "window=1", camera=kind)
@@ -217,7 +213,7 @@ def test_who_reads_what_is_cut_at_that_very_moment_is_killed_and_the_run_says_wh
     off = "participants.camera.outputs.frame.record=off"
     result, _ = record(tmp_path, "window=1", off, viewer="cut while it is read")
     assert (result.exit_code, result.participant) == (5, "viewer"), result.reason
-    assert "killed by SIGBUS (did another process truncate a file that it maps" in result.reason
+    assert "killed by SIGBUS" in result.reason
 
 
 def test_a_source_that_waits_for_its_reader_has_one_slot(tmp_path):
@@ -240,4 +236,4 @@ def test_what_a_participant_keeps_stays_as_it_was(tmp_path, in_messages):
 def test_where_there_is_no_room_for_slots_the_run_says_so_at_the_first(tmp_path):
     result, _ = record(tmp_path, camera="full")
     assert (result.exit_code, result.participant) == (7, "camera"), result.reason
-    assert "cannot reserve 12 slots of 0.00102 MB in " in result.reason
+    assert "cannot reserve 12 slots of 0.00102 MB" in result.reason

@@ -7,7 +7,7 @@ import json
 import jsonschema
 import pytest
 from ruamel.yaml import YAML
-from scripts.generate_parameters import generated_files, main
+from scripts.generate_parameters import main
 from support.paths import CHECKOUT
 from support.runs.scenario import shipped
 
@@ -36,17 +36,6 @@ def found_in(validator, text):
 
 def test_generated_files_are_up_to_date(capsys):
     assert main(["--check"]) == 0, capsys.readouterr().out
-
-
-def test_a_stale_page_is_named(tmp_path):
-    page = tmp_path / "docs/page.md"
-    page.parent.mkdir()
-    page.write_text(
-        "<!-- parameters: stepbus_mission.goals:Params -->\nold\n<!-- /parameters -->\n"
-    )
-    text = generated_files(tmp_path)[page]
-    assert "| `turns` | number | required | Number of turns, counter-clockwise [-]. |" in text
-    assert "old" not in text
 
 
 @pytest.mark.parametrize("name", builtin_names())

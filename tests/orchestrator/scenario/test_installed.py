@@ -42,13 +42,11 @@ def test_from_python_it_is_an_error_of_its_own(tmp_path, monkeypatch):
 def test_what_another_interpreter_or_somebody_else_starts_may_have_it(monkeypatch):
     monkeypatch.setitem(sys.modules, "pybullet", None)
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    check_installed(load("two_link", ["plant.start=external"]))
-    check_installed(
-        load(
-            "two_link",
-            [f"plant.exec=[{sys.executable}, -m, stepbus_participant, 'stepbus_plant:Plant']"],
-        )
-    )
+    program = f"plant.exec=[{sys.executable}, -m, stepbus_participant, 'stepbus_plant:Plant']"
+    for setting in ("plant.start=external", program):
+        assert check_installed(load("two_link", [setting])) is None
+    with pytest.raises(stepbus.errors.ExtraMissing):
+        check_installed(load("two_link"))
 
 
 @pytest.mark.slow

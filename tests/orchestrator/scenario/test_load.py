@@ -135,77 +135,41 @@ def test_an_unknown_name_is_answered_with_the_nearest():
         load("two_lnk")
 
 
-DEEP = "is nested too deeply: more than 100 levels of maps and lists"
+DEEP = "more than 100 levels"
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
+    ("text", "place", "word"),
     [
-        ("", "scenario.yaml: is empty; a scenario needs at least name, step and participants"),
-        (
-            "- a\n",
-            "scenario.yaml: is not a map; a scenario needs at least name, step and participants",
-        ),
-        (
-            "a: 1\nb: [1\n",
-            (
-                "scenario.yaml:3: not YAML: expected ',' or ']', but got '<stream end>'; a bracket is "
-                "not closed"
-            ),
-        ),
-        ("[" * 100_000, f"scenario.yaml:1: {DEEP}"),
-        ("- " * 100_000, f"scenario.yaml:1: {DEEP}"),
-        ("\n".join(f"{' ' * n}a:" for n in range(2000)), f"scenario.yaml:100: {DEEP}"),
+        ("", "", "is empty"),
+        ("- a\n", "", "is not a map"),
+        ("a: 1\nb: [1\n", ":3", "a bracket is not closed"),
+        ("[" * 100_000, ":1", DEEP),
+        ("- " * 100_000, ":1", DEEP),
+        ("\n".join(f"{' ' * n}a:" for n in range(2000)), ":100", DEEP),
         pytest.param(
             "a:\n" + "".join(f"  port{n}: Text/1\n" for n in range(100_000)),
-            "scenario.yaml:50000: has more than 100000 keys and values",
+            ":50000",
+            "more than 100000 keys",
             marks=pytest.mark.slow,
             id="100,000 ports",
         ),
-        (
-            "a: 1\n---\nb: 2\n",
-            (
-                "scenario.yaml:2: not YAML: but found another document; a file must hold one "
-                "document: remove the '---'"
-            ),
-        ),
-        (
-            "types: {Arm/1: {force: float[3]}}\n",
-            (
-                "scenario.yaml:1: not YAML: expected ',' or '}', but got '['; put float[3] in quotes: "
-                "'float[3]'"
-            ),
-        ),
-        (
-            "params: {world: ${world}}\n",
-            (
-                "scenario.yaml:1: not YAML: expected ',' or '}', but got '{'; put ${world} in quotes: "
-                "'${world}'"
-            ),
-        ),
-        (
-            "a: b: 3\n",
-            (
-                "scenario.yaml:1: not YAML: mapping values are not allowed here; check the "
-                "indentation; a text that contains ': ' needs quotes"
-            ),
-        ),
-        (
-            "a:\n\tb: 3\n",
-            (
-                "scenario.yaml:2: not YAML: found character '\\t' that cannot start any token; "
-                "indent with spaces, not tabs; a text that starts with this character needs quotes"
-            ),
-        ),
+        ("a: 1\n---\nb: 2\n", ":2", "remove the '---'"),
+        ("types: {Arm/1: {force: float[3]}}\n", ":1", "put float[3] in quotes"),
+        ("params: {world: ${world}}\n", ":1", "put ${world} in quotes"),
+        ("a: b: 3\n", ":1", "check the indentation"),
+        ("a:\n\tb: 3\n", ":2", "not tabs"),
     ],
 )
-def test_a_file_that_is_no_scenario_is_refused(tmp_path, text, message):
-    assert problem_of(tmp_path, text) == message
+def test_a_file_that_is_no_scenario_is_refused(tmp_path, text, place, word):
+    problem = problem_of(tmp_path, text)
+    assert problem.startswith(f"scenario.yaml{place}: ")
+    assert word in problem
 
 
 def test_a_file_that_is_no_text_is_refused(tmp_path):
     (tmp_path / "scenario.yaml").write_bytes(b"name: \xff")
-    with pytest.raises(ScenarioError, match=r"scenario\.yaml: is not UTF-8 text \(byte 6\)"):
+    with pytest.raises(ScenarioError, match=r"is not UTF-8 text \(byte 6\)"):
         load(tmp_path)
 
 

@@ -53,10 +53,6 @@ def test_what_changes_no_result_is_left_out(tmp_path):
     assert resolved(load_text(tmp_path, TWO_LINK, *settings_)) == RESOLVED
 
 
-def test_where_it_was_loaded_from_does_not_show(tmp_path):
-    assert str(tmp_path) not in resolved(load_text(tmp_path))
-
-
 def test_what_it_extends_is_merged_in(tmp_path):
     write(tmp_path)
     top = write(tmp_path, "extends: scenario.yaml\n", "top.yaml")

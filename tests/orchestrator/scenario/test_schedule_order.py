@@ -3,10 +3,7 @@ from __future__ import annotations
 import pytest
 from support.runs.scenario import TWO_LINK, changed, load_text, problems_of, wiring
 
-from stepbus_orchestrator.scenario.ports import InputSpec
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant.session.inputs import Input, make_sources
-from stepbus_schemas import InputConfig
 
 
 def schedule(folder, text=TWO_LINK, *overrides):
@@ -24,16 +21,6 @@ def test_the_schedule_as_text(tmp_path):
     )
 
 
-def test_who_publishes_first_closes_the_run(tmp_path):
-    assert schedule(tmp_path, TWO_LINK, "duration=10ms").text(2) == (
-        "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
-    )
-
-
-def test_two_thousand_steps_have_2001_joint_states(tmp_path):
-    assert schedule(tmp_path).text(2000).count("plant@") == 2001
-
-
 def test_without_a_duration_nobody_closes(tmp_path):
     open_ended = schedule(tmp_path, changed("duration: 10s\n", ""))
     assert open_ended.text(1) == "plant@0 mission@0 controller@0"
@@ -46,42 +33,9 @@ def test_a_slow_plant_closes_only_where_it_would_fire(tmp_path, end, closes):
     assert schedule(tmp_path, TWO_LINK, "plant.every=3").closing("plant", end) is closes
 
 
-def test_whoever_publishes_last_does_not_close(tmp_path):
-    assert not schedule(tmp_path).closing("controller")
-
-
 def test_ties_are_as_in_the_scenario(tmp_path):
     text = wiring("z.x <- a.o -1\n m.x <- a.o -1\n b.x <- z.o")
     assert schedule(tmp_path, text).text(1) == "a@0 m@0 z@0 b@0"
-
-
-@pytest.mark.parametrize(
-    ("step", "fires"), [(-4, False), (0, True), (3, False), (4, True), (2000, False)]
-)
-def test_a_participant_fires_at_multiples_within_the_run(tmp_path, step, fires):
-    assert schedule(tmp_path).fires("mission", step) is fires
-
-
-@pytest.mark.parametrize(
-    ("delay", "step", "due"),
-    [(0, 0, 0), (0, 3, 0), (0, 4, 4), (1, 0, None), (1, 4, 0), (1, 5, 4), (6, 9, 0), (6, 5, None)],
-)
-def test_an_input_takes_the_newest_firing_that_is_old_enough(tmp_path, delay, step, due):
-    source = InputSpec(from_="mission.reference", delay=delay)
-    assert schedule(tmp_path).due_step(source, step) == due
-
-
-def test_the_schedule_agrees_with_the_participant_library(tmp_path):
-    own = schedule(tmp_path)
-    for delay in range(6):
-        spec = InputSpec(from_="mission.reference", delay=delay)
-        config = InputConfig(
-            source="mission", port="reference", type="JointReference/1", delay=delay, every=4
-        )
-        (source,) = make_sources({"reference": Input("reference", config)}, "token")
-        theirs = [source.due(step) for step in range(20)]
-        ours = [own.due_step(spec, step) for step in range(20)]
-        assert [due if due >= 0 else None for due in theirs] == ours
 
 
 def loops(folder, text):

@@ -10,7 +10,7 @@ from stepbus_schemas import WiringError
 
 def test_the_command_that_installs_the_model_is_named(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
-    with pytest.raises(WiringError, match=r"not installed; to install, run `make robots`$"):
+    with pytest.raises(WiringError, match=r"run `make robots`$"):
         package_path("package://example-robot-data/robots/baxter.urdf")
 
 

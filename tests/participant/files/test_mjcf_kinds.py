@@ -78,13 +78,6 @@ def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
         assert ";" not in warning
 
 
-def test_every_kind_that_is_looked_for_has_such_a_model():
-    looked_for = [kind.what for kind in KINDS if kind.find]
-    assert len(SAMPLES) == len(looked_for)
-    assert {kind.fate for kind in KINDS if kind.find} == {"refused", "warning"}
-    assert {kind.fate for kind in KINDS if not kind.find} == {"left out"}
-
-
 def test_the_docs_have_the_table_of_the_code():
     assert table() in (CHECKOUT / "docs/reference/world.md").read_text(encoding="utf-8")
 

@@ -38,40 +38,40 @@ def problems(folder, text, name="r.urdf"):
 MASS = "4: link 'arm': mass "
 CASES = {
     "mass -1": ('value="2"', 'value="-1"', f"{MASS}-1 kg is negative"),
-    "heavy": ('value="2"', 'value="heavy"', f"{MASS}'heavy' is not a finite number [kg]"),
-    "NaN": ('value="2"', 'value="nan"', f"{MASS}'nan' is not a finite number [kg]"),
-    "too large": ('value="2"', 'value="1e999"', f"{MASS}'1e999' is not a finite number [kg]"),
-    "decimal comma": ('value="2"', 'value="1,5"', f"{MASS}'1,5' is not a finite number [kg]"),
-    "no value": (' value="2"', "", f"{MASS}None is not a finite number [kg]"),
-    "mass 0": ('value="2"', 'value="0"', "4: link 'arm' has mass 0 but an inertia, and is moved by joint 'j'"),
-    "no mass": ('<mass value="2"/>', "", "3: link 'arm': its <inertial> has no <mass>; a massless link needs no <inertial>"),
-    "no inertia": (INERTIA, "", "3: link 'arm': its <inertial> has no <inertia>"),
-    "NaN inertia": ('ixx="1"', 'ixx="nan"', "5: link 'arm': ixx of its inertia 'nan' is not a finite number [kg·m²]"),
-    "half an inertia": (' izz="1"', "", "5: link 'arm': izz of its inertia is missing"),
-    "negative inertia": ('iyy="1"', 'iyy="-1"', "5: link 'arm': iyy -1 kg·m² of its inertia is negative"),
-    "two inertials": ("</inertial>", f"</inertial>\n<inertial><mass value='1'/>{INERTIA}</inertial>", "6: link 'arm' has 2 <inertial>; only one is allowed"),
+    "heavy": ('value="2"', 'value="heavy"', f"{MASS}'heavy'"),
+    "NaN": ('value="2"', 'value="nan"', f"{MASS}'nan'"),
+    "too large": ('value="2"', 'value="1e999"', f"{MASS}'1e999'"),
+    "decimal comma": ('value="2"', 'value="1,5"', f"{MASS}'1,5'"),
+    "no value": (' value="2"', "", f"{MASS}None"),
+    "mass 0": ('value="2"', 'value="0"', "4: link 'arm' has mass 0 but an"),
+    "no mass": ('<mass value="2"/>', "", "3: link 'arm': its <inertial> has no … <mass>"),
+    "no inertia": (INERTIA, "", "3: link 'arm': its <inertial> has no … <inertia>"),
+    "NaN inertia": ('ixx="1"', 'ixx="nan"', "5: link 'arm': ixx of its inertia 'nan'"),
+    "half an inertia": (' izz="1"', "", "5: link 'arm': izz of its inertia is"),
+    "negative inertia": ('iyy="1"', 'iyy="-1"', "5: link 'arm': iyy -1 kg·m² of its"),
+    "two inertials": ("</inertial>", f"</inertial>\n<inertial><mass value='1'/>{INERTIA}</inertial>", "6: link 'arm' has 2 <inertial>; only"),
     "crossed": ('lower="-1"', 'lower="2"', "7: joint 'j': lower 2 is above upper 1"),
-    "one limit": ('lower="-1" ', "", "7: joint 'j' has one limit, 'upper'; give both lower and upper"),
-    "NaN limit": ('upper="1"', 'upper="nan"', "7: joint 'j': upper='nan' is not a finite number"),
+    "one limit": ('lower="-1" ', "", "7: joint 'j' has one limit, 'upper'"),
+    "NaN limit": ('upper="1"', 'upper="nan"', "7: joint 'j': upper='nan' is not a"),
     "negative effort": ('effort="10"', 'effort="-10"', "7: joint 'j': effort -10 is negative"),
-    "infinite velocity": ('velocity="3"', 'velocity="inf"', "7: joint 'j': velocity='inf' is not a finite number"),
-    "no limit": (LIMIT, "", "6: joint 'j' is revolute and has no <limit>; give lower, upper, effort and velocity, or make it continuous"),
-    "unknown type": ('"revolute"', '"hinge"', "6: joint 'j': unknown type 'hinge'; known: revolute, continuous, prismatic, fixed, floating, planar, spherical"),
-    "unknown child": ('child link="arm"', 'child link="amr"', "6: joint 'j': unknown child link 'amr'; did you mean 'arm'?"),
+    "infinite velocity": ('velocity="3"', 'velocity="inf"', "7: joint 'j': velocity='inf' is not a"),
+    "no limit": (LIMIT, "", "6: joint 'j' is revolute and has no … <limit>"),
+    "unknown type": ('"revolute"', '"hinge"', "6: joint 'j': unknown type 'hinge'"),
+    "unknown child": ('child link="arm"', 'child link="amr"', "6: joint 'j': unknown child link 'amr' … did you mean 'arm'"),
     "no parent": ('<parent link="base"/>', "", "6: joint 'j' has no <parent link=\"…\"/>"),
-    "follows nothing": ("</joint>", '<mimic joint="jj"/></joint>', "8: joint 'j' follows joint 'jj', which is not a movable joint; did you mean 'j'?"),
-    "follows itself": ("</joint>", '<mimic joint="j"/></joint>', "8: joint 'j' follows 'j', which follows 'j'; make both follow 'j'"),
-    "link twice": ('<link name="base"/>', '<link name="arm"/>', "3: link 'arm' is defined twice, first in line 2"),
-    "joint twice": ("</joint>", '</joint><joint name="j" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: joint 'j' is defined twice, first in line 6"),
-    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints 'j' and 'k'; a robot must be a tree, closed chains are not supported"),
-    "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', "8: links base, arm form a closed chain of joints; a robot must be a tree"),
-    "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', "2: has 2 roots: base, alone; connect them with joints"),
+    "follows nothing": ("</joint>", '<mimic joint="jj"/></joint>', "8: joint 'j' follows joint 'jj', which … did you mean 'j'"),
+    "follows itself": ("</joint>", '<mimic joint="j"/></joint>', "8: joint 'j' follows 'j', which follows"),
+    "link twice": ('<link name="base"/>', '<link name="arm"/>', "3: link 'arm' is defined twice, first"),
+    "joint twice": ("</joint>", '</joint><joint name="j" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: joint 'j' is defined twice, first in"),
+    "two parents": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="base"/><child link="arm"/></joint>', "8: link 'arm' is the child of joints"),
+    "a circle": ("</joint>", '</joint><joint name="k" type="fixed"><parent link="arm"/><child link="base"/></joint>', '8: links base, arm form a closed chain'),
+    "two roots": ('<link name="base"/>', '<link name="base"/><link name="alone"/>', '2: has 2 roots: base, alone; connect'),
     "no name": ('<link name="base"/>', "<link/>", "2: a <link> has no name"),
-    "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' must be three numbers"),
-    "no direction": ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "6: joint 'j': its axis is 0 0 0, which has no direction"),
-    "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of <origin> is not finite"),
-    "another root": ("robot", "sdf", "1: is not a URDF: its root is <sdf>, not <robot>"),
-    "no XML": ("</robot>", "", "8: is not XML: no element found: line 8, column 8"),
+    "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' must be"),
+    "no direction": ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "6: joint 'j': its axis is 0 0 0, which"),
+    "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of … <origin>"),
+    "another root": ("robot", "sdf", '1: is not a URDF: its root is <sdf> … <robot>'),
+    "no XML": ("</robot>", "", '8: is not XML: no element found: line'),
 }  # fmt: skip
 
 
@@ -79,7 +79,10 @@ CASES = {
 def test_a_mistake_is_refused_with_its_line_and_name(tmp_path, before, after, problem):
     assert problems(tmp_path, ARM) == []
     assert before in ARM
-    assert problem in problems(tmp_path, ARM.replace(before, after))
+    place, *words = problem.split(" … ")
+    found = [row for row in problems(tmp_path, ARM.replace(before, after)) if row.startswith(place)]
+    assert found
+    assert [word for word in words if word not in found[0]] == []
 
 
 def test_all_mistakes_are_listed_by_line(tmp_path):

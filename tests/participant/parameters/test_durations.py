@@ -34,18 +34,18 @@ def test_zero_is_a_duration_where_it_may_be_in_every_spelling(text):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("5", "is not a duration; write a number with a unit"),
+        ("5", "write a number with a unit"),
         ("5 parsecs", "is not a duration"),
         ("-5ms", "is not a duration"),
         ("1e-3s", "is not a duration"),
-        ("200Hz", "is a rate, not a duration; write its period, 1/200s"),
-        ("0.2 kHz", "is a rate, not a duration; write its period, 1/200s"),
-        ("0.5hz", "is a rate, not a duration; write its period, 2s"),
+        ("200Hz", "write its period, 1/200s"),
+        ("0.2 kHz", "write its period, 1/200s"),
+        ("0.5hz", "write its period, 2s"),
         ("0Hz", "is not a duration"),
         ("0s", "must be longer than 0"),
         ("1/0s", "divides by zero"),
         ("999999999h", "is longer than 2^63 − 1 ns"),
-        ("1/240s", "not a whole number of nanoseconds; the nearest is 4166667ns"),
+        ("1/240s", "the nearest is 4166667ns"),
         ("0.1ns", "the nearest is 1ns"),
     ],
 )

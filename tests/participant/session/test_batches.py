@@ -61,32 +61,23 @@ def steps_of(message):
         return [_outputs(message).step]
 
 
-def test_steps_go_out_together_once_there_are_as_many_as_allowed():
+@pytest.mark.parametrize(
+    ("most", "compute_ns", "sent"),
+    [
+        (3, 1000, [[0, 1, 2], [3, 4, 5], [6]]),
+        (1, 1000, [[step] for step in range(7)]),
+        (32, HOLD_NS + 1, [[step] for step in range(7)]),
+    ],
+    ids=["permitted", "without permission", "slow steps"],
+)
+def test_steps_go_out_together_as_many_as_are_permitted(most, compute_ns, sent):
     bus = Bus()
-    box = outbox(bus, 3)
+    box = outbox(bus, most)
     for step in range(7):
         box.publish(step, {"state": STATE})
-        box.finish(step, 0, 1000)
+        box.finish(step, 0, compute_ns)
     box.send_held()
-    assert [steps_of(message) for message in bus.sent["out/mission"]] == [[0, 1, 2], [3, 4, 5], [6]]
-
-
-def test_without_permission_each_step_goes_out_by_itself():
-    bus = Bus()
-    box = outbox(bus, 1)
-    for step in range(3):
-        box.publish(step, {"state": STATE})
-        box.finish(step, 0, 1000)
-    assert [steps_of(message) for message in bus.sent["out/mission"]] == [[0], [1], [2]]
-
-
-def test_slow_steps_are_not_held():
-    bus = Bus()
-    box = outbox(bus, 32)
-    for step in range(3):
-        box.publish(step, {"state": STATE})
-        box.finish(step, 0, HOLD_NS + 1)
-    assert [steps_of(message) for message in bus.sent["out/mission"]] == [[0], [1], [2]]
+    assert [steps_of(message) for message in bus.sent["out/mission"]] == sent
 
 
 def test_a_batch_stays_below_the_limit_of_the_transport():

@@ -32,7 +32,7 @@ def test_a_session_that_never_opens_is_an_error(monkeypatch, endpoint):
     monkeypatch.setattr(zenoh_bus, "_OPEN_S", 0.1)
     over = threading.Event()
     monkeypatch.setattr(zenoh, "open", lambda _config: over.wait())
-    with pytest.raises(BusError, match=r"no Zenoh session opened within 0.1 s; check the limits"):
+    with pytest.raises(BusError, match=r"no Zenoh session opened within 0\.1 s"):
         ZenohBus(endpoint, "run")
     over.set()
 
@@ -42,9 +42,7 @@ def test_a_panic_while_a_session_opens_is_an_error(monkeypatch, endpoint):
         raise Panic("OS can't spawn worker thread")
 
     monkeypatch.setattr(zenoh, "open", fail)
-    with pytest.raises(
-        BusError, match=r"cannot open a Zenoh session: OS can't spawn worker thread; check"
-    ):
+    with pytest.raises(BusError, match="OS can't spawn worker thread"):
         ZenohBus(endpoint, "run")
 
 

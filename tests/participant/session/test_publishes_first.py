@@ -42,7 +42,7 @@ def test_one_without_output_is_refused_before_the_first_step():
 
 
 def test_messages_that_update_returns_are_refused():
-    with pytest.raises(RunError, match="step 0: update returned joint_state, but with `publishes"):
+    with pytest.raises(RunError, match="but with `publishes"):
         run_plant(ReturnsFromUpdate, command(0), stop(1))
 
 

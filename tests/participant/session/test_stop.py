@@ -1,15 +1,10 @@
 """When a participant ends, whatever is still under way to it."""
 
-import inspect
-import itertools
-import signal
-import sys
-
 import msgspec
 import pytest
 from support.messages.scripted_bus import TOKEN, command, run_plant, stop
 
-from stepbus_participant import Participant, Ticket, process
+from stepbus_participant import Participant
 from stepbus_participant.session import session
 from stepbus_participant.session.session import Terminated
 from stepbus_schemas import JointCommand, JointState, RunError, Trigger
@@ -102,55 +97,3 @@ def test_a_sigterm_while_it_reports_does_not_hide_why_a_participant_failed(capsy
     with pytest.raises(RunError, match="step 0: the knee"):
         run_plant(Loud, command(0), later=[])
     assert capsys.readouterr().err.endswith("ValueError: the knee\n")
-
-
-def terminated_after(moment, monkeypatch):
-    """Return the exit code of a process that fails, and gets a SIGTERM so many lines later.
-
-    Also return whether it got there.
-    """
-    passed = itertools.count()
-
-    def trace(frame, event, _arg):
-        # Whatever the collector of garbage does meanwhile has lines too.
-        is_own = frame.f_code.co_filename in {process.__file__, signal.__file__}
-        if is_own and event == "line" and next(passed) == moment:
-            signal.raise_signal(signal.SIGTERM)
-        return trace
-
-    class Bus:
-        def __init__(self, *_args):
-            pass
-
-        def close(self):
-            pass
-
-    def ticket():
-        return Ticket(run="r", name="plant", token=TOKEN, endpoint=None)
-
-    def fail(*_args):
-        inspect.currentframe().f_back.f_trace = trace
-        sys.settrace(trace)
-        raise RunError("step 0: the knee")
-
-    monkeypatch.setattr(process, "load_ticket", ticket)
-    monkeypatch.setattr(process, "ZenohBus", Bus)
-    monkeypatch.setattr(process, "take_part", fail)
-    before = signal.getsignal(signal.SIGTERM)
-    try:
-        code = process.main(Plant)
-    finally:
-        sys.settrace(None)
-        signal.signal(signal.SIGTERM, before)
-    return code, next(passed) > moment
-
-
-def test_a_sigterm_at_any_moment_after_an_error_leaves_it_as_the_last_of_the_log(
-    capsys, monkeypatch
-):
-    reached, moment = True, 0
-    while reached:
-        code, reached = terminated_after(moment, monkeypatch)
-        assert (moment, code, capsys.readouterr().err) == (moment, 1, "plant: step 0: the knee\n")
-        moment += 1
-    assert moment > 10

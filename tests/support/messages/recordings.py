@@ -76,11 +76,12 @@ def rewrite(
     lacks=lambda _topic, _step: False,
     library="another",
     attached=(),
+    noted=None,
     **options,
 ):
     """Copy a recording as another program would, with chunks of another size and other options.
 
-    library: which wrote it, as its header says. attached: names of further attachments. lacks: takes topic and step of a message; returns whether to leave it out.
+    library: which wrote it, as its header says. attached: names of further attachments. noted: further metadata. lacks: takes topic and step of a message; returns whether to leave it out.
     """
     with source.open("rb") as file, target.open("wb") as out:
         reader = make_reader(file)
@@ -92,6 +93,8 @@ def rewrite(
             writer.add_attachment(0, 0, name, "text/plain", b"x")
         for item in reader.iter_metadata():
             writer.add_metadata(item.name, item.metadata)
+        for name, content in (noted or {}).items():
+            writer.add_metadata(name, content)
         numbers = {}
         for schema, channel, message in reader.iter_messages(log_time_order=False):
             if channel.id not in numbers:

@@ -181,12 +181,7 @@ class Mission(Faulty):
         }
 
 
-ROLES = {
-    "plant": Plant,
-    "controller": Controller,
-    "future": Future,
-    "mission": Mission,
-}
+ROLES = {"plant": Plant, "controller": Controller, "future": Future, "mission": Mission}
 
 if __name__ == "__main__":
     raise SystemExit(stepbus.main(ROLES[ROLE]))

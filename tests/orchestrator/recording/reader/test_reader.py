@@ -71,30 +71,30 @@ def test_a_folder_of_a_run_stands_for_its_recording(path):
 def test_an_unknown_port_is_named_with_the_nearest_one(recording):
     with pytest.raises(KeyError) as caught:
         recording["plant.joint"]
-    assert str(caught.value).endswith("has no port 'plant.joint'; did you mean 'plant/joints'?")
+    assert str(caught.value).endswith("did you mean 'plant/joints'?")
     assert isinstance(caught.value, WiringError)
 
 
 def test_an_unknown_port_far_from_all_others_lists_them(recording):
-    with pytest.raises(WiringError, match="known: plant/joints, plant/camera, plant/events"):
+    with pytest.raises(WiringError, match="plant/camera, plant/events"):
         recording.messages("x/y/z")
 
 
 def test_an_unknown_field_is_named_with_the_nearest_one(recording):
-    with pytest.raises(WiringError, match="has no field 'positions'; did you mean 'position'"):
+    with pytest.raises(WiringError, match="did you mean 'position'"):
         recording["plant.joints"]["positions"]
     assert not hasattr(recording["plant.joints"], "positions")
 
 
 def test_vectors_that_are_absent_have_no_array(recording):
-    with pytest.raises(WiringError, match="velocity is absent in some messages or changes"):
+    with pytest.raises(WiringError, match="velocity is absent"):
         recording["plant.joints"]["velocity"]
 
 
 def test_vectors_that_change_their_length_have_no_array(tmp_path):
     states = [JointState(position=[1.0]), JointState(position=[1.0, 2.0])]
     path = write(tmp_path / "other.mcap", joints=("JointState/1", [], states))
-    with pytest.raises(WiringError, match="position is absent in some messages or changes"):
+    with pytest.raises(WiringError, match="position is absent"):
         Recording(path)["plant.joints"]["position"]
 
 
@@ -193,7 +193,7 @@ def test_a_report_of_a_recording_with_images_takes_little_memory(tmp_path):
 def test_a_named_pipe_is_no_recording_and_nobody_waits_for_its_writer(tmp_path):
     os.mkfifo(tmp_path / "run.mcap")
     for read in (Recording, lambda path: recover(path, tmp_path / "out.mcap")):
-        with pytest.raises(RecordingFailed, match="cannot be read: it is not a regular file"):
+        with pytest.raises(RecordingFailed, match="it is not a regular file"):
             read(tmp_path / "run.mcap")
     with pytest.raises(RecordingFailed, match="cannot be written"):
         McapFile(tmp_path / "run.mcap")

@@ -64,19 +64,6 @@ def test_a_chunk_that_is_not_whole_yet_is_taken_when_it_is(file):
         assert part + steps_in(tail) == list(range(400))
 
 
-def test_flushing_often_changes_no_byte(tmp_path):
-    contents = set()
-    for every in (1, 7, 1000):
-        file = McapFile(tmp_path / f"{every}.mcap")
-        channel = channel_of(file)
-        for start in range(0, 700, every):
-            write(file, channel, range(start, min(start + every, 700)))
-            file.flush()
-        file.close()
-        contents.add(file.path.read_bytes())
-    assert len(contents) == 1
-
-
 def test_a_file_that_is_not_there_gives_a_sentence(tmp_path):
     with pytest.raises(RecordingFailed, match="cannot be read: No such file"):
         Tail(tmp_path / "run.mcap")

@@ -5,13 +5,13 @@ import textwrap
 
 import pytest
 from mcap.reader import make_reader
-from mcap.writer import Writer
+from support.messages.recordings import rewrite
 from support.runs.joints import fault, run_joints, write_scenario
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording.reader import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.branch import BranchPlan, branch
+from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.hosts import InProcess
@@ -102,12 +102,16 @@ def gained(tmp_path):
     return run(load(path, program), Options(out=tmp_path / "a", host=InProcess())).recording
 
 
-def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    now, before = Recording(found.result.recording), Recording(gained)
-    assert below(found.result.recording, 43) == below(gained, 43)
+@pytest.fixture
+def changed(gained, tmp_path):
+    """The recording of a branch of it, with another gain from step 43 on."""
+    gain = ["controller.params={gain: 5}"]
+    return branch(gained, tmp_path / "b", at=43, set=gain, in_process=True).result.recording
+
+
+def test_a_changed_parameter_leaves_the_recording_at_the_step(gained, changed):
+    now, before = Recording(changed), Recording(gained)
+    assert below(changed, 43) == below(gained, 43)
     values = [part["controller.command"].values[43] for part in (now, before)]
     assert values[0] == pytest.approx(5 * values[1])
     assert any(values[0])
@@ -127,30 +131,14 @@ def test_a_program_is_changed_by_its_absolute_path_and_runs_again_from_the_recor
     assert Preparation(found.result.recording, tmp_path / "c").run().equal
 
 
-def test_a_branch_is_run_again_from_its_recording_alone(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    assert Preparation(found.result.recording, tmp_path / "c").run().equal
+def test_a_branch_is_branched_again_but_not_before_its_own_step(changed, tmp_path):
+    assert branch(changed, tmp_path / "c", at=70, in_process=True).equal
+    with pytest.raises(RecordingFailed, match="is a branch from step 43"):
+        branch(changed, tmp_path / "d", at=42, in_process=True)
 
 
-def test_a_branch_is_branched_again_but_not_before_its_own_step(gained, tmp_path):
-    first = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    again = branch(first.result.recording, tmp_path / "c", at=70, in_process=True)
-    assert again.equal
-    with pytest.raises(
-        RecordingFailed, match="is a branch from step 43: branch at that step or later"
-    ):
-        branch(first.result.recording, tmp_path / "d", at=42, in_process=True)
-
-
-def test_a_replay_compares_a_changed_participant_from_there_on(gained, tmp_path):
-    found = branch(
-        gained, tmp_path / "b", at=43, set=["controller.params={gain: 5}"], in_process=True
-    )
-    replayed = replay(found.result.recording, "controller", recorded=True)
+def test_a_replay_compares_a_changed_participant_from_there_on(changed):
+    replayed = replay(changed, "controller", recorded=True)
     assert replayed.equal
     assert sum(port.equal for port in replayed.ports) == STEPS - 43
 
@@ -194,10 +182,7 @@ def test_a_participant_that_is_not_deterministic_is_named(tmp_path):
     assert found.result.exit_code == ExitCode.DIFFERENT
     assert found.result.participant == "controller"
     assert 30 < found.result.at_step < 90
-    assert (
-        "controller does not repeat the recording: controller/command: values["
-        in found.result.reason
-    )
+    assert "controller/command: values[" in found.result.reason
 
 
 def test_a_participant_that_fails_on_the_way_is_named(recorded, tmp_path):
@@ -256,7 +241,7 @@ def test_a_step_behind_the_recording_is_refused(recorded, tmp_path):
 
 @pytest.mark.parametrize("change", ["step=1ms", "seed=3", "mission.every=2"])
 def test_what_decides_who_reads_what_is_kept(recorded, tmp_path, change):
-    with pytest.raises(WiringError, match="a branch cannot change step, seed, ports or rates"):
+    with pytest.raises(WiringError, match="step, seed, ports or rates"):
         branch(recorded, tmp_path / "b", at=43, set=[change])
 
 
@@ -277,15 +262,6 @@ def test_a_run_that_failed_is_branched_before_it_went_wrong(tmp_path):
     assert below(found.result.recording, 60) == below(failed.recording, 60)
 
 
-@pytest.mark.slow
-def test_a_debugged_participant_has_no_deadline(recorded, tmp_path):
-    slow = [fault("controller", "nap", 50), "controller.step_timeout=500ms"]
-    prepared = BranchPlan(recorded, 43, tmp_path / "b", slow)
-    found = prepared.run(debug=["controller"])
-    assert found.result.exit_code == 0
-    assert "--debug" in (tmp_path / "b/logs/controller.log").read_text()
-
-
 def test_a_failed_participant_is_replaced_behind_the_step(recorded, tmp_path):
     held = ["controller.on_fault=hold"]
     found = branch(recorded, tmp_path / "b", at=43, set=held, faults=["kill controller at 60"])
@@ -304,7 +280,7 @@ def test_nobody_is_replaced_on_the_way(recorded, tmp_path):
 def test_a_run_that_was_held_is_branched_up_to_the_fault(tmp_path):
     held = run_joints(tmp_path, "controller.on_fault=hold", fault("controller", "raise", 60))
     assert branch(held.recording, tmp_path / "b", at=50).result.exit_code == ExitCode.FAULT
-    with pytest.raises(RecordingFailed, match="controller failed and was replaced from step 60"):
+    with pytest.raises(RecordingFailed, match="replaced from step 60"):
         branch(held.recording, tmp_path / "c", at=62)
 
 
@@ -332,27 +308,6 @@ def test_a_failed_run_says_what_lacks(tmp_path):
     ],
 )
 def test_metadata_that_stepbus_did_not_write(recorded, tmp_path, name, content):
-    path = tmp_path / "other.mcap"
-    with recorded.open("rb") as source, path.open("wb") as target:
-        reader, writer = make_reader(source), Writer(target)
-        writer.start()
-        for item in reader.iter_attachments():
-            writer.add_attachment(0, 0, item.name, item.media_type, item.data)
-        writer.add_metadata(name, content)
-        channels = {}
-        for schema, channel, message in reader.iter_messages():
-            if channel.id not in channels:
-                number = writer.register_schema(schema.name, schema.encoding, schema.data)
-                channels[channel.id] = writer.register_channel(
-                    channel.topic, channel.message_encoding, number, channel.metadata
-                )
-            writer.add_message(
-                channels[channel.id],
-                message.log_time,
-                message.data,
-                message.log_time,
-                message.sequence,
-            )
-        writer.finish()
+    path = rewrite(recorded, tmp_path / "other.mcap", 4096, noted={name: content})
     with pytest.raises(RecordingFailed, match=f"metadata record '{name}': .* not a step number"):
         branch(path, tmp_path / "b", at=43)

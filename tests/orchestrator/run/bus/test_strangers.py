@@ -5,11 +5,11 @@ from __future__ import annotations
 from contextlib import closing
 
 import pytest
-from support.messages.fuzz import OLD_TOKEN, STEP_NS, Mutator, envelopes, outputs
+from support.messages.fuzz import OLD_TOKEN, Mutator, envelopes, outputs
 from support.runs.stranger import WAIT_S, disturbed
 
 from stepbus_participant.session.inputs import carries_token
-from stepbus_schemas import HANDSHAKE_STEP, Outputs, Stop, encoding_of
+from stepbus_schemas import HANDSHAKE_STEP, encoding_of
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
 TO_ORCHESTRATOR = {"join", "ready/controller", "log/controller", "fault/controller"}
@@ -100,12 +100,3 @@ def test_a_strangers_coming_and_going_changes_nothing(tmp_path, own_temp, refere
     assert (result.exit_code, result.sha256) == (0, reference.sha256)
     # The orchestrator's session takes no token of another name from the controller's link.
     assert result.unauthenticated == 1 + LAST_QUERY
-
-
-def test_a_stop_of_another_run_does_not_stop_this_one(tmp_path, own_temp, reference):
-    def act(stranger, _token):
-        stranger.say_message("stop", Stop(token=OLD_TOKEN, reason="the other one", at_step=-1))
-        stranger.say_message("out/plant", Outputs(token=OLD_TOKEN, step=5, t_ns=5 * STEP_NS))
-
-    result = disturbed(tmp_path, own_temp, act)
-    assert (result.steps, result.sha256) == (reference.steps, reference.sha256)

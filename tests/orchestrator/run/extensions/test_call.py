@@ -19,17 +19,11 @@ from stepbus_orchestrator.replay import replay
 from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call, forget
+from stepbus_orchestrator.run.live_file import LIVE_FILE, Live, call
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_participant import Endpoint
 from stepbus_schemas import CallReply, JointState
-
-TOO_LONG = (
-    "text: the answer has 70050 bytes, the low-latency transport carries at most 60000; "
-    "set bus.low_latency: false"
-)
-
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
@@ -95,20 +89,16 @@ SENTENCES = [
     (["plant", "position", 7], "position: list index out of range"),
     (["plant", "put", 0, 9.5], "put: 9.5 is beyond the stop"),
     (["plant", "put", "x", "y"], "put: bad operand type for abs(): 'str'"),
-    (["plant", "text", 70_000], TOO_LONG),
+    (["plant", "text", 70_000], "the answer has 70050 bytes"),
+    (["plant", "put", 0, "x" * 70_000], "more than the 60000"),
 ]
 
 
 def test_a_call_that_cannot_be_answered_says_why_and_the_run_goes_on(tmp_path):
     result, answers = asked(tmp_path, *(words for words, _ in SENTENCES), ["plant", "position", 0])
-    assert answers[:-1] == [sentence for _, sentence in SENTENCES]
+    for answer, (_, words) in zip(answers[:-1], SENTENCES, strict=True):
+        assert words in answer
     assert (result.exit_code, answers[-1].step) == (0, 20)
-
-
-def test_a_call_that_the_transport_would_lose_is_refused_before_it_is_sent(tmp_path):
-    result, answers = asked(tmp_path, ["plant", "put", 0, "x" * 70_000], ["plant", "position", 0])
-    assert (result.exit_code, answers[1].step) == (0, 20)
-    assert "more than the 60000 that the run's low-latency transport can carry" in answers[0]
 
 
 def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_path):
@@ -120,12 +110,6 @@ def test_the_file_of_a_live_run_follows_no_link_and_takes_no_file_of_others(tmp_
         live.save(tmp_path)
         assert (tmp_path / "victim").read_text() == "kept"
         assert (tmp_path / LIVE_FILE).lstat().st_mode == stat.S_IFREG | 0o600
-
-
-def test_a_folder_in_the_place_of_the_file_does_not_hold_up_the_end(tmp_path):
-    (tmp_path / LIVE_FILE).mkdir()
-    forget(tmp_path)
-    assert (tmp_path / LIVE_FILE).is_dir()
 
 
 def test_the_calls_of_all_participants_can_be_listed(tmp_path):
@@ -197,10 +181,5 @@ def test_the_list_of_calls_shows_units_in_brackets(monkeypatch, capsys):
     monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some"]) == 0
     assert "where it is [rad]" in capsys.readouterr().out
-
-
-def test_to_list_the_calls_of_nobody_is_a_mistake(monkeypatch, capsys):
-    offered = {"plant": {"angle": {"help": "NAME: where it is [rad]", "changes": False}}}
-    monkeypatch.setattr(attach, "call", lambda _folder: CallReply(value=offered))
     assert main(["call", "runs/some", "plnt"]) != 0
-    assert "'plnt' does not accept calls; did you mean 'plant'?" in capsys.readouterr().err
+    assert "did you mean 'plant'?" in capsys.readouterr().err

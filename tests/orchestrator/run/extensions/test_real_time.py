@@ -12,7 +12,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.extensions.real_time import RealTime
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import RunState
-from stepbus_orchestrator.run.reports import in_units
 
 MS = 1_000_000
 
@@ -56,14 +55,6 @@ def test_the_grid_has_no_drift(factor):
     assert gate.limit(0) == steps + 1
 
 
-def test_it_waits_for_messages_until_the_next_step_is_due():
-    clock, gate = made()
-    clock.now += 2 * MS
-    assert gate.wait_s(1, 0.05) == pytest.approx(0.003)
-    clock.now += 4 * MS
-    assert gate.wait_s(1, 0.05) == 0.05
-
-
 def late_state(**options):
     state = RunState(scenario(window=1))
     state.participants = states(state.scenario)
@@ -98,11 +89,6 @@ def test_a_pause_moves_the_grid():
     assert gate.lateness().late == {}
 
 
-def test_a_gate_without_a_step_has_no_lateness():
-    assert made()[1].lateness() is None
-    assert made()[1].limit(0) < FAR
-
-
 @pytest.fixture(scope="module")
 def plain(tmp_path_factory):
     return run_joints(tmp_path_factory.mktemp("plain"), in_process=True)
@@ -117,32 +103,18 @@ def test_a_run_in_real_time_has_the_same_bytes_and_takes_its_time(tmp_path, plai
     assert result.wall_s >= 0.2475
 
 
-def test_in_one_process_too(tmp_path, plain):
-    result = run_joints(tmp_path, extensions=[RealTime(5 * MS, 2.0)], in_process=True)
-    assert (result.exit_code, result.sha256) == (0, plain.sha256)
-    assert result.wall_s >= 0.2475
-
-
 @pytest.mark.slow
 def test_who_is_late_fails_the_run_if_the_scenario_says_so(tmp_path):
     nap = fault("controller", "nap", 7)
     keeps = ("controller.real_time=true", "controller.on_late=fail")
     result = run_joints(tmp_path, nap, *keeps, extensions=[RealTime(5 * MS, 0.1)])
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
-    assert "late for real time (participants.controller.on_late)" in result.reason
+    assert "(participants.controller.on_late)" in result.reason
 
 
 def test_without_a_clock_nobody_has_to_keep_time(tmp_path, plain):
     keeps = ("controller.real_time=true", "controller.on_late=fail")
     assert run_joints(tmp_path, *keeps).sha256 == plain.sha256
-
-
-@pytest.mark.parametrize(
-    ("us", "text"),
-    [(0, "0 µs"), (999.4, "999 µs"), (1000, "1 ms"), (4217, "4.22 ms"), (3_182_760, "3.18 s")],
-)
-def test_a_duration_is_given_in_the_unit_that_people_read(us, text):
-    assert in_units(us) == text
 
 
 def test_a_run_that_does_not_keep_real_time_is_told_with_who_held_it(tmp_path, capsys):

@@ -3,7 +3,6 @@
 from types import SimpleNamespace
 
 from stepbus_orchestrator.run.extensions.real_time import Speed
-from stepbus_orchestrator.run.kernel.barrier import FAR
 
 
 class Clock:
@@ -19,10 +18,6 @@ def by(clock, step_ns=10_000_000):
     return speed
 
 
-def test_without_a_factor_nothing_is_held():
-    assert by(Clock()).limit(7) == FAR
-
-
 def test_steps_come_at_their_time():
     clock = Clock()
     speed = by(clock)
@@ -31,12 +26,3 @@ def test_steps_come_at_their_time():
     clock.now += 0.0201
     assert speed.limit(41) == 42
     assert 0.0 < speed.wait_s(42, 1.0) < 0.02
-
-
-def test_who_was_held_does_not_hurry():
-    clock = Clock()
-    speed = by(clock)
-    speed.set(1.0, 0)
-    clock.now += 5.0
-    assert speed.limit(1) == 2
-    assert speed.limit(2) == 2

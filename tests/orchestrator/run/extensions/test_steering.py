@@ -34,9 +34,9 @@ def test_a_run_is_paused_stepped_slowed_and_resumed(tmp_path, plain):
     assert status.value["phase"] == "paused"
     assert status.value["steps"] == 20
     assert all(reply.error is None for reply in done)
-    assert slow == "speed: -1 is not a number from 0.001 to 1000"
-    assert none == "step [COUNT]: 0 is not a number of steps"
-    assert "a run has no call 'dance'; it has status, pause" in odd
+    assert "-1 is not a number from 0.001 to 1000" in slow
+    assert "0 is not a number of steps" in none
+    assert "a run has no call 'dance'" in odd
     assert result.sha256 == plain.sha256
 
 

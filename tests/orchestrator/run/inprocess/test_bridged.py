@@ -30,5 +30,5 @@ def test_a_bridged_program_that_does_not_answer_is_ended(tmp_path):
 def test_a_bridged_program_that_is_stopped_is_named_as_such(tmp_path):
     result = run_bridged(tmp_path, "json", "stop", host=InProcess())
     assert (result.exit_code, result.participant) == (ExitCode.STEP_TIMEOUT, "controller")
-    assert "for its program, which has been stopped by a signal or a debugger" in result.reason
+    assert "stopped by a signal or a debugger" in result.reason
     assert processes_in(tmp_path) == []

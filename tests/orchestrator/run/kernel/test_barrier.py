@@ -2,7 +2,6 @@
 
 from support.runs.kernel import participant, scenario
 
-from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.kernel.barrier import FAR, Barrier, step_limit
 
 
@@ -12,10 +11,6 @@ def barrier(*reports, **options):
     for name, step in reports:
         assert made.report(name, step)
     return made
-
-
-def test_nothing_is_complete_before_everybody_has_reported():
-    assert barrier(("plant", 0), ("mission", 0)).completed == 0
 
 
 def test_a_step_is_complete_when_every_output_due_in_it_is_reported():
@@ -39,15 +34,6 @@ def test_the_trigger_is_a_window_ahead_of_the_barrier():
     assert barrier(("plant", 0), ("mission", 0), ("controller", 0), window=3).step_limit == 4
 
 
-def test_the_trigger_ends_at_the_last_step():
-    assert barrier(window=64, steps=8).step_limit == 8
-
-
-def test_without_a_last_step_a_run_never_finishes():
-    made = barrier(window=3, steps=None)
-    assert (made.step_limit, made.finished) == (3, False)
-
-
 def test_whoever_owes_an_output_and_has_its_inputs_holds_the_step():
     # The plant publishes first: it needs nothing for its first output.
     assert barrier().holders() == ["plant", "mission"]
@@ -63,11 +49,6 @@ def test_one_that_publishes_first_needs_the_inputs_of_the_step_before():
     reports = [("plant", 0), ("mission", 0)]
     assert barrier(*reports).missing("plant") == ["controller"]
     assert barrier(*reports, ("controller", 0)).holders() == ["plant"]
-
-
-def test_nobody_holds_a_run_that_is_finished():
-    reports = [(n, s) for s in range(2) for n in ("plant", "controller")]
-    assert barrier(("mission", 0), *reports, steps=2).holders() == []
 
 
 def test_a_delayed_input_needs_the_output_of_an_earlier_step():
@@ -92,19 +73,9 @@ def before(step):
     return lambda _released: step
 
 
-def test_without_gates_the_barrier_decides():
-    assert step_limit(Barrier(scenario(window=3)), [], 0) == 3
-
-
 def test_the_nearest_gate_decides():
     assert step_limit(Barrier(scenario(steps=100)), [before(9), before(FAR), before(4)], 0) == 4
 
 
 def test_what_has_been_released_is_never_taken_back():
     assert step_limit(Barrier(scenario(steps=100)), [before(4)], 7) == 7
-
-
-def test_a_pause_holds_what_is_not_released():
-    pace = Pace()
-    pace.pause()
-    assert step_limit(Barrier(scenario(steps=100)), [pace.limit], 7) == 7

@@ -10,7 +10,6 @@ from support.surroundings import comes_true
 
 from stepbus_orchestrator.errors import Interrupted, ParticipantDied
 from stepbus_orchestrator.run.extensions.pace import Pace
-from stepbus_orchestrator.run.kernel.state import NEXT, RunPhase
 from stepbus_orchestrator.scenario.model import HoldSpec
 
 TWO_STEPS = "plant@0 mission@0 controller@0 plant@1 controller@1 plant@2"
@@ -30,12 +29,6 @@ def test_neither_window_nor_order_of_arrival_changes_what_is_recorded(window, or
     run = RunInMemory(scenario(steps=2, window=window), order=order)
     run.run()
     assert run.sink.text == TWO_STEPS
-
-
-def test_synchronous_mode_releases_one_step_at_a_time():
-    run = RunInMemory(scenario(steps=4, window=1))
-    run.run()
-    assert run.bus.triggers == [1, 2, 3, 4]
 
 
 def test_a_window_of_three_is_three_steps_ahead_of_the_barrier():
@@ -69,7 +62,7 @@ def test_a_failure_goes_straight_to_shutdown_and_stops_everybody_at_once():
 
 def test_a_participant_with_a_fallback_is_replaced_until_the_safe_stop():
     run = RunInMemory(scenario(PLANT, MISSION, HELD, window=1, steps=100), dies=("controller", 3))
-    with pytest.raises(ParticipantDied, match="held from step 3 to 5 and were commanded to stop"):
+    with pytest.raises(ParticipantDied, match="held from step 3 to 5"):
         run.run()
     assert " → ".join(run.phases) == "start-up → stepping → fallback → closing → shutdown"
     assert run.sink.ends == ["on_fault", "finish"]
@@ -107,17 +100,3 @@ def test_a_paused_run_releases_no_step_beyond_the_pause():
         run.run()
         resumed.result()
     assert run.bus.triggers == [3, 8]
-
-
-def test_every_phase_leads_to_shutdown_and_none_comes_twice():
-    assert {phase for phase, following in NEXT.items() if not following} == {RunPhase.SHUTDOWN}
-    assert all(RunPhase.SHUTDOWN in NEXT[phase] for phase in RunPhase if NEXT[phase])
-    order = list(RunPhase)
-    assert all(order.index(later) > order.index(p) for p in RunPhase for later in NEXT[p])
-
-
-def test_a_phase_that_cannot_follow_is_refused():
-    loop = RunInMemory(scenario()).loop
-    with pytest.raises(ValueError, match="closing does not follow start-up"):
-        loop.state.enter(RunPhase.CLOSING)
-    loop.announcer.close()

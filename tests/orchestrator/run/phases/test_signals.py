@@ -84,7 +84,7 @@ def test_a_full_disk_ends_the_run_with_one_sentence_and_a_whole_recording(tmp_pa
     process = start("--set", "duration=1000s", kilobytes=600)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == ExitCode.RECORDING
-    assert "cannot be written: File too large; raise the file size limit (ulimit -f)" in errors
+    assert "raise the file size limit (ulimit -f)" in errors
     assert "Traceback" not in errors
     recording = Recording(tmp_path / "out" / "run.mcap")
     assert len(recording["plant/joint_state"]) > 1000
@@ -109,5 +109,5 @@ def test_nobody_waits_for_those_that_are_stopped_once_the_run_has_failed(tmp_pat
         process.send_signal(number)
     _, errors = process.communicate(timeout=40)
     assert process.returncode == (ExitCode.INTERRUPTED if ending else ExitCode.STEP_TIMEOUT)
-    assert ending or "has been stopped by a signal or a debugger" in errors
+    assert ending or "stopped by a signal or a debugger" in errors
     assert leftovers(tmp_path) == []

