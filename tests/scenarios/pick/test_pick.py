@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from stepbus.testing import Bench, assert_replays, scenario_config
-from stepbus_mission.pick import Pick
 from stepbus_orchestrator.analysis.verify import plan, run_trials
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -16,6 +15,7 @@ from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_scenarios.pick.mission import Pick
 from stepbus_schemas import Description
 
 SEEDS = range(5)
