@@ -41,9 +41,14 @@ def test_generated_files_are_up_to_date(capsys):
 def test_a_stale_page_is_named(tmp_path):
     page = tmp_path / "docs/page.md"
     page.parent.mkdir()
-    page.write_text("<!-- parameters: stepbus_mission.params:Params -->\nold\n<!-- /parameters -->\n")
+    page.write_text(
+        "<!-- parameters: stepbus_mission.params:Params -->\nold\n<!-- /parameters -->\n"
+    )
     text = generated_files(tmp_path)[page]
-    assert "| `duration` | number > 0 | none | Time since the previous waypoint, instead of `time` [s]. |" in text
+    assert (
+        "| `duration` | number > 0 | none | Time since the previous waypoint, instead of `time` [s]. |"
+        in text
+    )
     assert "old" not in text
 
 
