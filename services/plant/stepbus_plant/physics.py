@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
@@ -18,6 +18,7 @@ from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
+from stepbus_plant.stock import fit
 from stepbus_plant.world import Body, JointSettings
 from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
@@ -142,7 +143,7 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            with loadable(body.urdf, None if item is None else item.make) as urdf:
+            with loadable(body.urdf, None if item is None else partial(fit, item)) as urdf:
                 root = parse_urdf(urdf.read_text(encoding="utf-8"))
                 number = self.engine.load(
                     urdf,

@@ -84,7 +84,7 @@ def test_the_summary_is_what_the_metric_measures(results, recordings):
 
 
 def test_a_cube_that_is_too_slippery_is_lost_with_a_reason(tmp_path):
-    result = picked(tmp_path / "out", "plant.params.stock.types={cube: {friction: 0.02}}")
+    result = picked(tmp_path / "out", "plant.params.stock.friction=0.02")
     assert result.exit_code == ExitCode.FAULT
     assert f"the gripper has lost {CUBE} (lift)" in result.reason
     assert placed(Recording(result.recording))["off"] > 0.1
