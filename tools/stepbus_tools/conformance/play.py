@@ -12,19 +12,12 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import replaced_program, start_command
 from stepbus_participant import suggest
 from stepbus_schemas import BridgeFormat, WiringError, raw_fields
-from stepbus_tools.conformance.check import Check, run_checks
-from stepbus_tools.conformance.checks import (
-    admission,
-    encodings,
-    endings,
-    inputs,
-    noise,
-    slots,
-    steps,
-)
-from stepbus_tools.conformance.kit import Kit
-from stepbus_tools.conformance.material import find, record
-from stepbus_tools.conformance.outcome import CheckResult, Report
+
+from .check import Check, run_checks
+from .checks import admission, encodings, endings, inputs, noise, slots, steps
+from .kit import Kit
+from .material import find, record
+from .outcome import CheckResult, Report
 
 CHECKS = tuple(
     item
