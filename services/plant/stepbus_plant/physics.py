@@ -58,7 +58,7 @@ class Physics:
         self.mistakes: list[tuple[Keys, str]] = []
         self._actuation = params.actuation
         self._followers: dict[Link, list[Joint]] = {}
-        self._goods: list[int] = []
+        self._items: list[int] = []
         self._number = next(_NUMBERS)
         _OPEN[self._number] = self
         try:
@@ -168,7 +168,7 @@ class Physics:
             # Motors do not wake a body up.
             if not movable:
                 self.engine.let_sleep(number)
-            self._goods += [] if item is None else [number]
+            self._items += [] if item is None else [number]
         self._disable_collisions(number, name, body)
         joints = self._joints_of(number, movable, name, body, mimics(root))
         self._check_joints(name, body, joints)
@@ -273,10 +273,10 @@ class Physics:
                     erp=_GEAR_ERP,
                     force=_GEAR_FORCE,
                 )
-        if self._goods:
+        if self._items:
             engine.update_shapes()
-        for number in self._goods:
-            # Goods that stand on something sleep from the start; others fall first.
+        for number in self._items:
+            # Items that stand on something sleep from the start; others fall first.
             if any(contact.distance < _STANDS for contact in engine.contacts(number)):
                 engine.let_sleep(number, now=True)
 
