@@ -1,6 +1,5 @@
 """The stock of a store: items of several types on shelves, as bodies of the plant's world."""
 
-from .params import StockParams
 from .stock import Stock
 
-__all__ = ["Stock", "StockParams"]
+__all__ = ["Stock"]
