@@ -10,7 +10,6 @@ from functools import cache
 from typing import Any
 
 from stepbus_participant import package_path
-from stepbus_plant.params import StockParams
 from stepbus_plant.stock import Item
 from stepbus_plant.world_file import load_world
 
@@ -165,7 +164,7 @@ def _outlet_posts(chance: random.Random, _: Mapping[str, Any]) -> dict[str, Any]
 @cache
 def _items(seed: int) -> Mapping[str, Item]:
     folder = package_path("package://stepbus_store/scenarios/store")
-    return load_world(folder / "world.yaml", StockParams(seed=seed)).items
+    return load_world(folder / "world.yaml", {"seed": seed}).items
 
 
 def _first(common: Mapping[str, Any]) -> Item:

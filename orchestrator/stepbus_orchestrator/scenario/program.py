@@ -30,7 +30,6 @@ from .model import BridgeSpec, ParticipantSpec, Scenario
 NEEDS = {
     "stepbus_controller": ("pinocchio",),
     "stepbus_gym": ("gymnasium",),
-    "stepbus_mission.round_trip": ("pinocchio",),
     "stepbus_plant": ("pybullet or mujoco",),
 }
 """Package of a participant, or a module in it → what it imports at its start; any of several."""

@@ -7,7 +7,6 @@ from typing import Any, cast
 import msgspec
 import numpy as np
 
-from stepbus_controller import Params
 from stepbus_controller.laws import (
     LAWS,
     PD,
@@ -16,6 +15,7 @@ from stepbus_controller.laws import (
     make_law,
     make_robot,
 )
+from stepbus_controller.params import Params
 from stepbus_kinematics import (
     Differentiator,
     Vector,

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 
-from stepbus_controller import Params
+from stepbus_controller.params import Params
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_participant import Config, PerName, make_plugin
 from stepbus_schemas import WiringError

@@ -97,7 +97,7 @@ class ContactSensor:
         self.description = Description(names=links)
         self._names = {index: name for name, index in indices.items()}
         self._watched = {indices[link] for link in links}
-        # Query by body: in a store, most contacts are those of items on shelves.
+        # Query by body: where items stand on shelves, most contacts are theirs.
         watches_all = len(self._watched) == len(self._names)
         self._bodies = None if watches_all else sorted({body for body, _ in self._watched})
         self._pairs: dict[tuple[Link, Link], tuple[Pair, bool]] = {}

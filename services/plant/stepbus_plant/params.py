@@ -1,8 +1,8 @@
-"""The plant's parameters in a scenario, with the stock and the script of a run."""
+"""The plant's parameters in a scenario, with the script of a run."""
 
 from collections.abc import Iterator
 from functools import partial
-from typing import Literal
+from typing import Any, Literal
 
 import msgspec
 
@@ -16,7 +16,6 @@ from stepbus_participant import (
     Share,
     Text,
     Vector3,
-    Whole,
 )
 from stepbus_participant.parameters import Keys, Pause
 from stepbus_plant.models import refuse_missing_meshes
@@ -92,37 +91,6 @@ class CameraErrors(Settings):
     light: Literal["even", "lamp"] = "even"
     """`even`: light from above, without shadows. `lamp`: a lamp at one side, drawn from the
     seed, with shadows and highlights; rendering then takes twice as long."""
-
-
-class ItemTypeChange(Settings):
-    """Changes of an item type in the plant's `params.stock`; absent: as in the world file."""
-
-    mass: Positive | None = None
-    friction: NonNegative | None = None
-    spinning_friction: NonNegative | None = None
-
-
-class StockParams(Settings):
-    """`params.stock` of the plant."""
-
-    seed: Whole | Literal["run"] = 0
-    """Seed of the item type in each slot and of the variation among items. `run`: derived from
-    the seed of the run, so that each run differs."""
-    types: dict[str, ItemTypeChange] = {}
-    """Item type → changes to it in this run."""
-    fill: Share = 1.0
-    """Fraction of the slots that have an item [-]."""
-    missing: tuple[str, ...] = ()
-    """Items (`cola_a1_3`), slots (`a1_3`), rows (`a1`) and types (`cola`) to omit."""
-
-    @property
-    def number(self) -> int:
-        """Return the seed; 0 for that of a run, outside of one."""
-        return 0 if self.seed == "run" else self.seed
-
-    def in_run(self, seed: int) -> "StockParams":
-        """Return the stock of a run; seed: the run's, or one that is derived from it."""
-        return msgspec.structs.replace(self, seed=seed) if self.seed == "run" else self
 
 
 _SUBJECTS = {
@@ -230,9 +198,9 @@ class Params(Settings):
     out."""
     cameras: bool = True
     """Whether cameras render images. A run without images is much faster."""
-    stock: StockParams | None = None
-    """Items on the shelves in this run, see [Stock](world.md#stock). Default: seed 0, all slots
-    filled."""
+    stock: dict[str, Any] | None = None
+    """Parameters of the class of the world's `stock`, see [Stock](world.md#stock). Default: its
+    defaults."""
     script: tuple[Action, ...] = ()
     """Scripted changes of the world, see [Script](world.md#script)."""
 

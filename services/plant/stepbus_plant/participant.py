@@ -84,8 +84,8 @@ class Plant(Participant):
                     text = f"{side} of a plant have type {types}, not {port.type}"
                     problems.add((side, name), text)
         params = config.read(Params, problems)
-        stock = None if params.stock is None else params.stock.in_run(config.seed)
-        world = load_world(params.world, stock, problems.below(("params", "stock")))
+        wrong = problems.below(("params", "stock"))
+        world = load_world(params.world, params.stock, wrong, seed=config.seed)
         self._period_ns = config.step_ns * config.every
         self.plant = SimulatedPlant(world, params, self._period_ns, config.seed, problems)
         for subject, text in self.plant.physics.notes:

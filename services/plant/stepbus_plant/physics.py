@@ -4,7 +4,7 @@ import dataclasses
 import itertools
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
@@ -18,6 +18,7 @@ from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
+from stepbus_plant.stock import fit
 from stepbus_plant.world import Body, JointSettings
 from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
@@ -57,7 +58,7 @@ class Physics:
         self.mistakes: list[tuple[Keys, str]] = []
         self._actuation = params.actuation
         self._followers: dict[Link, list[Joint]] = {}
-        self._goods: list[int] = []
+        self._items: list[int] = []
         self._number = next(_NUMBERS)
         _OPEN[self._number] = self
         try:
@@ -142,7 +143,7 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            with loadable(body.urdf, None if item is None else item.make) as urdf:
+            with loadable(body.urdf, None if item is None else partial(fit, item)) as urdf:
                 root = parse_urdf(urdf.read_text(encoding="utf-8"))
                 number = self.engine.load(
                     urdf,
@@ -167,7 +168,7 @@ class Physics:
             # Motors do not wake a body up.
             if not movable:
                 self.engine.let_sleep(number)
-            self._goods += [] if item is None else [number]
+            self._items += [] if item is None else [number]
         self._disable_collisions(number, name, body)
         joints = self._joints_of(number, movable, name, body, mimics(root))
         self._check_joints(name, body, joints)
@@ -272,10 +273,10 @@ class Physics:
                     erp=_GEAR_ERP,
                     force=_GEAR_FORCE,
                 )
-        if self._goods:
+        if self._items:
             engine.update_shapes()
-        for number in self._goods:
-            # Goods that stand on something sleep from the start; others fall first.
+        for number in self._items:
+            # Items that stand on something sleep from the start; others fall first.
             if any(contact.distance < _STANDS for contact in engine.contacts(number)):
                 engine.let_sleep(number, now=True)
 

@@ -113,9 +113,9 @@ class PoseSensor:
 
 
 class Planogram:
-    """Where links belong, as far as the shop knows that without looking.
+    """Where links belong, as far as one knows that without looking.
 
-    Items are in their slots, to the centimetre; all else is as surveyed before the run.
+    Items of a stock are in their slots, to the centimetre; all else is as surveyed before the run.
     """
 
     def __init__(self, sensor: PoseSensor, items: Mapping[str, Item]) -> None:

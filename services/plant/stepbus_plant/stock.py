@@ -1,29 +1,25 @@
-"""The stock of a store: items of several types in slots, drawn from a seed."""
+"""Bodies that a class adds to a world, such as items on shelves."""
 
 import math
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any, Protocol
 from xml.etree import ElementTree as ET
 
-import msgspec
-import numpy as np
-
-from stepbus_participant import suggest
-from stepbus_participant.parameters import Keys
-from stepbus_plant.params import ItemTypeChange, StockParams
-from stepbus_plant.world import RowSettings, StockSettings
+from stepbus_participant import Problems, Settings, is_installed, load_class
+from stepbus_participant.parameters import YamlFile, read
+from stepbus_plant.world import WorldFile
 from stepbus_schemas import WiringError
 
 
-@dataclass(frozen=True, kw_only=True)
-class Item:
-    """One item.
+class Item(Protocol):
+    """A body that a stock adds.
 
-    name: `<type>_<row>_<number>`, also of its body and its link. position: of the middle of its
-    bottom in the world [m]. yaw: [rad]. slot, slot_yaw: the same of the slot that it belongs in.
-    mass: [kg]. friction, spinning_friction: [-].
+    name: of the body and its link. type: for the description of `Poses/1`. urdf: of one link.
+    position [m], yaw [rad]: of the body's frame in the world. slot, slot_yaw: the same where it
+    belongs, for a planogram. mass: scales the inertia of the URDF [kg]. friction,
+    spinning_friction: [-].
     """
 
     name: str
@@ -37,130 +33,100 @@ class Item:
     friction: float
     spinning_friction: float
 
-    def make(self, root: ET.Element) -> None:
-        """Edit the URDF of its type: name of the link, mass and inertia.
 
-        Raises WiringError for a mass or an inertia that cannot be scaled.
-        """
-        for link in root.findall("link"):
-            link.set("name", self.name)
-            mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-            if mass is None or inertia is None:
-                continue
-            factor = self.mass / self._number(mass, "value", positive=True)
-            mass.set("value", repr(self.mass))
-            for key in inertia.keys():  # noqa: SIM118  an element, not a mapping
-                inertia.set(key, repr(self._number(inertia, key) * factor))
+class Stock(Protocol):
+    """A class that `stock.source` of a world file names.
 
-    def _number(self, element: ET.Element, key: str, *, positive: bool = False) -> float:
-        text = element.get(key, "")
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number) or (positive and number <= 0):
-            wanted = "a number above 0" if positive else "a number"
-            raise WiringError(
-                f"{self.urdf}: {key}={text!r} of <{element.tag}> must be {wanted} for an item type"
-            )
-        return number
-
-
-@dataclass(frozen=True)
-class _Slot:
-    """A slot on a shelf; yaw: heading that faces it [rad]."""
-
-    row: str
-    number: int
-    position: tuple[float, float, float]
-    yaw: float
-
-
-def draw_items(stock: StockSettings, params: StockParams) -> list[Item]:
-    """Return the items of a world, in the order of its rows.
-
-    The types share the slots as equally as possible. The random numbers are drawn for every slot,
-    so that missing and changed items do not affect the others.
+    World, Params: settings of the other keys of `stock`, and of the plant's `params.stock`. The
+    constructor takes both, and the seed of the run.
     """
-    rng = np.random.Generator(np.random.PCG64(params.number))
-    slots = list(_slots(stock.rows))
-    names = list(stock.types)
-    types = [names[n % len(names)] for n in rng.permutation(len(slots))]
-    is_filled = rng.permutation(len(slots)) < round(params.fill * len(slots))
-    spreads = rng.uniform(-1.0, 1.0, (len(slots), 5)).tolist()
-    return [
-        item
-        for slot, name, filled, draws in zip(slots, types, is_filled, spreads, strict=True)
-        if filled and not _is_named(item := _item(stock, params, slot, name, draws), params.missing)
-    ]
+
+    World: type[Settings]
+    Params: type[Settings]
+
+    def __init__(self, world: Any, params: Any, seed: int, /) -> None: ...
+
+    def items(self, problems: Problems, /) -> Sequence[Item]:
+        """Return the bodies to add; problems: of the params, to which what is wrong is added."""
+        ...
 
 
-def _slots(rows: Mapping[str, RowSettings]) -> Iterator[_Slot]:
-    for name, row in rows.items():
-        for number in range(1, row.count + 1):
-            right = (number - (row.count + 1) / 2) * row.pitch
-            position = _moved(row.position, row.yaw, 0.0, -right)
-            yield _Slot(name, number, position, row.yaw)
+def draw_items(
+    source: YamlFile,
+    content: WorldFile,
+    params: Mapping[str, Any] | None,
+    *,
+    seed: int,
+    problems: Problems,
+) -> list[Item]:
+    """Return the items of a world file.
 
-
-def _moved(
-    position: tuple[float, float, float], yaw: float, ahead: float, left: float
-) -> tuple[float, float, float]:
-    c, s = math.cos(yaw), math.sin(yaw)
-    x, y, z = position
-    return (x + c * ahead - s * left, y + s * ahead + c * left, z)
-
-
-def _item(
-    stock: StockSettings, params: StockParams, slot: _Slot, name: str, draws: Sequence[float]
-) -> Item:
-    """Return the item in a slot; draws: five numbers in [-1, 1]."""
-    change, spread = params.types.get(name, ItemTypeChange()), stock.spread
-    changed = {k: v for k, v in msgspec.structs.asdict(change).items() if v is not None}
-    item_type = msgspec.structs.replace(stock.types[name], **changed)
-    ahead, left, yaw, mass, friction = draws
-    return Item(
-        name=f"{name}_{slot.row}_{slot.number}",
-        type=name,
-        urdf=item_type.urdf,
-        position=_moved(slot.position, slot.yaw, ahead * spread.position, left * spread.position),
-        yaw=slot.yaw + yaw * spread.yaw,
-        slot=slot.position,
-        slot_yaw=slot.yaw,
-        mass=item_type.mass * (1.0 + mass * spread.mass),
-        friction=item_type.friction * (1.0 + friction * spread.friction),
-        spinning_friction=item_type.spinning_friction,
-    )
-
-
-def _is_named(item: Item, names: Sequence[str]) -> bool:
-    """Return whether one of the names is that of an item, its type, slot or row."""
-    slot = item.name.removeprefix(f"{item.type}_")
-    return any(name in (item.name, item.type, slot, slot.rpartition("_")[0]) for name in names)
-
-
-def stock_problems(
-    stock: StockSettings, params: StockParams, bodies: Sequence[str]
-) -> list[tuple[Keys, str]]:
-    """Return the mistakes in the stock of a world; bodies: the other ones."""
-    items = draw_items(stock, msgspec.structs.replace(params, fill=1.0, missing=()))
-    counts = Counter([*(item.name for item in items), *bodies])
-    return [
-        (("stock",), f"{name!r} names two bodies") for name, count in counts.items() if count > 1
-    ]
-
-
-def params_problems(stock: StockSettings | None, params: StockParams) -> Iterator[tuple[Keys, str]]:
-    """Yield the mistakes in `params.stock`; stock None: the world has none."""
+    params: `params.stock` of the plant; problems: of it. seed: of the run.
+    Raises SettingsError that lists all mistakes.
+    """
+    if content.stock is None:
+        if params is not None:
+            problems.add((), "this world has no stock")
+            problems.refuse()
+        return []
+    wrong, name = source.problems().below(("stock",)), content.stock.source
+    folder = Path(source.file).absolute().parent
+    stock = wrong.attempt(("source",), lambda: _load(name, folder))
     if stock is None:
-        yield (), "this world has no stock"
-        return
-    items = draw_items(stock, StockParams(seed=params.seed))
-    slots = [f"{slot.row}_{slot.number}" for slot in _slots(stock.rows)]
-    known = [*(item.name for item in items), *slots, *stock.rows, *stock.types]
-    for name in params.types:
-        if name not in stock.types:
-            yield ("types", name), f"unknown item type {name!r}{suggest(name, stock.types)}"
-    for name in params.missing:
-        if name not in known:
-            yield ("missing",), f"{name!r} is unknown{suggest(name, known)}"
+        raise wrong.error()
+    world = read(stock.World, content.stock.own, wrong, folder=folder)
+    wrong.refuse()
+    settings = read(stock.Params, params, problems)
+    problems.refuse()
+    items = list(stock(world, settings, seed).items(problems))
+    problems.refuse()
+    counts = Counter([*(item.name for item in items), *content.bodies])
+    twice = [name for name, count in counts.items() if count > 1]
+    source.refuse((("stock",), f"{name!r} names two bodies") for name in twice)
+    return items
+
+
+def _load(name: str, folder: Path) -> type[Stock]:
+    """Return the class of a stock.
+
+    Recordings hold world files: only what a recording holds too, or an installed package declares,
+    may be imported for one.
+    """
+    module = name.rpartition(":")[0]
+    is_beside = module.endswith(".py") and "/" not in module
+    if not (is_beside or is_installed(module)):
+        raise WiringError(
+            f"{name!r} must be a class in a file beside the world file, or in a package that "
+            "declares participants"
+        )
+    return load_class(name, folder)
+
+
+def fit(item: Item, root: ET.Element) -> None:
+    """Edit the URDF of an item: name of the link, mass and inertia.
+
+    Raises WiringError for a mass or an inertia that cannot be scaled.
+    """
+    for link in root.findall("link"):
+        link.set("name", item.name)
+        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
+        if mass is None or inertia is None:
+            continue
+        factor = item.mass / _number(item, mass, "value", positive=True)
+        mass.set("value", repr(item.mass))
+        for key in inertia.keys():  # noqa: SIM118  an element, not a mapping
+            inertia.set(key, repr(_number(item, inertia, key) * factor))
+
+
+def _number(item: Item, element: ET.Element, key: str, *, positive: bool = False) -> float:
+    text = element.get(key, "")
+    try:
+        number = float(text)
+    except ValueError:
+        number = math.nan
+    if not math.isfinite(number) or (positive and number <= 0):
+        wanted = "a number above 0" if positive else "a number"
+        raise WiringError(
+            f"{item.urdf}: {key}={text!r} of <{element.tag}> must be {wanted} for an item"
+        )
+    return number

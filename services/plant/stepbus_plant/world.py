@@ -16,10 +16,11 @@ from stepbus_participant import (
     Finite,
     ModelFile,
     NonNegative,
+    Own,
+    Plugin,
     Positive,
     Problems,
     Settings,
-    Share,
     Vector3,
     parameters,
 )
@@ -189,61 +190,13 @@ class CameraSettings(Settings):
             yield ("near",), f"{self.near:g} m is not less than 'far', {self.far:g} m"
 
 
-class ItemTypeSettings(Settings):
-    """A type of item."""
-
-    urdf: ModelFile
-    """URDF of the item, resolved like that of a body; one link, with its origin in the centre
-    of the bottom."""
-    mass: Positive
-    """Mass [kg]; scales the inertia of the URDF."""
-    friction: NonNegative = 0.8
-    """Lateral friction [-]; multiplied by that of the other body in a contact."""
-    spinning_friction: NonNegative = 0.002
-    """[-]"""
-
-
-class RowSettings(Settings):
-    """A row of slots, counted from 1, from left to right as seen from the front."""
-
-    position: Vector3
-    """Centre of the row at the bottom of the items, in the world frame [m]."""
-    count: Annotated[int, msgspec.Meta(ge=1, le=1000)]
-    """Number of slots."""
-    pitch: Positive
-    """Distance between two slots [m]."""
-    yaw: Finite = 0.0
-    """Heading of a robot that faces the row; also the yaw of the items [rad]."""
-
-
-class SpreadSettings(Settings):
-    """Variation among items: half the width of each uniform distribution."""
-
-    position: NonNegative = 0.003
-    """Half-width of the variation along and across the row [m]."""
-    yaw: NonNegative = 0.05
-    """[rad]"""
-    mass: Share = 0.03
-    """Relative to the type's [-]."""
-    friction: Share = 0.05
-    """Relative to the type's [-]."""
-
-
 class StockSettings(Settings):
-    """The stock of a world."""
+    """Bodies that a class adds to the world; it reads the other keys."""
 
-    types: dict[str, ItemTypeSettings]
-    """Item types."""
-    rows: dict[str, RowSettings]
-    """Rows of slots."""
-    spread: SpreadSettings = SpreadSettings()
-    """Variation among items."""
-
-    def problems(self) -> Iterator[tuple[Keys, str]]:
-        """Yield an empty section."""
-        for key, section in (("types", self.types), ("rows", self.rows)):
-            if not section:
-                yield (key,), "is empty; remove 'stock' instead"
+    source: Plugin
+    """Class that makes them: `file.py:Class` beside the world file, or `module:Class` of a
+    package that declares participants."""
+    own: Own = {}
 
 
 class WorldFile(Settings):
@@ -283,7 +236,7 @@ class WorldFile(Settings):
     """Whether the physics skips bodies without joints that have been at rest for 2 s, until
     something moves them. 42 cans on shelves then take a third of the computing time."""
     stock: StockSettings | None = None
-    """Items on shelves; each becomes a body ([Stock](world.md#stock))."""
+    """Bodies that a class adds to the world ([Stock](world.md#stock))."""
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield what is wrong between keys."""

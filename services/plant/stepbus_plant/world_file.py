@@ -1,11 +1,12 @@
 """Reads a world file: resolves its models, and draws its stock."""
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from stepbus_participant import Problems, format_duration
 from stepbus_participant.parameters import YamlFile
-from stepbus_plant.params import StockParams
-from stepbus_plant.stock import Item, draw_items, params_problems, stock_problems
+from stepbus_plant.stock import Item, draw_items
 from stepbus_plant.world import Body, Friction, WorldFile, read_world
 
 
@@ -38,25 +39,22 @@ class World(WorldFile):
 
 
 def load_world(
-    path: Path, stock: StockParams | None = None, problems: Problems | None = None
+    path: Path,
+    stock: Mapping[str, Any] | None = None,
+    problems: Problems | None = None,
+    *,
+    seed: int = 0,
 ) -> World:
     """Read a world file.
 
-    stock: `params.stock` of the plant; problems: of it. Raises SettingsError that lists all
-    mistakes, each with file and line. Loading the world reports those that only the URDFs reveal.
+    stock: `params.stock` of the plant; problems: of it. seed: of the run. Raises SettingsError that
+    lists all mistakes, each with file and line. Loading the world reports those that only the URDFs
+    reveal.
     """
     source, content, mistakes = read_world(path)
     mistakes.refuse()
-    given, items = stock or StockParams(), []
-    if content.stock is not None:
-        source.refuse(stock_problems(content.stock, given, list(content.bodies)))
-    if stock is not None:
-        problems = Problems(above=("params", "stock")) if problems is None else problems
-        for keys, text in params_problems(content.stock, stock):
-            problems.add(keys, text)
-        problems.refuse()
-    if content.stock is not None:
-        items = draw_items(content.stock, given)
+    problems = Problems(above=("params", "stock")) if problems is None else problems
+    items = draw_items(source, content, stock, seed=seed, problems=problems)
     fields = {key: getattr(content, key) for key in content.__struct_fields__}
     fields["bodies"] = {**content.bodies, **{item.name: _body_of(item) for item in items}}
     return World(**fields, source=source, items={item.name: item for item in items})

@@ -11,9 +11,9 @@ import numpy as np
 from stepbus_kinematics import JointOrder, RobotModel
 from stepbus_participant import Config, Ports, Problems, extra_hint, suggest
 from stepbus_schemas import Detections, JointState, Poses, RunError, WiringError
-from stepbus_store.perception import Params
 from stepbus_store.perception.images import Pose, Vector, inverse_times, rotation
 from stepbus_store.perception.item_catalog import Catalog
+from stepbus_store.perception.params import Params
 
 
 class CameraMount:

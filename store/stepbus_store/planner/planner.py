@@ -24,11 +24,12 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
-from stepbus_store.planner import Params, path_search, timing
+from stepbus_store.planner import path_search, timing
 from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
+from stepbus_store.planner.params import Params
 from stepbus_store.planner.path_monitor import PathMonitor, PlannedPath, last_step
 from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
 from stepbus_store.planner.scene import Margins

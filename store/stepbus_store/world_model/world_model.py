@@ -21,8 +21,8 @@ from stepbus_schemas import (
     Quaternion,
     WiringError,
 )
-from stepbus_store.world_model import Params
 from stepbus_store.world_model.localization import Localization, Uncertainty
+from stepbus_store.world_model.params import Params
 
 _UPRIGHT = 0.1
 """Parts x and y of a quaternion below which an item stands; one that lies stays in its place."""

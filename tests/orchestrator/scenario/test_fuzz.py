@@ -72,13 +72,9 @@ participants:
   sine:
     participant: stepbus_mission:Mission
     params: {task: sine, joints: [a, b], amplitude: 1, omega: [1, 2], phase: {a: 0, b: 1}}
-  goals:
-    participant: stepbus_mission.goals:GoalSequence
-    params:
-      goals:
-        - {type: move_joints, joints: {shoulder: 1}, duration: 2}
-        - {type: move_to_pose, tip: hand, position: [0, 0, 0.3], rpy: [0, 0.12, 0], touches: [crate]}
-        - {type: grip, width: 0.1, force: 3}
+  pick:
+    participant: stepbus_scenarios.pick.mission:Pick
+    params: {model: "package://stepbus_scenarios/pick/scara.urdf", joints: [a, b, c, d], base: base, tip: hand, cube: cube, goal: [0.3, 0.2, 0], force: 3}
   position:
     participant: stepbus_controller.position:PositionController
     params: {joints: [a]}

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from stepbus.testing import Bench, assert_replays, scenario_config
-from stepbus_mission.pick import Pick
 from stepbus_orchestrator.analysis.verify import plan, run_trials
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
@@ -16,6 +15,7 @@ from stepbus_orchestrator.replay.branch import branch
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_scenarios.pick.mission import Pick
 from stepbus_schemas import Description
 
 SEEDS = range(5)
@@ -84,7 +84,7 @@ def test_the_summary_is_what_the_metric_measures(results, recordings):
 
 
 def test_a_cube_that_is_too_slippery_is_lost_with_a_reason(tmp_path):
-    result = picked(tmp_path / "out", "plant.params.stock.types={cube: {friction: 0.02}}")
+    result = picked(tmp_path / "out", "plant.params.stock.friction=0.02")
     assert result.exit_code == ExitCode.FAULT
     assert f"the gripper has lost {CUBE} (lift)" in result.reason
     assert placed(Recording(result.recording))["off"] > 0.1

@@ -12,7 +12,7 @@ from stepbus_schemas import (
     JointState,
     Message,
 )
-from stepbus_store.motion.arm import Params
+from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.settings import (

@@ -13,7 +13,7 @@ from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.mobile import Params
+from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
 

@@ -8,7 +8,6 @@ from support.runs.store import last, store, texts
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import package_path
-from stepbus_plant.params import StockParams
 from stepbus_plant.world_file import load_world
 
 pytestmark = pytest.mark.slow
@@ -27,7 +26,7 @@ MOST = 30.0
 def item_of(seed, chance):
     """Return an item in the lowest row of a shelf."""
     folder = package_path("package://stepbus_store/scenarios/store")
-    items = load_world(folder / "world.yaml", StockParams(seed=seed)).items.values()
+    items = load_world(folder / "world.yaml", {"seed": seed}).items.values()
     return chance.choice([row for row in items if "_a1_" in row.name])
 
 

@@ -9,7 +9,6 @@ from support.store_paths import SCENARIOS
 
 from stepbus_kinematics import RobotModel
 from stepbus_plant import Params, SimulatedPlant, load_world
-from stepbus_plant.params import StockParams
 from stepbus_store.motion.branches import AnalyticChain
 
 STORE = SCENARIOS / "store"
@@ -28,7 +27,7 @@ def kinematics() -> RobotModel:
 
 
 def make_plant(**stock) -> SimulatedPlant:
-    world = load_world(STORE / "world.yaml", StockParams(**stock))
+    world = load_world(STORE / "world.yaml", stock)
     return SimulatedPlant(world, Params(world="world.yaml", joints=list(ARM)), 8_000_000, 0)
 
 
@@ -93,7 +92,7 @@ def test_sleeping_items_do_not_change_the_repeatability():
 
 
 def test_a_sleeping_body_that_the_script_lifts_falls():
-    world = load_world(STORE / "world.yaml", StockParams(fill=0))
+    world = load_world(STORE / "world.yaml", {"fill": 0})
     script = [{"at": "2.8s", "body": "crate", "position": [3, 3, 0.5]}]
     params = Params.of({"world": "world.yaml", "script": script})
     plant = SimulatedPlant(world, params, 8_000_000, 0)
@@ -108,7 +107,7 @@ def test_a_sleeping_body_that_the_script_lifts_falls():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_every_type_is_on_every_shelf(seed):
-    world = load_world(STORE / "world.yaml", StockParams(seed=seed))
+    world = load_world(STORE / "world.yaml", {"seed": seed})
     for shelf in ("a", "b"):
         on_it = {item.type for item in world.items.values() if f"_{shelf}" in item.name}
         assert on_it == {"cola", "juice", "water", "soup"}
@@ -118,8 +117,8 @@ def test_every_type_is_on_every_shelf(seed):
 @pytest.mark.parametrize("above", [0.0, 0.1, 0.22])
 @pytest.mark.parametrize("height", [0.1, 0.15])
 def test_the_arm_reaches_an_item_in_front_of_the_base(kinematics, tier, above, height):
-    row = load_world(STORE / "world.yaml").stock.rows[f"a{tier}"]
-    x, _, z = row.position
+    items = load_world(STORE / "world.yaml").items.values()
+    x, _, z = next(item.slot for item in items if f"_a{tier}_" in item.name)
     q = branch(kinematics, [x - 1.5, 0.0, z + 0.6 * height + above])
     assert smallest(kinematics, q) > 0.08
     assert kinematics.overload(q) is None

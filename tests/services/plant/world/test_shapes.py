@@ -42,9 +42,9 @@ def describe(folder, shape='<box size="1 1 1"/>', at="0 0 0", more="", links=Non
     write_urdf(folder, "thing", RED, base, f'<link name="arm">{VISUAL}</link>', arm)
     (folder / "world.yaml").write_text(WORLD)
     world = load_world(folder / "world.yaml")
-    items = {body: SimpleNamespace(type=name, make=None) for body, name in (types or {}).items()}
-    world.items.update(items)
     plant = SimulatedPlant(world, Params(world="world.yaml"), 1_000_000, 0)
+    items = {body: SimpleNamespace(type=name) for body, name in (types or {}).items()}
+    world.items.update(items)
     try:
         return plant.pose_sensor(links).description
     finally:

@@ -19,8 +19,8 @@ class Origin:
     """What a scenario and its files say of the scene.
 
     scenario: that has been unpacked with its files; None: nothing is known. It reads the `bodies`
-    and `stock` of a world file as the plant does, wherever a parameter names one; without, the
-    models that parameters name. bodies: those with a place of their own. types: item type → its
+    and `stock.types` of a world file, wherever a parameter names one; without, the models that
+    parameters name. bodies: those with a place of their own. types: item type → its
     model. notes: what cannot be shown, a sentence each.
     """
 

@@ -6,22 +6,6 @@ from typing import Annotated
 
 import msgspec
 
-from stepbus_mission.picking import (
-    CARRIES,
-    CLOSED,
-    MOVES,
-    NEXT,
-    Motion,
-    Spot,
-    Stage,
-    Waypoint,
-    distance,
-    motion,
-    plan,
-    spot_of,
-    turn,
-)
-from stepbus_mission.scara import Scara
 from stepbus_participant import (
     Config,
     ModelFile,
@@ -36,6 +20,22 @@ from stepbus_participant import (
     suggest,
 )
 from stepbus_participant.parameters import Keys
+from stepbus_scenarios.pick.picking import (
+    CARRIES,
+    CLOSED,
+    MOVES,
+    NEXT,
+    Motion,
+    Spot,
+    Stage,
+    Waypoint,
+    distance,
+    motion,
+    plan,
+    spot_of,
+    turn,
+)
+from stepbus_scenarios.pick.scara import Scara
 from stepbus_schemas import (
     Description,
     Event,
@@ -63,7 +63,7 @@ _SETTLE = 0.3
 
 
 class Params(Settings):
-    """Parameters of `stepbus_mission.pick`."""
+    """Parameters of `stepbus_scenarios.pick.mission`."""
 
     model: ModelFile
     """URDF of the arm: two links in a horizontal plane, a lift and a wrist, all axes vertical."""

@@ -125,7 +125,7 @@ class GoalSettings(Settings):
 
 
 class Params(Settings):
-    """Parameters of `stepbus_mission.goals`."""
+    """Parameters of `stepbus_store.goals`."""
 
     goals: Annotated[tuple[GoalSettings, ...], msgspec.Meta(min_length=1)]
     """Goals, in order. The run ends after the last one or the first failure."""

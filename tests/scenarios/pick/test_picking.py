@@ -7,9 +7,9 @@ import pytest
 
 import stepbus_scenarios
 from stepbus.testing import Bench, scenario_config
-from stepbus_mission.pick import Pick
-from stepbus_mission.picking import Spot, distance, motion, plan, spot_of, turn
-from stepbus_mission.scara import Scara
+from stepbus_scenarios.pick.mission import Pick
+from stepbus_scenarios.pick.picking import Spot, distance, motion, plan, spot_of, turn
+from stepbus_scenarios.pick.scara import Scara
 from stepbus_schemas import (
     Description,
     GripperState,

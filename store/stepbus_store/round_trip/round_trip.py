@@ -13,7 +13,6 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics import RobotModel
-from stepbus_mission.round_trip import Params
 from stepbus_participant import Config, Participant, Ports, Step, installed_version, suggest
 from stepbus_schemas import (
     Description,
@@ -27,6 +26,8 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+
+from .params import Params
 
 LogEntry = tuple[bool, str]
 """Whether all is well, and a sentence."""

@@ -3,10 +3,10 @@
 from pathlib import Path
 
 from stepbus.testing import Bench
-from stepbus_mission.round_trip import RoundTrip
 from stepbus_participant import Config
 from stepbus_scenarios import __file__ as SCENARIOS  # noqa: N812
 from stepbus_schemas import Description, GoalStatus, InputConfig, OutputConfig, Poses
+from stepbus_store.round_trip import RoundTrip
 
 LINKS = ["base", "link2"]
 FAR = Poses(position=[(0.0, 0.0, 0.0), (9.0, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)] * 2)

@@ -1,7 +1,6 @@
 """The parameters of the round trip of an arm."""
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
 
 from stepbus_participant import (
     Count,
@@ -10,14 +9,13 @@ from stepbus_participant import (
     Positive,
     Settings,
     Text,
-    imported_later,
     suggest,
 )
 from stepbus_participant.parameters import Keys
 
 
 class Params(Settings):
-    """Parameters of `stepbus_mission.round_trip`."""
+    """Parameters of `stepbus_store.round_trip`."""
 
     model: ModelFile
     """URDF of the robot, from which poses are drawn."""
@@ -45,11 +43,3 @@ class Params(Settings):
         for arm in self.home:
             if arm not in self.arms:
                 yield ("home", arm), f"is not an arm{suggest(arm, self.arms)}"
-
-
-if TYPE_CHECKING:
-    from stepbus_mission.round_trips import RoundTrip
-
-__all__ = ["Params", "RoundTrip"]
-
-__getattr__ = imported_later("stepbus_mission", {"RoundTrip": "round_trips"})

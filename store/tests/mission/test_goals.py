@@ -3,9 +3,9 @@
 import pytest
 
 from stepbus.testing import Bench
-from stepbus_mission.goals import GoalSequence
 from stepbus_participant import Config
 from stepbus_schemas import GoalStatus, InputConfig, OutputConfig, RunError, WiringError
+from stepbus_store.goals import GoalSequence
 
 TUCK = {"type": "move_joints", "joints": {"pan": 0.5}}
 AROUND = {"centre": [0.45, 0.0, 0.3], "radius": [0.3, 0.1], "turns": 2, "rise": 0.2}

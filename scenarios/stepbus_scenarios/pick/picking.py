@@ -7,8 +7,7 @@ from typing import Literal
 
 import msgspec
 
-from stepbus_mission.polynomials import evaluate, quintic
-from stepbus_mission.scara import Scara, Tool
+from stepbus_scenarios.pick.scara import Scara, Tool
 from stepbus_schemas import Point, Quaternion, RunError
 
 Stage = Literal[
@@ -51,9 +50,6 @@ CARRIES: frozenset[Stage] = frozenset(("lift", "carry", "lower"))
 _SHORTEST = 0.2
 """Of a motion [s]."""
 
-_MINIMUM_JERK = quintic((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), 1.0)
-"""From 0 to 1 in unit time."""
-
 _PEAK = 1.875
 """Largest velocity of a minimum-jerk motion, relative to its mean."""
 
@@ -85,7 +81,9 @@ class Motion(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         """Return the joint positions, shape (4,); t: time since its start [s]."""
         if t >= self.duration:
             return list(self.end)
-        share, _, _ = evaluate(_MINIMUM_JERK, max(t / self.duration, 0.0))
+        u = max(t / self.duration, 0.0)
+        # Flash and Hogan, J. Neurosci. 5(7), 1985, appendix A.
+        share = ((6.0 * u - 15.0) * u + 10.0) * u * u * u
         return [a + (b - a) * share for a, b in zip(self.start, self.end, strict=True)]
 
 

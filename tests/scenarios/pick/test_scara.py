@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import stepbus_scenarios
-from stepbus_mission.scara import Scara, Tool
+from stepbus_scenarios.pick.scara import Scara, Tool
 from stepbus_schemas import WiringError
 
 MODEL = Path(stepbus_scenarios.__file__).parent / "pick/scara.urdf"

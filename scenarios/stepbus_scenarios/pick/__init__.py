@@ -1,0 +1,1 @@
+"""A SCARA arm that picks a cube: the scenario, and its mission."""

@@ -1,0 +1,17 @@
+"""The parameters of a controller that commands positions."""
+
+from stepbus_participant import Names, NonNegativePerJoint, Settings
+
+
+class Params(Settings):
+    """Parameters of `stepbus_controller.position`."""
+
+    joints: Names
+    """Controlled joints, in the order of the commands."""
+    prefix: str = ""
+    """Prefix of this robot's joint names in the plant, such as `left/` if two bodies from one
+    URDF share a world. All other parameters name joints without it."""
+    feed_forward: bool = True
+    """Whether to command velocities too; without them, the joints lag behind."""
+    effort_limit: NonNegativePerJoint | None = None
+    """Torque limits of the motors [N·m]. Default: the plant's."""

@@ -1,0 +1,106 @@
+"""Plays orchestrator and peers to one participant, and checks what it does."""
+
+import dataclasses
+import tempfile
+import threading
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from msgspec import structs
+
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
+from stepbus_orchestrator.scenario.program import replaced_program, start_command
+from stepbus_participant import suggest
+from stepbus_schemas import BridgeFormat, WiringError, raw_fields
+
+from .check import Check, run_checks
+from .checks import admission, encodings, endings, inputs, noise, slots, steps
+from .kit import Kit
+from .material import find, record
+from .outcome import CheckResult, Report
+
+CHECKS = tuple(
+    item
+    for module in (admission, steps, inputs, encodings, noise, slots, endings)
+    for item in vars(module).values()
+    if isinstance(item, Check)
+)
+"""All checks, in the order they run."""
+
+
+def select(names: Sequence[str]) -> tuple[Check, ...]:
+    """Return the checks of these names, in the order they run; without names, all.
+
+    Raises WiringError for an unknown name.
+    """
+    known = [check.name for check in CHECKS]
+    for name in names:
+        if name not in known:
+            raise WiringError(f"no check {name!r}{suggest(name, known)}")
+    return tuple(check for check in CHECKS if not names or check.name in names)
+
+
+def conformance(
+    scenario: Scenario,
+    participant: str,
+    program: Sequence[str] = (),
+    *,
+    bridge: BridgeFormat | None = None,
+    checks: Sequence[Check] = CHECKS,
+    logs: Path | None = None,
+    on_result: Callable[[CheckResult], None] = lambda _result: None,
+    interrupt: threading.Event | None = None,
+) -> Report:
+    """Play orchestrator and peers to one participant, and check what it does.
+
+    program: its command line, started in the current folder; none: that of the scenario. bridge:
+    the format that `stepbus bridge` speaks to it. logs: folder that keeps its logs, one folder for
+    each start. on_result: called with each result.
+
+    Raises WiringError when there is no such participant or program, RunFailure when its inputs
+    cannot be recorded or it is interrupted.
+    """
+    own = find(scenario, participant)
+    started = replaced_program(own, program, bridge)
+    is_raw = started.bridge is not None and started.bridge.format == "raw"
+    cwd = Path.cwd() if program else scenario.folder
+    command = start_command(started, cwd)
+    with tempfile.TemporaryDirectory(prefix="conformance-") as folder:
+        prepared = _prepared(scenario, own, is_raw=is_raw)
+        material = record(prepared, participant, Path(folder, "run"))
+        kit = Kit(
+            material=material,
+            command=command,
+            cwd=cwd,
+            logs=logs or Path(folder, "logs"),
+            interrupt=interrupt or threading.Event(),
+            is_scenarios=started is own,
+            knows_names=not is_raw,
+            is_plain_checked=any(check.name == "steps" for check in checks),
+        )
+        results = run_checks(kit, checks, on_result)
+    return Report(
+        scenario=scenario.name,
+        participant=participant,
+        program=command,
+        steps=material.steps,
+        checks=results,
+    )
+
+
+def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scenario:
+    """Return the scenario without injected faults, and with the ports that the bridge carries."""
+    outputs = own.outputs
+    if is_raw:
+        # Those that no participant reads are left out, as an author of a raw program does.
+        read = {(i.source, i.port) for p in scenario.participants for i in p.inputs.values()}
+        outputs = {
+            port: output
+            for port, output in outputs.items()
+            if raw_fields(output.type, scenario.types) or (own.name, port) in read
+        }
+    specs = tuple(
+        structs.replace(spec, on_fault="stop", outputs=outputs if spec is own else spec.outputs)
+        for spec in scenario.participants
+    )
+    return dataclasses.replace(scenario, participants=specs, faults=())
