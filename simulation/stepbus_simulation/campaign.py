@@ -14,6 +14,7 @@ from stepbus_schemas import reached_marks
 
 from .execution import Execution
 from .judge import judge
+from .kinds import arm
 from .memo import memoized
 from .reference import FOLDER
 from .shrink import shrink
@@ -71,6 +72,7 @@ def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[s
     try:
         with memoized():
             execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
+            arm(execution)
             execution.run()
             return execution, list(judge(execution))
     finally:
