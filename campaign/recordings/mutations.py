@@ -17,11 +17,12 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from ..log_reader import CHAIN
+
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
 _FOOTER_BYTES = 37  # the footer with its head, and the magic bytes
 _CRC_IN_FOOTER = 12  # behind it: the CRC and the magic bytes
-CHAIN = "stepbus/chain"
 
 Mutation = Callable[[random.Random, bytes], bytes]
 

@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import io
-import struct
 from collections.abc import Iterator, Mapping
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from .mutations import CHAIN, DAMAGE, FORGED, HEAD, Mutation, records
+from ..log_reader import CHAIN
+from ..log_reader import DAMAGE as UNREADABLE
+from .mutations import DAMAGE, FORGED, HEAD, Mutation, records
 from .readers import Answer
 
-_ERRORS = (
-    EOFError, KeyError, McapError, MemoryError, OverflowError, ValueError, struct.error,
-    zstandard.ZstdError,
-)  # fmt: skip
 Row = tuple[str, int, bytes]
 
 
@@ -37,7 +32,7 @@ def messages(data: bytes) -> list[Row]:
                 channels.setdefault(record.id, record.topic)
             elif isinstance(record, Message) and channels[record.channel_id] != CHAIN:
                 intact.append((channels[record.channel_id], record.sequence, record.data))
-    except _ERRORS:
+    except UNREADABLE:
         pass
     return intact
 
@@ -52,7 +47,7 @@ def indexed(data: bytes) -> list[Row]:
             log_time_order=False
         )
         return [(c.topic, m.sequence, m.data) for _, c, m in indexed if c.topic != CHAIN]
-    except _ERRORS:
+    except UNREADABLE:
         return []
 
 

@@ -108,16 +108,6 @@ def run_numbers(seed: int, first: int, count: int) -> Count:
     return total
 
 
-def first_failure(seed: int, runs: int) -> Failure | None:
-    """Return the first of some runs in which something does not hold."""
-    for number in range(runs):
-        tape = draw_tape(seed, number)
-        _, problems = execute(tape)
-        if problems:
-            return Failure(number, tape, problems[0])
-    return None
-
-
 def _code(execution: Execution) -> str:
     if execution.result is not None:
         return str(int(execution.result.exit_code))
