@@ -13,7 +13,7 @@ from mcap.stream_reader import breakup_chunk
 
 from ..log_reader import CHAIN
 from ..log_reader import DAMAGE as UNREADABLE
-from .mutations import DAMAGE, FORGED, HEAD, Mutation, records
+from .mutations import DAMAGE, FORGED, HEAD, Mutation, records, rewritten
 from .readers import Answer
 
 Row = tuple[str, int, bytes]
@@ -75,8 +75,11 @@ class Judge:
         self._is_changed = original != data
         before, after = messages(original), messages(data)
         self._is_damaged = self._is_changed and mutation in DAMAGE
+        self._is_whole = mutation is rewritten
         self._is_forged = mutation in FORGED and _by_port(before) != _by_port(after)
-        self._differs = _by_port(before) not in (_by_port(after), _by_port(indexed(data)))
+        # What a damaged file has twice was left by an earlier write.
+        kept = list(dict.fromkeys(after)) if self._is_damaged else after
+        self._differs = _by_port(before) not in (_by_port(kept), _by_port(indexed(data)))
         own = participant + "/"
         self._replays_differ = _of(before, own) != _of(after, own)
 
@@ -87,6 +90,8 @@ class Judge:
             yield f"{reader}: traceback: {said.strip()[-200:]!r}"
         if answer.code < 0 or answer.code == 1:
             yield f"{reader}: exit code {answer.code}: {said.strip()[-200:]!r}"
+        if reader.startswith("recover") and self._is_whole and ": undamaged" not in said:
+            yield f"{reader}: wrong damage: {said[:200]!r}"
         if reader.startswith("recover") and ": undamaged" in said:
             if self._is_damaged:
                 yield f"{reader}: wrong undamaged"
