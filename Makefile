@@ -60,7 +60,7 @@ test-engine: setup
 
 # On each Python of this machine; `make pythons PYTHONS=--help` lists the options.
 pythons:
-	@python3 scripts/pythons.py $(PYTHONS)
+	@python3 -m scripts.pythons $(PYTHONS)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit
