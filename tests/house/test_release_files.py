@@ -8,7 +8,6 @@ from fnmatch import fnmatch
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
-from scripts.release_contents import NEEDED, Layout
 from scripts.release_readme import with_addresses
 from support.paths import CHECKOUT
 
@@ -55,19 +54,6 @@ def test_the_licence_of_the_store_is_that_of_the_repository():
 def test_the_sdist_lists_every_package_of_the_wheel(project):
     targets = project["tool"]["hatch"]["build"]["targets"]
     assert set(targets["wheel"]["packages"]) <= set(targets["sdist"]["only-include"])
-
-
-def test_every_file_that_the_wheel_needs_is_in_a_package():
-    files = {
-        str(path.relative_to(CHECKOUT)): b""
-        for package in PROJECTS[0]["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
-        for path in (CHECKOUT / package).rglob("*")
-        if path.is_file()
-    }
-    files["pyproject.toml"] = (CHECKOUT / "pyproject.toml").read_bytes()
-    held = Layout(files).wheel()
-    wanted = [pattern for pattern in NEEDED if ".dist-info" not in pattern]
-    assert [p for p in wanted if not any(fnmatch(name, p) for name in held)] == []
 
 
 def test_an_upper_bound_says_why_it_is_there():
