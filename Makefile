@@ -23,7 +23,7 @@ help:
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes the first time)"
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
-	@echo "make campaign   judge real runs with 66 external faults, 2,000 damaged recordings, 64 sales (1 h)"
+	@echo "make campaign   judge real runs with 54 external faults, 2,000 damaged recordings, 64 sales (1 h)"
 	@echo "make release-check try the release as its users will: build, install, run (20 min)"
 	@echo "make lint-workflows check the GitHub workflows and the citation (part of check)"
 	@echo "make bench      measure steps/s and CPU time, compared with HELICS, mosaik and hand-written chains"
@@ -60,7 +60,7 @@ test-engine: setup
 
 # On each Python of this machine; `make pythons PYTHONS=--help` lists the options.
 pythons:
-	@python3 scripts/pythons.py $(PYTHONS)
+	@python3 -m scripts.pythons $(PYTHONS)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit

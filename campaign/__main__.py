@@ -6,13 +6,24 @@ import argparse
 import sys
 import time
 import traceback
-from collections.abc import Callable, Mapping
-from importlib.metadata import version
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from . import recordings, runs, store
-from .table import RecordingTable, RunTable, SaleTable, heading
+from .table import RECORDINGS, RUNS, SALES, Column, Table
+
+
+@dataclass(frozen=True, kw_only=True)
+class Outcome:
+    """What one case came to: what is printed of it, and its row and cells of the table."""
+
+    case: str
+    row: str
+    cells: Sequence[Any]
+    broken: Sequence[str]
+    notes: Sequence[str] = field(default=())
 
 
 def _arguments() -> argparse.Namespace:
@@ -21,7 +32,6 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--count", type=int, default=runs.WHOLE, help=f"number of runs (default: {runs.WHOLE})"
     )
-    parser.add_argument("--first", type=int, default=0, help="number of the first run (default: 0)")
     parser.add_argument(
         "--mutations", type=int, default=2000, help="number of mutated recordings (default: 2000)"
     )
@@ -44,97 +54,98 @@ def _arguments() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def _strike_runs(options: argparse.Namespace) -> Iterator[Outcome]:
+    rows = [
+        case
+        for case in runs.cases(options.count, options.seed)
+        if options.only in case.fault and options.on in case.scenario
+    ]
+    for case, verdict in runs.strike(rows, options.seed, options.patience):
+        notes = [f"reason: {verdict.said}", f"output: {verdict.output[-400:]!r}"]
+        missed = verdict.missed
+        yield Outcome(
+            case=f"{case}: {verdict.code} after {verdict.seconds:.1f} s{', missed' * missed}",
+            row=case.fault,
+            cells=(not missed, missed, verdict.code, verdict.seconds),
+            broken=verdict.broken,
+            notes=notes if verdict.broken else (),
+        )
+
+
+def _mutate_recordings(options: argparse.Namespace) -> Iterator[Outcome]:
+    for outcome in recordings.mutate(options.mutations, options.seed):
+        yield Outcome(
+            case=f"#{outcome.number} {outcome.mutation} of {outcome.source}",
+            row=outcome.mutation,
+            cells=(1, outcome.calls, outcome.reported),
+            broken=outcome.broken,
+        )
+
+
+def _sell(options: argparse.Namespace) -> Iterator[Outcome]:
+    rows = [
+        case
+        for case in store.cases(options.sales, options.seed)
+        if options.only in case.family and options.on in case.scenario
+    ]
+    for case, outcome in store.sell(rows, options.keep):
+        is_sold = outcome.code == 0
+        yield Outcome(
+            case=f"{case}: {outcome.code} after {outcome.seconds:.0f} s",
+            row=case.family,
+            cells=(1, is_sold, not is_sold, outcome.force, bool(outcome.excused)),
+            broken=outcome.broken,
+            notes=[
+                f"{outcome.force:.1f} N; {outcome.reason}",
+                *(f"unavoidable: {line}" for line in outcome.excused),
+            ],
+        )
+
+
+_PARTS: Mapping[
+    str, tuple[Callable[[argparse.Namespace], Iterator[Outcome]], Mapping[str, Column]]
+] = {
+    "runs": (_strike_runs, RUNS),
+    "recordings": (_mutate_recordings, RECORDINGS),
+    "store": (_sell, SALES),
+}
+
+
+def _judged(name: str, options: argparse.Namespace) -> Table:
+    """Run a part, print what each case came to, and return its table."""
+    outcomes, columns = _PARTS[name]
+    table, give_up = Table(columns), time.monotonic() + 60 * options.minutes
+    for number, outcome in enumerate(outcomes(options), start=1):
+        table.add(outcome.row, *outcome.cells, len(outcome.broken))
+        _say(f"{number} {'BROKEN' if outcome.broken else 'ok'} {outcome.case}")
+        for line in (*outcome.broken, *outcome.notes):
+            _say(f"      {line}")
+        if time.monotonic() > give_up:
+            break
+    return table
+
+
 def _say(text: str) -> None:
     sys.stdout.write(text + "\n")
     sys.stdout.flush()
 
 
-def _strike_runs(options: argparse.Namespace, give_up: float) -> RunTable:
-    rows = [
-        case
-        for case in runs.cases(options.count, options.seed)
-        if options.only in case.fault
-        and options.on in case.scenario
-        and case.number >= options.first
-    ]
-    table, outcomes = RunTable(), runs.strike(rows, options.seed, options.patience)
-    for number, (case, verdict) in enumerate(outcomes, start=1):
-        table.add(case, verdict)
-        state = "BROKEN" if verdict.broken else "MISSED" if verdict.missed else "ok"
-        _say(f"{number}/{len(rows)} {state} {case}: {verdict.code} after {verdict.seconds:.1f} s")
-        if verdict.broken:
-            details = [*verdict.broken, f"reason: {verdict.said}"]
-            details.append(f"output: {verdict.output[-400:]!r}")
-            _say("\n".join(f"      {line}" for line in details))
-        if time.monotonic() > give_up:
-            break
-    return table
-
-
-def _mutate_recordings(options: argparse.Namespace, give_up: float) -> RecordingTable:
-    table = RecordingTable()
-    outcomes = recordings.mutate(options.mutations, options.seed)
-    for number, outcome in enumerate(outcomes, start=1):
-        table.add(outcome)
-        for line in outcome.broken:
-            _say(f"#{outcome.number} {outcome.mutation} of {outcome.source}: {line}")
-        if number % 50 == 0:
-            _say(f"{number}/{options.mutations} recordings, {table.broken.total()} broken")
-        if time.monotonic() > give_up:
-            break
-    return table
-
-
-def _sell(options: argparse.Namespace, give_up: float) -> SaleTable:
-    rows = [
-        case
-        for case in store.cases(options.sales, options.seed)
-        if options.only in case.family
-        and options.on in case.scenario
-        and case.number >= options.first
-    ]
-    table = SaleTable()
-    for number, (case, outcome) in enumerate(store.sell(rows, options.keep), start=1):
-        table.add(case, outcome)
-        state = "BROKEN" if outcome.broken else "ok"
-        _say(f"{number}/{len(rows)} {state} {case}: {outcome.code} after {outcome.seconds:.0f} s")
-        _say(f"      {outcome.force:.1f} N; {outcome.reason}")
-        for line in outcome.excused:
-            _say(f"      unavoidable: {line}")
-        for line in outcome.broken:
-            _say(f"      broken: {line}")
-        if time.monotonic() > give_up:
-            break
-    return table
-
-
-_PARTS: Mapping[str, Callable[[argparse.Namespace, float], Any]] = {
-    "runs": _strike_runs,
-    "recordings": _mutate_recordings,
-    "store": _sell,
-}
-
-
 def main() -> int:
     """Run the campaign; return 1 when a promise was broken."""
-    options, began = _arguments(), time.monotonic()
-    tables: list[RunTable | RecordingTable | SaleTable] = []
-    is_whole = True
-    for name, part in _PARTS.items():
+    options, texts, is_good = _arguments(), [], True
+    for name in _PARTS if options.part == "all" else [options.part]:
         try:
-            if options.part in {"all", name}:
-                tables.append(part(options, time.monotonic() + 60 * options.minutes))
+            table = _judged(name, options)
         except Exception:  # noqa: BLE001  (the other parts are judged, and the tables printed)
-            is_whole = False
+            is_good = False
             _say(f"BROKEN: part {name} failed: {traceback.format_exc()}")
-    versions = {name: version(name) for name in ("stepbus", "eclipse-zenoh")}
-    parts = [heading(sys.argv[1:], time.monotonic() - began, versions)]
-    parts += ["\n".join(table.lines()) for table in tables if table.lines()]
-    text = "\n\n".join(parts) + "\n"
-    _say(text)
+        else:
+            is_good = is_good and not table.broken
+            texts.append("\n".join(table.lines()) + "\n")
+    _say("\n".join(texts))
     if options.table:
-        options.table.write_text(text)
-    return int(not is_whole or any(table.broken.total() for table in tables))
+        options.table.write_text("\n".join(texts))
+    return int(not is_good)
 
 
 if __name__ == "__main__":

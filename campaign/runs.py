@@ -101,7 +101,6 @@ def _run_once(case: Case, seed: str, patience: float, undisturbed: Reference | N
     scenario = SCENARIOS[case.scenario].patient(patience)
     with sandbox() as box:
         box.notes["participants"] = scenario.participants
-        box.notes["step_s"] = scenario.step_s
         box.notes["turn"] = case.turn
         box.notes["grace_s"] = ORPHAN_GRACE_S if patience <= 1.0 else HANG_S
         box.notes["reference"] = None if undisturbed is None else undisturbed.sha256

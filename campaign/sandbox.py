@@ -69,9 +69,8 @@ class Sandbox:
     ) -> None:
         """Start `stepbus run …`; stdout and stderr go to files by default."""
         own = {MARK: self.mark, "TMPDIR": str(self.temporary)}
-        wrapper = self.notes.get("wrapper", [])
         self.process = subprocess.Popen(
-            [*wrapper, STEPBUS, "run", *arguments, "--out", str(self.out)],
+            [STEPBUS, "run", *arguments, "--out", str(self.out)],
             stdin=subprocess.DEVNULL,
             stdout=stdout if stdout is not None else (self.home / "stdout").open("wb"),
             stderr=stderr if stderr is not None else (self.home / "stderr").open("wb"),
@@ -109,12 +108,7 @@ class Sandbox:
         return True
 
     def takes_signals(self) -> bool:
-        """Return whether the program has come to its first line; before, it is Python that starts.
-
-        A wrapper takes none.
-        """
-        if "wrapper" in self.notes:
-            return True
+        """Return whether our program runs; before its first line, it is Python that starts."""
         with contextlib.suppress(OSError, IndexError, ValueError):
             status = Path(f"/proc/{self.orchestrator.pid}/status").read_text()
             caught = int(status.partition("SigCgt:")[2].split()[0], 16)

@@ -2,8 +2,6 @@
 
     make fresh                          clone HEAD, run the commands at the top of README.md
     make fresh FRESH='--order 7'        with the tests in another order
-    make fresh FRESH='--archive'        in what `git archive` makes: no .git
-    make fresh FRESH='--user nobody'    as a user of your choice (root only)
     make fresh FRESH='--passed FILE'    write the passed tests to this file, for make test-rest
 
 The machine that it makes up has Python, make, git, the coreutils, sh, grep, sed, awk and tar: no
@@ -18,6 +16,7 @@ may be those of other programs of yours.
 """
 
 import argparse
+import contextlib
 import ctypes
 import os
 import pwd
@@ -65,7 +64,7 @@ class Unfit(Exception):
     """Something is missing here that every machine is assumed to have."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Machine:
     """A made-up machine: where its folders are and who works on it."""
 
@@ -73,30 +72,11 @@ class Machine:
     uid: int
     gid: int
 
-    @property
-    def home(self) -> Path:
-        """Return the home of the machine's user, empty at first."""
-        return self.folder / "home"
-
-    @property
-    def temporary(self) -> Path:
-        """Return the folder for temporary files."""
-        return self.folder / "tmp"
-
-    @property
-    def programs(self) -> Path:
-        """Return the folder that is the machine's whole PATH."""
-        return self.folder / "bin"
-
-    @property
-    def passed(self) -> Path:
-        """Return the file that gets the names of the tests that passed."""
-        return self.folder / "passed"
-
-    @property
-    def checkout(self) -> Path:
-        """Return where HEAD is checked out."""
-        return self.folder / "stepbus"
+    def __post_init__(self) -> None:
+        """Name its folders: home, temporary files, programs (its whole PATH), the checkout."""
+        self.home, self.temporary = self.folder / "home", self.folder / "tmp"
+        self.programs, self.checkout = self.folder / "bin", self.folder / "stepbus"
+        self.passed = self.folder / "passed"
 
     def environment(self) -> dict[str, str]:
         """Return all variables that a command sees."""
@@ -141,16 +121,8 @@ def user_name(uid: int) -> str:
         return "stranger"
 
 
-def whose(name: str | None) -> tuple[int, int]:
+def whose() -> tuple[int, int]:
     """Return the user and group that the commands run as."""
-    if name is not None:
-        try:
-            entry = pwd.getpwuid(int(name)) if name.isdigit() else pwd.getpwnam(name)
-        except KeyError as exc:
-            raise Unfit(f"unknown user {name}; `getent passwd` lists all users") from exc
-        if entry.pw_uid != os.getuid() and os.getuid() != 0:
-            raise Unfit(f"only root can run the commands as {name}")
-        return entry.pw_uid, entry.pw_gid
     if os.getuid() != 0:
         return os.getuid(), os.getgid()
     taken = {entry.pw_uid for entry in pwd.getpwall()}
@@ -161,10 +133,13 @@ def whose(name: str | None) -> tuple[int, int]:
 
 def suitable_python(machine: Machine) -> Path:
     """Return a Python with `venv` that the machine's user may execute."""
-    places = [*os.get_exec_path(), "/usr/local/bin", "/usr/bin"]
-    for place in dict.fromkeys(places):
-        for name in ("python3.11", "python3"):
-            if (path := Path(place, name)).exists() and answers(path, machine):
+    test = f"import ensurepip, sys; sys.exit(sys.version_info[:2] != {PYTHON})"
+    identity = machine.identity()
+    for place in dict.fromkeys([*os.get_exec_path(), "/usr/local/bin", "/usr/bin"]):
+        for path in (Path(place, "python3.11"), Path(place, "python3")):
+            with contextlib.suppress(OSError, subprocess.CalledProcessError):
+                streams = {"env": machine.environment(), "cwd": "/", "stderr": subprocess.DEVNULL}
+                subprocess.run([path, "-c", test], check=True, **streams, **identity)
                 return path.resolve()
     wanted = ".".join(map(str, PYTHON))
     raise Unfit(
@@ -172,24 +147,7 @@ def suitable_python(machine: Machine) -> Path:
     )
 
 
-def answers(python: Path, machine: Machine) -> bool:
-    """Return whether the machine's user can make a virtual environment with a Python."""
-    test = f"import ensurepip, sys; sys.exit(sys.version_info[:2] != {PYTHON})"
-    try:
-        done = subprocess.run(
-            [python, "-c", test],
-            env=machine.environment(),
-            cwd="/",
-            capture_output=True,
-            check=False,
-            **machine.identity(),  # type: ignore[call-overload]
-        )
-    except OSError:
-        return False
-    return done.returncode == 0
-
-
-def build(machine: Machine, archive: bool) -> None:
+def build(machine: Machine) -> None:
     """Make the machine's folders, its programs and the checkout of HEAD."""
     machine.folder.chmod(0o755)
     for folder in (machine.home, machine.temporary, machine.programs):
@@ -198,13 +156,8 @@ def build(machine: Machine, archive: bool) -> None:
         if (path := shutil.which(name)) is not None:
             (machine.programs / name).symlink_to(Path(path).resolve())
     (machine.programs / "python3").symlink_to(suitable_python(machine))
-    if archive:
-        machine.checkout.mkdir()
-        with subprocess.Popen(["git", "archive", "HEAD"], cwd=ROOT, stdout=subprocess.PIPE) as git:
-            subprocess.run(["tar", "x"], cwd=machine.checkout, stdin=git.stdout, check=True)
-    else:
-        clone = ["git", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(machine.checkout)]
-        subprocess.run(clone, check=True)
+    clone = ["git", "clone", "--quiet", "--no-hardlinks", str(ROOT), str(machine.checkout)]
+    subprocess.run(clone, check=True)
     machine.passed.touch()
     own = (machine.home, machine.temporary, machine.passed, machine.checkout)
     for path in (*own, *machine.checkout.rglob("*")):
@@ -314,21 +267,20 @@ def say(line: str) -> None:
     sys.stdout.flush()
 
 
-def examine(
-    user: str | None, order: int | None, *, archive: bool, keep: bool, passed: Path | None
-) -> tuple[list[str], str]:
+def examine(order: int | None, passed: Path | None) -> tuple[list[str], str]:
     """Build a machine and run the commands there; return what is wrong, and what was tried."""
-    head = newest_commit()
+    command = ["git", "rev-parse", "HEAD"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
+    head = done.stdout.strip()
     order = int(head[:8], 16) if order is None else order
     if ctypes.CDLL(None).prctl(36, 1, 0, 0, 0):  # PR_SET_CHILD_SUBREAPER
         raise Unfit("this kernel has no subreapers, so leftover processes cannot be found")
     folder = Path(tempfile.mkdtemp(prefix="sb-fresh-"))
     try:
-        machine = Machine(folder, *whose(user))
-        build(machine, archive)
-        what = "an archive" if archive else "a clone"
+        machine = Machine(folder, *whose())
+        build(machine)
         whom = f"{user_name(machine.uid)} ({machine.uid})"
-        about = f"{what} of {head[:10]}, order {order}, as {whom}"
+        about = f"a clone of {head[:10]}, order {order}, as {whom}"
         say(f"fresh: {about}, in {folder}")
         wrong = try_out(machine, order)
         if passed is not None:
@@ -336,18 +288,7 @@ def examine(
         return wrong, about
     finally:
         processes_left()
-        if not keep:
-            shutil.rmtree(folder)
-
-
-def newest_commit() -> str:
-    """Return the hash of HEAD, which is what is tried."""
-    command = ["git", "rev-parse", "HEAD"]
-    try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError) as exc:
-        raise Unfit(f"git finds no commit in {ROOT}: {getattr(exc, 'stderr', exc)}") from exc
-    return done.stdout.strip()
+        shutil.rmtree(folder)
 
 
 def main() -> int:
@@ -355,19 +296,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument(
-        "--archive", action="store_true", help="test a copy without .git, as from `git archive`"
-    )
     parser.add_argument("--order", type=int, metavar="N", help="seed of the order of the tests")
-    parser.add_argument("--user", metavar="NAME", help="user that runs the commands (root only)")
     parser.add_argument(
         "--passed", type=Path, metavar="FILE", help="write the passed tests to this file"
     )
-    parser.add_argument("--keep", action="store_true", help="keep the folder for inspection")
     args = parser.parse_args()
     try:
-        kept = {"archive": args.archive, "keep": args.keep, "passed": args.passed}
-        wrong, about = examine(args.user, args.order, **kept)
+        wrong, about = examine(args.order, args.passed)
     except Unfit as exc:
         wrong, about = [str(exc)], "not run"
     for line in wrong:

@@ -5,34 +5,8 @@ import tarfile
 import tomllib
 import zipfile
 from collections.abc import Iterator, Mapping
-from fnmatch import fnmatch
 from pathlib import Path, PurePosixPath
 
-NEEDED = (
-    "stepbus/__init__.py",
-    "*/py.typed",
-    "stepbus_orchestrator/cli/starters/templates/*",
-    "stepbus_orchestrator/cli/starters/examples/controllers/*/scenario.yaml",
-    "stepbus_orchestrator/cli/starters/clients/rust/src/lib.rs",
-    "stepbus_scenarios/two_link/scenario.yaml",
-    "stepbus_scenarios/two_link/*.urdf",
-    "stepbus_scenarios/pick/world.yaml",
-    "stepbus_tools/viewing/*/assets/*.css",
-    "stepbus_tools/viewing/*/assets/*.js",
-    "stepbus_tools/sweep/page.html",
-    "*.dist-info/licenses/LICENSE",
-    "*.dist-info/entry_points.txt",
-)
-"""What the code opens at run time, or an installer needs: each pattern has a file in the wheel."""
-REFUSED = (
-    (re.compile(r"(^|/)tests/"), "is a test"),
-    (re.compile(r"(^|/)(test_[^/]*|conftest)\.py$"), "is a test"),
-    (re.compile(r"(^|/)__pycache__/|\.py[cod]$"), "is compiled code"),
-    (re.compile(r"\.(so|dll|dylib|a|o)(\.\d+)*$"), "is a native library"),
-    (re.compile(r"(^|/)(runs|build|dist|target|\.venv)/"), "is output of work in a clone"),
-    (re.compile(r"\.(mcap|log)$"), "is a recording or a log"),
-    (re.compile(r"(^|/)\.(git|github|ci|devcontainer)/"), "is for the repository only"),
-)
 REGISTRY = re.compile(
     rb"https?://[\w.:@-]*(?:\bpy" + rb"pi\.|pythonhosted\.|\bnpm" + rb"js\.|\bcrates\." + rb"io)"
     rb"|(?:extra-)?index-url\s*=|--(?:extra-)?index-url\s",
@@ -107,13 +81,8 @@ def problems_of_wheel(path: Path, layout: Layout) -> list[str]:
     held = read_wheel(path)
     info = f"{layout.name.replace('-', '_')}-{layout.version}.dist-info/"
     own = {name: content for name, content in held.items() if not name.startswith(info)}
-    problems = [*_compared(own, layout.wheel()), *_refused(held)]
+    problems = [*_compared(own, layout.wheel()), *_addresses(held)]
     if layout.name == "stepbus":
-        problems += [
-            f"no file {pattern}, which the code opens"
-            for pattern in NEEDED
-            if not any(fnmatch(name, pattern) for name in held)
-        ]
         metadata = held.get(f"{info}METADATA", b"").decode()
         problems += [
             f"the page of the package has the relative link {link}"
@@ -132,7 +101,7 @@ def problems_of_sdist(path: Path, layout: Layout) -> list[str]:
     """Return what is wrong with the contents of an sdist, a line each."""
     held = read_sdist(path)
     own = {name: text for name, text in held.items() if name not in {"PKG-INFO", ".gitignore"}}
-    problems = [*_compared(own, layout.sdist()), *_refused(held)]
+    problems = [*_compared(own, layout.sdist()), *_addresses(held)]
     return [f"{path.name}: {problem}" for problem in problems]
 
 
@@ -152,11 +121,8 @@ def _compared(held: Mapping[str, bytes], wanted: Mapping[str, bytes]) -> Iterato
         yield f"and {len(lines) - MOST_LINES} more"
 
 
-def _refused(held: Mapping[str, bytes]) -> Iterator[str]:
+def _addresses(held: Mapping[str, bytes]) -> Iterator[str]:
     for name, content in sorted(held.items()):
-        for pattern, why in REFUSED:
-            if pattern.search(name):
-                yield f"{name} {why}"
         if match := REGISTRY.search(content):
             line = content.count(b"\n", 0, match.start()) + 1
             yield f"{name}, line {line}: the address of a package registry"

@@ -14,6 +14,7 @@ from pathlib import Path
 from campaign.sandbox import Sandbox
 
 from .fault import START_S, Missed, Strike
+from .limits import limit
 from .signals import stopped
 
 _LIMIT_BYTES = 1 << 20
@@ -70,12 +71,7 @@ def small_temporary_disk(box: Sandbox, chance: random.Random) -> Callable[[], No
 def _disk(box: Sandbox, options: str, otherwise_bytes: int) -> Callable[[], None] | None:
     if mount(box.home / "disk", options):
         return None
-    return limit_files(otherwise_bytes)
-
-
-def limit_files(size: int) -> Callable[[], None]:
-    """Return what limits the size of each file that a process writes [bytes]."""
-    return lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+    return limit(resource.RLIMIT_FSIZE, otherwise_bytes)
 
 
 def mount(folder: Path, options: str) -> bool:

@@ -29,13 +29,6 @@ def to_participant(*numbers: int) -> Strike:
     return strike
 
 
-def stop_all_participants(box: Sandbox, _chance: random.Random) -> None:
-    """Stop every participant at once."""
-    box.wait_for(lambda: all(map(box.find, box.notes["participants"])), START_S)
-    for process in [box.find(name) for name in box.notes["participants"]]:
-        send(process, signal.SIGSTOP)
-
-
 def to_orchestrator(*numbers: int) -> Strike:
     """Return a strike that sends one of these signals to the orchestrator."""
 
@@ -65,12 +58,6 @@ def storm(*numbers: int) -> Strike:
             time.sleep(chance.uniform(0.0, 0.1))
 
     return strike
-
-
-def suspend_orchestrator(box: Sandbox, chance: random.Random) -> None:
-    """Stop the orchestrator for longer than any deadline of a step, then let it continue."""
-    with stopped(box.orchestrator):
-        time.sleep(box.notes["step_s"] + chance.uniform(0.5, 2.0))
 
 
 @contextlib.contextmanager

@@ -17,11 +17,12 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
+from ..log_reader import CHAIN
+
 MAGIC_BYTES = 8
 HEAD = struct.Struct("<BQ")
 _FOOTER_BYTES = 37  # the footer with its head, and the magic bytes
 _CRC_IN_FOOTER = 12  # behind it: the CRC and the magic bytes
-CHAIN = "stepbus/chain"
 
 Mutation = Callable[[random.Random, bytes], bytes]
 
@@ -199,7 +200,7 @@ class Copy:
         """Return the bytes of the copy."""
         out, reader = io.BytesIO(), make_reader(io.BytesIO(data))
         header = reader.get_header()
-        writer: Any = Writer(out, chunk_size=4096, enable_data_crcs=True)
+        writer: Any = Writer(out, enable_data_crcs=True)
         writer.start(profile=header.profile, library=header.library)
         for item in reader.iter_attachments():
             content = self.attachment(item.name, item.data)
@@ -210,13 +211,18 @@ class Copy:
             if text is not None:
                 writer.add_metadata(record.name, text)
         numbers: dict[int, int | None] = {}
+        step = 0
         for schema, channel, message in reader.iter_messages(log_time_order=False):
+            if message.sequence != step:
+                # A chunk of ours ends with a whole step.
+                writer.flush()
+            step = message.sequence
             if channel.id not in numbers:
                 numbers[channel.id] = self._register(writer, schema, channel)
             number = numbers[channel.id]
             rows = self.message(channel, message) if number is not None else []
-            for step, time, content in rows:
-                writer.add_message(number or 0, time, content, time, step)
+            for own_step, time, content in rows:
+                writer.add_message(number or 0, time, content, time, own_step)
         writer.finish()
         return out.getvalue()
 

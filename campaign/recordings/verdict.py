@@ -3,24 +3,19 @@
 from __future__ import annotations
 
 import io
-import struct
 from collections.abc import Iterator, Mapping
 
-import zstandard
 from mcap.data_stream import ReadDataStream
-from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, Message
 from mcap.stream_reader import breakup_chunk
 
-from .mutations import CHAIN, DAMAGE, FORGED, HEAD, Mutation, records
+from ..log_reader import CHAIN
+from ..log_reader import DAMAGE as UNREADABLE
+from .mutations import DAMAGE, FORGED, HEAD, Mutation, records, rewritten
 from .readers import Answer
 
-_ERRORS = (
-    EOFError, KeyError, McapError, MemoryError, OverflowError, ValueError, struct.error,
-    zstandard.ZstdError,
-)  # fmt: skip
 Row = tuple[str, int, bytes]
 
 
@@ -37,7 +32,7 @@ def messages(data: bytes) -> list[Row]:
                 channels.setdefault(record.id, record.topic)
             elif isinstance(record, Message) and channels[record.channel_id] != CHAIN:
                 intact.append((channels[record.channel_id], record.sequence, record.data))
-    except _ERRORS:
+    except UNREADABLE:
         pass
     return intact
 
@@ -52,7 +47,7 @@ def indexed(data: bytes) -> list[Row]:
             log_time_order=False
         )
         return [(c.topic, m.sequence, m.data) for _, c, m in indexed if c.topic != CHAIN]
-    except _ERRORS:
+    except UNREADABLE:
         return []
 
 
@@ -80,8 +75,11 @@ class Judge:
         self._is_changed = original != data
         before, after = messages(original), messages(data)
         self._is_damaged = self._is_changed and mutation in DAMAGE
+        self._is_whole = mutation is rewritten
         self._is_forged = mutation in FORGED and _by_port(before) != _by_port(after)
-        self._differs = _by_port(before) not in (_by_port(after), _by_port(indexed(data)))
+        # What a damaged file has twice was left by an earlier write.
+        kept = list(dict.fromkeys(after)) if self._is_damaged else after
+        self._differs = _by_port(before) not in (_by_port(kept), _by_port(indexed(data)))
         own = participant + "/"
         self._replays_differ = _of(before, own) != _of(after, own)
 
@@ -92,6 +90,8 @@ class Judge:
             yield f"{reader}: traceback: {said.strip()[-200:]!r}"
         if answer.code < 0 or answer.code == 1:
             yield f"{reader}: exit code {answer.code}: {said.strip()[-200:]!r}"
+        if reader.startswith("recover") and self._is_whole and ": undamaged" not in said:
+            yield f"{reader}: wrong damage: {said[:200]!r}"
         if reader.startswith("recover") and ": undamaged" in said:
             if self._is_damaged:
                 yield f"{reader}: wrong undamaged"

@@ -14,6 +14,7 @@ from stepbus_schemas import reached_marks
 
 from .execution import Execution
 from .judge import judge
+from .kinds import arm
 from .memo import memoized
 from .reference import FOLDER
 from .shrink import shrink
@@ -71,6 +72,7 @@ def execute(tape: Tape, *, keeps_trace: bool = False) -> tuple[Execution, list[s
     try:
         with memoized():
             execution = Execution(tape, folder / "run", keeps_trace=keeps_trace)
+            arm(execution)
             execution.run()
             return execution, list(judge(execution))
     finally:
@@ -104,16 +106,6 @@ def run_numbers(seed: int, first: int, count: int) -> Count:
     gc.collect()
     total.marks = reached_marks()
     return total
-
-
-def first_failure(seed: int, runs: int) -> Failure | None:
-    """Return the first of some runs in which something does not hold."""
-    for number in range(runs):
-        tape = draw_tape(seed, number)
-        _, problems = execute(tape)
-        if problems:
-            return Failure(number, tape, problems[0])
-    return None
 
 
 def _code(execution: Execution) -> str:

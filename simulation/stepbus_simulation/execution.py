@@ -26,7 +26,6 @@ from stepbus_schemas import StepbusError
 from .disk import SimulatedDisk
 from .escapes import Escape, no_escapes
 from .host import SimulatedHost
-from .kinds import KINDS
 from .network import Link, Network
 from .programs import CALLS, scenario
 from .tape import MS, ORCHESTRATOR, Fault, Tape
@@ -46,7 +45,8 @@ class Execution:
 
     result: of the run; None where there is none. refusal: the error that it raised instead, one of
     ours. crash: the traceback of any other. late: what had not ended in time. effective: the
-    faults that have struck. struck_at: the step that each struck in. watch: of the recording.
+    faults that have struck. struck_at: the step that each struck in. lasting_ns: how much later
+    its faults may make its end. watch: of the recording.
     """
 
     writes_files = False
@@ -73,7 +73,8 @@ class Execution:
         self.watch = _Watch(out / "run.mcap")
         self.printed = io.StringIO()
         self.is_healed = False
-        self._limit_ns = self._longest_ns()
+        self.lasting_ns = 0
+        self._limit_ns = 0
         """Before this time, it is not late, whenever its first step was."""
         self._on_link: dict[str, list[Callable[[Link], None]]] = defaultdict(list)
         self._on_start: dict[str, list[Callable[[Process], None]]] = defaultdict(list)
@@ -198,8 +199,7 @@ class Execution:
             self._run()
 
     def _run(self) -> None:
-        for fault in self.tape.faults:
-            KINDS[fault.kind].arm(self, fault)
+        self._limit_ns = self._longest_ns()
         if self.tape.knobs.heal_ms:
             self.world.after(MS * self.tape.knobs.heal_ms, self._heal)
         self.orchestrator.start()
@@ -245,13 +245,9 @@ class Execution:
     def _longest_ns(self) -> int:
         """Return how long a run may take from its first step on."""
         knobs = self.tape.knobs
-        healing_ns = MS * knobs.heal_ms
-        lasting_ns = sum(f.amount for f in self.tape.faults if KINDS[f.kind].lasts)
-        cut_ns = sum(f.amount for f in self.tape.faults if f.kind == "cut")
-        cut_ns = min(cut_ns, healing_ns) if healing_ns else cut_ns
         deadlines_ns = 2 * MS * (knobs.step_ms + knobs.stop_ms)
         work_ns = 1000 * self.tape.steps * (3 * knobs.compute_us + 6 * knobs.link_us)
-        return work_ns + deadlines_ns + healing_ns + lasting_ns + cut_ns + _ENDS_NS
+        return work_ns + deadlines_ns + MS * knobs.heal_ms + self.lasting_ns + _ENDS_NS
 
 
 @contextlib.contextmanager

@@ -1,16 +1,11 @@
 """How the disk of a simulated run fails."""
 
-from __future__ import annotations
-
 import os
-import shutil
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from .execution import Execution
+from .strikes import Arm
 from .tape import Fault
-
-if TYPE_CHECKING:
-    from .execution import Execution
 
 
 def _disk(
@@ -32,7 +27,7 @@ def _disk(
     execution.disk.strike = struck
 
 
-def raising(number: int, count: int | None) -> Callable[[Execution, Fault], None]:
+def raising(number: int, count: int | None) -> Arm:
     """Return what lets calls of the disk fail."""
 
     def strike(_number: int, _name: str, _size: int) -> int:
@@ -47,17 +42,6 @@ def raising(number: int, count: int | None) -> Callable[[Execution, Fault], None
 def short(execution: Execution, fault: Fault) -> None:
     """Let a write take only a part."""
     _disk(execution, fault, lambda _n, _name, size: min(size, max(1, fault.amount)), 1)
-
-
-def folder(execution: Execution, fault: Fault) -> None:
-    """Remove the folder of the run."""
-
-    def strike() -> None:
-        if not execution.orchestrator.is_dead and not execution.is_recorded:
-            execution.struck(fault)
-            shutil.rmtree(execution.out, ignore_errors=True)
-
-    execution.world.after(fault.at, strike)
 
 
 def power(execution: Execution, fault: Fault) -> None:

@@ -1,21 +1,18 @@
 """What a process publishes otherwise than it should, too late or not at all."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgspec
 
 from stepbus_schemas import Batch, Outputs, encode
 
+from .execution import Execution
+from .strikes import Arm
 from .tape import ORCHESTRATOR, Fault
 
-if TYPE_CHECKING:
-    from .execution import Execution
 
-
-def on_outputs(change: Callable[[bytes, int], list[bytes]]) -> Callable[[Execution, Fault], None]:
+def on_outputs(change: Callable[[bytes, int], list[bytes]]) -> Arm:
     """Return what changes what a participant publishes at a step, alone or in a batch."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -32,9 +29,7 @@ def on_outputs(change: Callable[[bytes, int], list[bytes]]) -> Callable[[Executi
     return arm
 
 
-def on_key(
-    what: str, change: Callable[[bytes, int], list[bytes]]
-) -> Callable[[Execution, Fault], None]:
+def on_key(what: str, change: Callable[[bytes, int], list[bytes]]) -> Arm:
     """Return what changes message number `at` that a process sends on such a key."""
 
     def arm(execution: Execution, fault: Fault) -> None:

@@ -1,17 +1,16 @@
 """The kinds of faults of a simulated run: how each is drawn and strikes, what it may lead to."""
 
-from __future__ import annotations
-
 import errno
 import signal
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.run import LONGEST_TICK_S
 
-from .failing_disk import folder, power, raising, short
+from .draw import Draw
+from .execution import Execution
+from .failing_disk import power, raising, short
 from .forged import (
     HELLOS,
     field,
@@ -25,6 +24,7 @@ from .forged import (
     wrong_newest,
 )
 from .strikes import (
+    Arm,
     at_call,
     at_time,
     compute_long,
@@ -37,19 +37,15 @@ from .strikes import (
     interrupt,
     kill,
     late_link,
-    lie,
-    linger,
+    of_host,
     on_message,
+    on_world,
     raise_error,
+    remove_folder,
     sleep,
-    slow_start,
     wall,
 )
 from .tape import MS, ORCHESTRATOR, Fault, Knobs
-
-if TYPE_CHECKING:
-    from .execution import Execution
-    from .swarm import Draw
 
 _START, _FAULT, _DIED = ExitCode.START, ExitCode.FAULT, ExitCode.DIED
 _STEP, _STOP, _RECORDING = ExitCode.STEP_TIMEOUT, ExitCode.STOP_TIMEOUT, ExitCode.RECORDING
@@ -64,16 +60,18 @@ class Kind:
     what: a sentence. draw: one of it. arm: lets it strike. codes: exit codes that it may lead to,
     beside that of a run which it does not harm. lasts: whether `amount` is a time that deadlines
     are compared with. is_fatal: whether a run that it has struck cannot end well. needs: the
-    scenario in which it strikes; empty: any.
+    scenario in which it strikes; empty: any. real: the `--fault` that does the same to real
+    processes, or the command of a shell; empty: none does.
     """
 
     what: str
     draw: Callable[[Draw], Fault]
-    arm: Callable[[Execution, Fault], None]
+    arm: Arm
     codes: frozenset[ExitCode] = frozenset()
     lasts: bool = False
     is_fatal: bool = False
     needs: str = ""
+    real: str = ""
 
     def is_harmless(self, fault: Fault, knobs: Knobs, total_ns: int) -> bool:
         """Return whether a run has to end as if nothing had happened.
@@ -158,36 +156,39 @@ KINDS: dict[str, Kind] = {
         what="a participant is killed",
         draw=lambda d: Fault("kill", d.name(), d.time(), d.random.choice(_SIGNALS)),
         arm=at_time(kill), codes=frozenset({_START, _DIED, _FAULT}), is_fatal=True,
+        real="--fault 'kill {target} at {struck}'",
     ),
     "freeze": Kind(
         what="a participant is stopped, for a time or permanently",
         draw=lambda d: Fault("freeze", d.name(), d.time(), d.random.choice([0, d.lasting()])),
         arm=at_time(freeze), codes=_LATE, lasts=True,
+        real="--fault 'freeze {target} at {struck}{lasting}'",
     ),
     "suspend": Kind(
         what="the orchestrator is stopped for a time",
         draw=lambda d: Fault("suspend", ORCHESTRATOR, d.time(), d.lasting()),
         arm=at_time(freeze), codes=_LATE, lasts=True,
+        real="kill -STOP ORCHESTRATOR; sleep {s}; kill -CONT ORCHESTRATOR",
     ),
     "sleep": Kind(
         what="the machine sleeps",
         draw=lambda d: Fault("sleep", "", d.time(), d.lasting()),
-        arm=sleep, codes=_LATE, lasts=True,
+        arm=on_world(sleep), codes=_LATE, lasts=True,
     ),
     "wall": Kind(
         what="the time of day jumps",
         draw=lambda d: Fault("wall", "", d.time(), d.random.choice([-1, 1]) * d.lasting()),
-        arm=wall,
+        arm=on_world(wall),
     ),
     "slow_start": Kind(
         what="a process is slow to start",
         draw=lambda d: Fault("slow_start", d.name(), 0, d.lasting()),
-        arm=slow_start, codes=frozenset({_START}), lasts=True,
+        arm=of_host("start_ns"), codes=frozenset({_START}), lasts=True,
     ),
     "lie": Kind(
         what="a participant ends with an exit code as if it had failed",
         draw=lambda d: Fault("lie", d.name(), 0, d.random.choice([1, 2, 77])),
-        arm=lie, codes=frozenset({_DIED, _START}), is_fatal=True,
+        arm=of_host("lies"), codes=frozenset({_DIED, _START}), is_fatal=True,
     ),
     "raise": Kind(
         what="a participant raises",
@@ -212,7 +213,7 @@ KINDS: dict[str, Kind] = {
     "linger": Kind(
         what="a process is slow to end",
         draw=lambda d: Fault("linger", d.name(), 0, d.lasting()),
-        arm=linger, codes=frozenset({_STOP}), lasts=True,
+        arm=of_host("linger_ns"), codes=frozenset({_STOP}), lasts=True,
     ),
     "wrong_message": Kind(
         what="outputs are not of their type",
@@ -266,17 +267,20 @@ KINDS: dict[str, Kind] = {
         what="outputs are published twice",
         draw=lambda d: Fault("twice", d.name(), d.step()),
         arm=on_outputs(lambda data, _amount: [data, data]),
+        real="--fault 'duplicate {target} at {step}'",
     ),
     "never": Kind(
         what="outputs are not published",
         draw=lambda d: Fault("never", d.name(), d.step()),
         arm=on_outputs(lambda _data, _amount: []), codes=_LOST,
+        real="--fault 'drop {target} at {step}'",
     ),
     "garbage": Kind(
         what="outputs are damaged",
         draw=lambda d: Fault("garbage", d.name(), d.step(), d.random.randrange(40)),
         arm=on_outputs(lambda data, amount: [data[:amount] + b"\xc1" + data[amount + 1 :]]),
         codes=_LOST,
+        real="--fault 'corrupt {target} at {step}'",
     ),
     "other_step": Kind(
         what="outputs are those of another step",
@@ -292,11 +296,13 @@ KINDS: dict[str, Kind] = {
         what="the disk is full from some write on",
         draw=lambda d: Fault("full", "pwrite", d.random.randrange(30), 1 << 40),
         arm=raising(errno.ENOSPC, None), codes=frozenset({_RECORDING}),
+        real="stepbus run … --out on a disk that becomes full: mount -t tmpfs -o size=1m none DIR",
     ),
     "full_once": Kind(
         what="the disk is full for a few writes",
         draw=lambda d: Fault("full_once", "pwrite", d.random.randrange(30), d.few()),
         arm=raising(errno.ENOSPC, None), codes=frozenset({_RECORDING}),
+        real="fill the disk of --out for a moment: fallocate -l SIZE DIR/x; rm DIR/x",
     ),
     "disk_error": Kind(
         what="a disk operation fails: open, write, truncate, reserve, sync, close, rename",
@@ -314,13 +320,17 @@ KINDS: dict[str, Kind] = {
     ),
     "folder": Kind(
         what="the folder of the run is removed",
-        draw=lambda d: Fault("folder", "", d.time()), arm=folder,
+        draw=lambda d: Fault("folder", "", d.time()),
+        arm=on_world(remove_folder, while_recorded=True),
         codes=frozenset({_RECORDING}), is_fatal=True,
+        real="rm -r RUN  # while it runs",
     ),
     "interrupt": Kind(
         what="the user interrupts the run",
-        draw=lambda d: Fault("interrupt", "", d.time()), arm=interrupt,
+        draw=lambda d: Fault("interrupt", "", d.time()),
+        arm=on_world(interrupt, while_recorded=True),
         codes=frozenset({ExitCode.INTERRUPTED}),
+        real="kill -INT ORCHESTRATOR",
     ),
     "die": Kind(
         what="a participant is killed between two of its system calls",
@@ -377,6 +387,17 @@ KINDS: dict[str, Kind] = {
     "crash": Kind(
         what="the orchestrator is killed",
         draw=lambda d: Fault("crash", ORCHESTRATOR, d.time(), signal.SIGKILL), arm=at_time(kill),
+        real="kill -KILL ORCHESTRATOR",
     ),
 }  # fmt: skip
 """Name of a kind → what it is."""
+
+
+def arm(execution: Execution) -> None:
+    """Let the faults of its tape strike a run, which may then take so much longer."""
+    faults, healing_ns = execution.tape.faults, MS * execution.tape.knobs.heal_ms
+    for fault in faults:
+        KINDS[fault.kind].arm(execution, fault)
+    cut_ns = sum(fault.amount for fault in faults if fault.kind == "cut")
+    lasting_ns = sum(fault.amount for fault in faults if KINDS[fault.kind].lasts)
+    execution.lasting_ns = lasting_ns + (min(cut_ns, healing_ns) if healing_ns else cut_ns)

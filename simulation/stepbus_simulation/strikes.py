@@ -1,21 +1,19 @@
 """How faults strike a simulated run: what is done to its links, processes, messages and disk."""
 
-from __future__ import annotations
-
+import shutil
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
+from .execution import Execution
 from .network import Link
 from .tape import ORCHESTRATOR, Fault
 from .world import Process
 
-if TYPE_CHECKING:
-    from .execution import Execution
+Arm = Callable[[Execution, Fault], None]
 
 # --- links ----------------------------------------------------------------------------------
 
 
-def on_message(what: str) -> Callable[[Execution, Fault], None]:
+def on_message(what: str) -> Arm:
     """Return what becomes of message number `at` of a link."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -64,7 +62,7 @@ def _both_ways(target: str) -> tuple[str, str]:
 
 def at_time(
     act: Callable[[Execution, Fault, Process], None],
-) -> Callable[[Execution, Fault], None]:
+) -> Arm:
     """Return what strikes a process at a time, if it is there then."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -81,7 +79,7 @@ def at_time(
 
 def at_call(
     act: Callable[[Execution, Fault, Process], None],
-) -> Callable[[Execution, Fault], None]:
+) -> Arm:
     """Return what strikes a process between two of its system calls."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -124,27 +122,19 @@ def deaf(execution: Execution, fault: Fault) -> None:
     execution.alter(ORCHESTRATOR, "stop", alter)
 
 
-def slow_start(execution: Execution, fault: Fault) -> None:
-    """Let a process take long before its first line."""
-    execution.host.start_ns[fault.target] = fault.amount
-    execution.struck(fault)
+def of_host(setting: str) -> Arm:
+    """Return what changes a setting of the host for one process: its start, end or exit code."""
 
+    def arm(execution: Execution, fault: Fault) -> None:
+        getattr(execution.host, setting)[fault.target] = fault.amount
+        execution.struck(fault)
 
-def linger(execution: Execution, fault: Fault) -> None:
-    """Let a process take long for its end."""
-    execution.host.linger_ns[fault.target] = fault.amount
-    execution.struck(fault)
-
-
-def lie(execution: Execution, fault: Fault) -> None:
-    """Let a process end with another exit code."""
-    execution.host.lies[fault.target] = fault.amount
-    execution.struck(fault)
+    return arm
 
 
 def in_step(
     act: Callable[[Process, Fault], None],
-) -> Callable[[Execution, Fault], None]:
+) -> Arm:
     """Return what happens to a participant in the midst of a step."""
 
     def arm(execution: Execution, fault: Fault) -> None:
@@ -186,32 +176,36 @@ def compute_long(process: Process, fault: Fault) -> None:
     process.clock.sleep(fault.amount / 1e9)
 
 
+def on_world(act: Arm, *, while_recorded: bool = False) -> Arm:
+    """Return what strikes the machine at a time, or a run, where that still records."""
+
+    def arm(execution: Execution, fault: Fault) -> None:
+        def strike() -> None:
+            is_over = execution.orchestrator.is_dead or execution.is_recorded
+            if not (while_recorded and is_over):
+                execution.struck(fault)
+                act(execution, fault)
+
+        execution.world.after(fault.at, strike)
+
+    return arm
+
+
 def sleep(execution: Execution, fault: Fault) -> None:
     """Let the whole machine sleep."""
-
-    def strike() -> None:
-        execution.struck(fault)
-        execution.world.now_ns += fault.amount
-
-    execution.world.after(fault.at, strike)
+    execution.world.now_ns += fault.amount
 
 
 def wall(execution: Execution, fault: Fault) -> None:
     """Let the time of day jump."""
-
-    def strike() -> None:
-        execution.struck(fault)
-        execution.world.wall_ns += fault.amount
-
-    execution.world.after(fault.at, strike)
+    execution.world.wall_ns += fault.amount
 
 
-def interrupt(execution: Execution, fault: Fault) -> None:
+def interrupt(execution: Execution, _fault: Fault) -> None:
     """Interrupt the run, as Ctrl-C does."""
+    execution.interrupt.set()
 
-    def strike() -> None:
-        if not execution.orchestrator.is_dead and not execution.is_recorded:
-            execution.struck(fault)
-            execution.interrupt.set()
 
-    execution.world.after(fault.at, strike)
+def remove_folder(execution: Execution, _fault: Fault) -> None:
+    """Remove the folder of the run."""
+    shutil.rmtree(execution.out, ignore_errors=True)

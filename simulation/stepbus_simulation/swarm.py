@@ -1,91 +1,18 @@
 """Draws tapes: first which kinds of faults take part, then the faults and the knobs."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
 from random import Random
 
 from .again import AGAIN
+from .draw import Draw
 from .kinds import KINDS
 from .programs import SCENARIOS
-from .tape import MS, ORCHESTRATOR, Fault, Knobs, Tape
+from .tape import ORCHESTRATOR, Fault, Knobs, Tape
 
 _ISOLATION = 0.5
 _THEN = [*([""] * 27), *AGAIN]
 
-_LATEST_NS = 400 * MS
-"""Most strikes by the clock come in this time: a run of 50 steps takes some 150 ms."""
-_PREFERENCE = 0.5
-
 _NAMES = {name: list(make()) for name, make in SCENARIOS.items()}
-
-
-@dataclass(frozen=True, kw_only=True)
-class Draw:
-    """What faults are drawn from: a generator, the names of the participants, the steps.
-
-    preferred: a participant that is struck more often than others; faults of one meet. knobs: what
-    lasts about as long as one of their deadlines is drawn more often.
-    """
-
-    random: Random
-    names: list[str]
-    steps: int
-    preferred: str = ""
-    knobs: Knobs = field(default_factory=Knobs)
-
-    def name(self) -> str:
-        """Return a participant: the preferred one, as often as any other."""
-        if self.preferred and self.random.random() < _PREFERENCE:
-            return self.preferred
-        return self.random.choice(self.names)
-
-    def process(self) -> str:
-        """Return a process, the orchestrator among them."""
-        return self.random.choice([*self.names, ORCHESTRATOR])
-
-    def link(self) -> str:
-        """Return a link from one process to another."""
-        one = self.name()
-        other = self.random.choice([name for name in [*self.names, ORCHESTRATOR] if name != one])
-        return self.random.choice([f"{one}>{other}", f"{other}>{one}"])
-
-    def link_to_participant(self) -> str:
-        """Return a link to a participant; a log must come once (P8.6)."""
-        one = self.name()
-        other = self.random.choice([name for name in [*self.names, ORCHESTRATOR] if name != one])
-        return f"{other}>{one}"
-
-    def bulk_link(self) -> str:
-        """Return a link that carries bulk content."""
-        return self.random.choice([f"camera>{ORCHESTRATOR}", "camera>viewer"])
-
-    def time(self) -> int:
-        """Return a time at which something strikes [ns]."""
-        return self.random.randrange(self.random.choice([1, 1, 5]) * _LATEST_NS)
-
-    def lasting(self) -> int:
-        """Return how long something lasts [ns]: a moment, about a deadline, or longer than most."""
-        if self.random.random() < _PREFERENCE:
-            return int(10 ** self.random.uniform(5, 10))
-        phase = self.random.choice(["join", "ready", "step", "step", "step", "stop"])
-        deadline_ns = MS * int(getattr(self.knobs, f"{phase}_ms"))
-        return int(deadline_ns * self.random.uniform(0.8, 2.0))
-
-    def call(self) -> int:
-        """Return the number of a call of the machine: those of its start are few."""
-        return int(10 ** self.random.uniform(0, 3))
-
-    def few(self) -> int:
-        """Return how many calls go wrong."""
-        return self.random.randrange(1, 4)
-
-    def step(self) -> int:
-        """Return a step, or the closing one."""
-        return self.random.choice([self.random.randrange(self.steps), self.steps - 1, self.steps])
-
-    def message(self) -> int:
-        """Return the number of a message of a link."""
-        return self.random.randrange(2 * self.steps)
 
 
 def draw_tape(seed: int, number: int) -> Tape:

@@ -12,13 +12,13 @@ import pytest
 from campaign import judge as judging
 from campaign.faults import FAULTS, Fault
 from campaign.faults.fault import one_of
-from campaign.judge import Verdict, judge
+from campaign.judge import judge
 from campaign.log_reader import CHAIN, read
 from campaign.recordings.mutations import message_changed, message_dropped
 from campaign.runs import WHOLE, Case, cases, has_struck, strike
 from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS, Scenario
-from campaign.table import RunTable
+from campaign.table import RUNS, Table
 from mcap.writer import Writer
 from support.messages.recordings import rewrite
 from support.tools import needs_store
@@ -276,11 +276,13 @@ def test_what_was_prepared_strikes_a_run_that_has_ended_by_it(box):
 
 
 def test_the_table_says_how_often_a_fault_missed():
-    table = RunTable()
-    case = cases(1, 1)[0]
-    table.add(case, Verdict(0, 0.1, missed=True))
-    table.add(case, Verdict(8, 0.2))
-    assert f"| {case.fault} | 1 | 1 | 0, 8 | 0.2 | 0 |" in table.lines()[2]
+    table = Table(RUNS)
+    table.add("a fault", False, True, 0, 0.1, 0)
+    table.add("a fault", True, False, 8, 0.2, 0)
+    assert table.lines()[2:] == [
+        "| a fault | 1 | 1 | 0, 8 | 0.2 | 0 |",
+        "| **all** | 1 | 1 | 0, 8 | 0.2 | 0 |",
+    ]
 
 
 def test_a_run_that_ended_before_the_fault_is_judged_as_undisturbed(box):

@@ -34,6 +34,11 @@ def test_undamaged_is_right_for_another_valid_file(two_link_recording, mutation)
     assert judged(two_link_recording, mutation, "recover", UNDAMAGED) == []
 
 
+def test_damage_is_wrong_for_a_recording_that_was_only_written_again(two_link_recording):
+    answer = Answer(0, "run.mcap: the file ends before its end record")
+    assert "wrong damage" in judged(two_link_recording, rewritten, "recover", answer)[0]
+
+
 @pytest.mark.parametrize("mutation", [message_dropped, message_changed])
 def test_equal_is_wrong_where_a_message_differs(two_link_recording, mutation):
     assert "wrong equal" in judged(two_link_recording, mutation, "diff", EQUAL)[0]

@@ -75,14 +75,7 @@ def test_a_wheel_with_all_tracked_files_of_its_packages_and_no_other_passes(tmp_
     [
         ({"cart__notes.txt": b"x"}, "cart/notes.txt is not a tracked file of"),
         ({"cart__assets__page.css": None}, "cart/assets/page.css is missing"),
-        ({"cart__assets__page.css": b"p"}, "cart/assets/page.css differs from the"),
-        ({"cart__tests__test_a.py": b""}, "cart/tests/test_a.py is a test"),
-        ({"cart__conftest.py": b""}, "cart/conftest.py is a test"),
-        ({"cart__a.pyc": b""}, "cart/a.pyc is compiled code"),
-        ({"cart__core.cpython-311.so": b""}, "cart/core.cpython-311.so is a native"),
-        ({"cart__libcore.so.1.2": b""}, "cart/libcore.so.1.2 is a native library"),
-        ({"runs__a.yaml": b""}, "runs/a.yaml is output of work in a"),
-        ({"cart__run.mcap": b""}, "cart/run.mcap is a recording or a log"),
+        ({"cart__assets__page.css": b"p"}, "cart/assets/page.css differs from the tracked file"),
         (
             {"cart__get.py": f"x\nURL = '{INDEX}'".encode()},
             "cart/get.py, line 2: the address of a",
@@ -105,10 +98,9 @@ def test_an_sdist_without_a_file_or_with_another_one_is_refused(tmp_path):
             member = tarfile.TarInfo(f"cart-1.2.0/{name}")
             member.size = len(FILES.get(name, b""))
             archive.addfile(member, io.BytesIO(FILES.get(name, b"")))
-    missing, stray, output = problems_of_sdist(path, Layout(FILES))
+    missing, stray = problems_of_sdist(path, Layout(FILES))
     assert "LICENSE is missing" in missing
     assert "runs/a.txt is not a tracked file" in stray
-    assert "runs/a.txt is output of work" in output
 
 
 def builds_of(folder, files):

@@ -3,12 +3,10 @@
 import json
 import re
 import tomllib
-from fnmatch import fnmatch
 
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
-from scripts.release_contents import NEEDED, Layout
 from support.paths import CHECKOUT
 
 PROJECTS = [
@@ -33,19 +31,6 @@ def test_every_file_that_names_the_version_names_the_same():
 def test_the_sdist_lists_every_package_of_the_wheel(project):
     targets = project["tool"]["hatch"]["build"]["targets"]
     assert set(targets["wheel"]["packages"]) <= set(targets["sdist"]["only-include"])
-
-
-def test_every_file_that_the_wheel_needs_is_in_a_package():
-    files = {
-        str(path.relative_to(CHECKOUT)): b""
-        for package in PROJECTS[0]["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
-        for path in (CHECKOUT / package).rglob("*")
-        if path.is_file()
-    }
-    files["pyproject.toml"] = (CHECKOUT / "pyproject.toml").read_bytes()
-    held = Layout(files).wheel()
-    wanted = [pattern for pattern in NEEDED if ".dist-info" not in pattern]
-    assert [p for p in wanted if not any(fnmatch(name, p) for name in held)] == []
 
 
 def steps(workflow):

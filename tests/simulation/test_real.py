@@ -5,10 +5,10 @@ from random import Random
 
 import pytest
 from stepbus_simulation.campaign import execute
+from stepbus_simulation.draw import Draw
 from stepbus_simulation.kinds import KINDS
 from stepbus_simulation.programs import SCENARIOS, as_data
-from stepbus_simulation.real import real_fault
-from stepbus_simulation.swarm import Draw
+from stepbus_simulation.real import commands
 from stepbus_simulation.tape import Knobs, Tape
 from support.paths import CHECKOUT
 
@@ -32,7 +32,7 @@ def test_real_processes_agree(number, tmp_path, monkeypatch):
     tape = drawn(number)
     execution, problems = execute(tape)
     assert problems == []
-    texts = [text for fault in execution.effective if (text := real_fault(execution, fault))]
+    texts = [text.split("'")[1] for text in commands(execution)]
     if not texts or execution.result.at_step < 1:
         pytest.skip("it strikes nothing, or before the first step")
     monkeypatch.setenv("PYTHONPATH", os.fspath(CHECKOUT / "simulation"))

@@ -9,11 +9,12 @@ from random import Random
 import pytest
 from stepbus_simulation.campaign import execute, fingerprint, run_numbers
 from stepbus_simulation.costs import costs
+from stepbus_simulation.draw import Draw
 from stepbus_simulation.escapes import Escape, no_escapes
 from stepbus_simulation.kinds import KINDS
 from stepbus_simulation.programs import SCENARIOS
 from stepbus_simulation.shrink import shrink
-from stepbus_simulation.swarm import Draw, draw_tape
+from stepbus_simulation.swarm import draw_tape
 from stepbus_simulation.tape import Fault, Knobs, Tape, load_tape
 from support.paths import CHECKOUT
 
