@@ -57,7 +57,7 @@ def test_the_contract_offers_exactly_this() -> None:
         "Waiting Welcome WiringError Wrench class_declaration declaration_of declare differences due_step encode "
         "encode_in_parts encoding_of error_text explained field_docstrings fields_of json_schema listed meta nearest normal not_null offered parse_shapes "
         "parts_of raw_fields raw_problem reached reached_marks row_of suggest text_of type_name type_problems types_page types_vectors "
-        "unit_problem valid_unicode viewing wrong_word"
+        "valid_unicode viewing wrong_word"
     )
 
 
