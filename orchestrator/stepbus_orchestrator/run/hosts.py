@@ -103,7 +103,6 @@ class _Launch(Strategy):
         endpoint = self.mesh.participants[spec.name]
         if spec.is_external:
             external = self._launcher.admit(spec, endpoint, folder, **options)
-            self.mesh.tickets[spec.name] = external.ticket.path
             run.timing.event("external", spec.name)
             return ParticipantState(spec, external, external=external)
         argv = start_command(spec, folder)
