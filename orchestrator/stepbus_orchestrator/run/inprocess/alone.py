@@ -4,7 +4,6 @@ Prints, working directory, modules and handlers of signals are the process's.
 """
 
 import contextlib
-import os
 import threading
 from collections.abc import Iterator
 
@@ -20,19 +19,10 @@ def alone(interrupt: threading.Event) -> Iterator[None]:
 
     Raises Interrupted where that is set meanwhile.
     """
-    lock = _lock
-    while not lock.acquire(timeout=_TICK_S):
+    while not _lock.acquire(timeout=_TICK_S):
         if interrupt.is_set():
             raise Interrupted("interrupted while the run of another thread went on")
     try:
         yield
     finally:
-        lock.release()
-
-
-def _begin_anew() -> None:
-    global _lock  # noqa: PLW0603  (the thread that has it is not in this copy of the process)
-    _lock = threading.RLock()
-
-
-os.register_at_fork(after_in_child=_begin_anew)
+        _lock.release()
