@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -24,6 +25,7 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
+from stepbus_orchestrator.processes.limits import check_limits, is_memory_limited
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
@@ -163,6 +165,11 @@ def run_command(
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
     """
+    if is_memory_limited():
+        # NumPy ends this process where memory is short: rather now than behind a run.
+        import_module("numpy")
+    # Else it would be the scenario that cannot be read.
+    check_limits(1)
     loaded = changes.load(scenario)
     is_quiet = json or bool(changes.debug)
     has_keys = has_terminal() and not is_quiet
@@ -172,6 +179,7 @@ def run_command(
             "cannot be combined with --json or --debug"
         )
     check_installed(loaded)
+    check_limits(len(loaded.participants))
     # Beside JSON, the lines have no reader, and they take as long as the recording of the run.
     is_read = not (json and no_report)
     if is_read:

@@ -58,12 +58,16 @@ class Reaper:
                 env=environment(),
                 start_new_session=True,
             )
-        except OSError as exc:
-            self.folder.rmdir()
-            raise StartFailed(
-                "cannot start the reaper, which cleans up after a run: "
-                f"{exc.strerror}; check ulimit -n and ulimit -u"
-            ) from exc
+        except BaseException as exc:
+            # It is empty. To remove it takes no file descriptor, of which there may be none left.
+            with contextlib.suppress(OSError):
+                self.folder.rmdir()
+            if isinstance(exc, OSError):
+                raise StartFailed(
+                    "cannot start the reaper, which cleans up after a run: "
+                    f"{exc.strerror}; check ulimit -n and ulimit -u"
+                ) from exc
+            raise
 
     def watch(self, group: int) -> None:
         """Have it kill a process group when the orchestrator is gone."""

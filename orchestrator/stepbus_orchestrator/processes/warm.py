@@ -20,6 +20,7 @@ from pathlib import Path
 import msgspec
 
 from stepbus_orchestrator.processes import PYTHON
+from stepbus_orchestrator.processes.activity import children
 from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
 from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, environment, is_ours
 from stepbus_participant.warm import REFUSED, WARM, Birth
@@ -110,21 +111,45 @@ class _Parent:
                     if (pid := int(self._channel.recv(32) or REFUSED)) != REFUSED:
                         return Forked(pid)
                 # It is stopped or killed, or short of something, and must not fork later on.
-                self._end()
+                self._end(environment[TICKET_VARIABLE])
         return None
 
     def end(self) -> None:
         with self._lock:
             self._end()
 
-    def _end(self) -> None:
+    def _end(self, ticket: str = "") -> None:
+        """End it; ticket: of a participant that it may have forked without an answer."""
         if self._is_there:
             self._is_there = False
             self._channel.close()
             # A program of the user's may have reaped it.
             with contextlib.suppress(ProcessLookupError, ChildProcessError):
                 os.kill(self._pid, signal.SIGKILL)
+                # As long as it is a zombie, its session is its own.
+                # no time-out: it was killed
+                os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOWAIT)
+                while ticket and (forked := self._forked(ticket)):
+                    for pid in forked:
+                        os.kill(pid, signal.SIGKILL)
+                        os.waitpid(pid, 0)  # no time-out: it was killed
                 os.waitpid(self._pid, 0)  # no time-out: it was killed
+
+    def _forked(self, ticket: str) -> list[int]:
+        """Return its children, now ours: they are in its session until they show their ticket."""
+        mark = f"{TICKET_VARIABLE}={ticket}".encode()
+        return [
+            pid
+            for pid in children(os.getpid()) - {self._pid}
+            if os.getsid(pid) == self._pid or mark in _variables(pid)
+        ]
+
+
+def _variables(pid: int) -> list[bytes]:
+    # One that has become another user's does not show them.
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
+    return []
 
 
 _adopting = threading.Lock()

@@ -89,14 +89,14 @@ class Encoded(NamedTuple):
 
 
 def encode_chunk(chunk: Chunk) -> Encoded:
-    """Return the bytes of a chunk: a function of its messages alone."""
+    """Return the bytes of a chunk: a function of its messages alone; raises MemoryError."""
     compressor = _compressor(is_big=chunk.is_big)
     content, crc = list(_gathered(chunk.records)), 0
     for part in content:
         crc = crc32(part, crc)
     packed, compression = content, ""
     if not chunk.is_big or _gains(_sample(content, chunk.size), compressor):
-        whole = compressor.compress(b"".join(content))
+        whole = _compressed(b"".join(content), compressor)
         if not chunk.is_big or len(whole) <= _WORTH_IT * chunk.size:
             packed, compression = [whole], "zstd"
     packed_size = len(packed[0]) if compression else chunk.size
@@ -157,4 +157,12 @@ def _sample(content: Iterable[bytes], size: int) -> bytes:
 
 
 def _gains(sample: bytes, compressor: zstandard.ZstdCompressor) -> bool:
-    return len(compressor.compress(sample)) <= _WORTH_IT * len(sample)
+    return len(_compressed(sample, compressor)) <= _WORTH_IT * len(sample)
+
+
+def _compressed(content: bytes, compressor: zstandard.ZstdCompressor) -> bytes:
+    try:
+        return compressor.compress(content)
+    except zstandard.ZstdError as exc:
+        # Whatever the content, it lacks nothing but memory.
+        raise MemoryError(str(exc)) from exc

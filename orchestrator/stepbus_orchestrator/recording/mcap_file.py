@@ -17,6 +17,9 @@ from stepbus_orchestrator.recording.reserved_file import ReservedFile
 from stepbus_participant import Disk
 from stepbus_schemas import json_schema, reached
 
+_FAILURES = (OSError, MemoryError)
+"""What a write that failed raises."""
+
 
 class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
@@ -88,7 +91,7 @@ class McapFile:
             raise self._refusal
         try:
             self._writer.add_messages(messages, t_ns, t_ns, sequence)
-        except OSError as exc:
+        except _FAILURES as exc:
             raise self.refuse(exc) from exc
 
     def flush(self) -> None:
@@ -99,7 +102,7 @@ class McapFile:
         if self._refusal is None:
             try:
                 self._writer.write_unfinished()
-            except OSError as exc:
+            except _FAILURES as exc:
                 # Of a chunk that was being compressed: whatever comes next is refused.
                 self._unreported = self.refuse(exc)
 
@@ -116,7 +119,7 @@ class McapFile:
         if self._refusal is None:
             try:
                 self._writer.settle()
-            except OSError as exc:
+            except _FAILURES as exc:
                 self._unreported = self.refuse(exc)
         self._file.release()
         try:
@@ -125,7 +128,7 @@ class McapFile:
                 self._writer.drop_chunks()
                 last = None
             self._writer.finish(last)
-        except OSError as exc:
+        except _FAILURES as exc:
             raise self.refuse(exc) from exc
         finally:
             self._file.close()
@@ -138,7 +141,7 @@ class McapFile:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
             changed = self._file.changed(self._writer.crc)
-        except OSError as exc:
+        except _FAILURES as exc:
             raise self._failure(exc) from exc
         if changed:
             reached("a recording was changed or removed")
@@ -154,16 +157,21 @@ class McapFile:
             raise self._refusal
         try:
             yield
-        except OSError as exc:
+        except _FAILURES as exc:
             raise self.refuse(exc) from exc
 
-    def refuse(self, exc: OSError) -> RecordingFailed:
+    def refuse(self, exc: OSError | MemoryError) -> RecordingFailed:
         """Return the first failure, which refuses all that comes next."""
         reached("a recording cannot be written")
         self._refusal = self._refusal or self._failure(exc)
         return self._refusal
 
-    def _failure(self, exc: OSError) -> RecordingFailed:
+    def _failure(self, exc: OSError | MemoryError) -> RecordingFailed:
+        if isinstance(exc, MemoryError):
+            return RecordingFailed(
+                f"the recording {self.path} cannot be written: the orchestrator has no memory "
+                "left; free some memory or raise its limit (ulimit -v)"
+            )
         remedy = (
             "raise the file size limit (ulimit -f)"
             if exc.errno == errno.EFBIG

@@ -229,7 +229,7 @@ class MessageWriter:
     def _end_chunk(self) -> None:
         """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
 
-        It is kept until it is encoded.
+        It is kept until it is encoded: that may raise MemoryError.
         """
         chunk = self._chunk
         if not chunk.indexes:

@@ -177,6 +177,19 @@ class Recorder(Sink):
         *,
         is_last: bool,
     ) -> None:
+        try:
+            self._write_outputs(step, closing, collect)
+            self._write_chain(step, is_last=is_last)
+        except MemoryError as exc:
+            # Outputs that were taken from the queue may be lost: nothing may follow them.
+            raise self._file.refuse(exc) from exc
+
+    def _write_outputs(
+        self,
+        step: int,
+        closing: Collection[str] | None,
+        collect: Callable[[Published, list[tuple[int, bytes]]], None],
+    ) -> None:
         """Write the outputs of one step, up to the first broken one; the chains have the same."""
         self._last_chain = b""
         messages: list[tuple[int, bytes]] = []
@@ -185,7 +198,6 @@ class Recorder(Sink):
                 collect(published, messages)
         finally:
             self._add(messages, step * self._step_ns, step)
-        self._write_chain(step, is_last=is_last)
 
     def _collect_what_is_valid(
         self, published: Published, messages: list[tuple[int, bytes]]

@@ -10,6 +10,7 @@ from stepbus_orchestrator.analysis.divergence import fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.processes.endpoints import new_token
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import Recording, Sink, TimingRecorder
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
@@ -77,6 +78,7 @@ def replay(
     tolerance.check(
         {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
     )
+    check_limits(1)
     is_copy = recorded or program is not None
     tree = None if is_copy else find_work_tree(opened, participant, tree_path)
     with scratch_folder("replay") as folder:

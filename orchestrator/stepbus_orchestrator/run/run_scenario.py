@@ -11,6 +11,7 @@ import msgspec
 
 from stepbus_orchestrator.errors import ParticipantFault, RecordingFailed, RunFailure, argument
 from stepbus_orchestrator.processes.endpoints import new_token
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import McapFile, Recorder, Sink, TimingRecorder, layout
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extension import RunExtension, overriding
@@ -69,7 +70,7 @@ def run(
 
     observer: is notified of progress. interrupt: ends the run when it is set, e.g. by Ctrl-C.
     A run that fails returns its failure. Raises RecordingFailed when there is no folder to write
-    to, ExtraMissing where a package that one of our
+    to, StartFailed when it may not open enough files, ExtraMissing where a package that one of our
     participants needs is not installed, WiringError where the host cannot run this scenario, or an
     extension cannot do its work in it, Interrupted before the run's turn in this process.
     """
@@ -79,6 +80,7 @@ def run(
     if overriding(extensions, "completed"):
         scenario = dataclasses.replace(scenario, window=1, batch=1)
     check_installed(scenario)
+    check_limits(len(scenario.participants))
     options.host.check(scenario)
     options = dataclasses.replace(options, extensions=extensions)
     interrupt = interrupt or threading.Event()
@@ -141,6 +143,8 @@ class _Execution:
             # It was not expected of any file.
             kind = RecordingFailed if str(exc.filename).startswith(str(self._out)) else RunFailure
             failure = kind(f"{exc.filename or 'this machine'}: {exc.strerror or exc}")
+        except MemoryError:
+            failure = RunFailure("the orchestrator has no memory left; raise its limit (ulimit -v)")
         finally:
             ending = self._close(reason, failure)
         self._add_logged()

@@ -9,11 +9,66 @@ import pytest
 
 from stepbus_orchestrator.errors import ExitCode, StartFailed
 from stepbus_orchestrator.processes.launcher import Launcher
+from stepbus_orchestrator.run.run_scenario import Options, run
+from stepbus_orchestrator.scenario.load import load
 
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
+
+
+def limited(folder, limit, *words):
+    command = f"ulimit {limit}; exec {STEPBUS} {' '.join(words)}"
+    return subprocess.run(
+        ["sh", "-c", command], cwd=folder, capture_output=True, text=True, timeout=120, check=False
+    )
+
+
+def test_files_too_few_to_read_the_scenario_are_no_mistake_in_it(tmp_path):
+    done = limited(tmp_path, "-n 6", "run", "two_link", "--no-report")
+    assert done.returncode == ExitCode.START
+    assert "a run of 1 participant needs 22 open files, but this shell allows 6" in done.stderr
+
+
+@pytest.mark.parametrize("files", [22, 23])
+def test_too_few_open_files_are_one_sentence_before_anything_is_made(tmp_path, files):
+    done = limited(tmp_path, f"-n {files}", "run", "two_link", "--no-report")
+    assert done.returncode == ExitCode.START
+    assert done.stderr == (
+        "stepbus: a run of 3 participants needs 24 open files, but this shell allows "
+        f"{files}; raise the limit with `ulimit -n 256`\n"
+    )
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_fewest_open_files_are_enough(tmp_path):
+    words = ["run", "two_link", "--no-report", "--set", "duration=50ms", "--out", "run"]
+    assert limited(tmp_path, "-n 24", *words).returncode == 0
+
+
+def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
+    done = limited(tmp_path, "-v 200000", "validate", "two_link")
+    assert "Traceback" not in done.stderr
+    assert done.returncode != 0 or done.stdout
+
+
+def test_too_little_memory_is_one_sentence_before_anything_is_made(tmp_path):
+    done = limited(tmp_path, "-v 500000", "run", "two_link", "--no-report")
+    assert done.returncode == ExitCode.START
+    assert "a run needs 1024 MB of address space on top of what is loaded" in done.stderr
+    assert "this shell allows 488 MB in total" in done.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_no_address_can_name_is_refused(tmp_path, own_temp, monkeypatch):
+    folder = own_temp / "a#b"
+    folder.mkdir()
+    monkeypatch.setattr("tempfile.tempdir", str(folder))
+    done = run(load("two_link", ["duration=50ms"]), Options(out=tmp_path / "run"))
+    assert done.exit_code == ExitCode.BUS
+    assert "a Zenoh address cannot contain #; set TMPDIR" in done.reason
+    folder.rmdir()  # It is empty.
 
 
 @pytest.mark.parametrize("word", [b"--out=\xff", b"\xff.yaml"])

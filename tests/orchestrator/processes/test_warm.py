@@ -2,7 +2,9 @@
 
 import contextlib
 import json
+import os
 import signal
+import socket
 import subprocess
 import sys
 
@@ -150,6 +152,24 @@ def test_without_its_warm_parent_a_participant_is_started(tmp_path, forked, monk
         result = run_joints(tmp_path, "duration=50ms")
     assert (result.exit_code, forked, leftovers(tmp_path)) == (0, [], [])
     assert has_ended(parent)
+
+
+def test_a_participant_whose_warm_parent_was_killed_before_it_answered_is_started_once(
+    tmp_path, forked, monkeypatch
+):
+    before, send_fds = living_children(), socket.send_fds
+
+    def strike(channel, *birth):
+        send_fds(channel, *birth)
+        channel.recv(32)
+        # What it has forked may still have its command line, in its session.
+        ones = warm_ones(living_children() - before)
+        (parent,) = (one for one in ones if os.getsid(one.pid) == one.pid)
+        parent.kill()
+
+    monkeypatch.setattr(warm.socket, "send_fds", strike)
+    result = run_joints(tmp_path, "duration=50ms")
+    assert (result.exit_code, forked, leftovers(tmp_path)) == (0, [], []), result.reason
 
 
 def test_one_run_has_its_warm_parent_until_all_have_started(tmp_path, forked):

@@ -19,6 +19,7 @@ from stepbus_orchestrator.errors import (
     RecordingFailed,
     argument,
 )
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import WiringError
 from stepbus_tools.sweep.bundle import Bundle, collect
@@ -106,6 +107,7 @@ def sweep(
     where Ray does not start, and Interrupted.
     """
     bundle = collect(plan.variants, plan.spec.metrics)
+    check_limits(len(plan.variants[0].participants))
     with _claimed(options.home):
         _claim(plan, bundle, options.home)
         with Journal(options.home) as journal:

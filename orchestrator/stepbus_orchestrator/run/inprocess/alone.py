@@ -4,6 +4,7 @@ Prints, working directory, modules and handlers of signals are the process's.
 """
 
 import contextlib
+import os
 import threading
 from collections.abc import Iterator
 
@@ -19,10 +20,19 @@ def alone(interrupt: threading.Event) -> Iterator[None]:
 
     Raises Interrupted where that is set meanwhile.
     """
-    while not _lock.acquire(timeout=_TICK_S):
+    lock = _lock
+    while not lock.acquire(timeout=_TICK_S):
         if interrupt.is_set():
             raise Interrupted("interrupted while the run of another thread went on")
     try:
         yield
     finally:
-        _lock.release()
+        lock.release()
+
+
+def _begin_anew() -> None:
+    global _lock  # noqa: PLW0603  (the thread that has it is not in this copy of the process)
+    _lock = threading.RLock()
+
+
+os.register_at_fork(after_in_child=_begin_anew)
