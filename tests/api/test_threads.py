@@ -1,5 +1,6 @@
 """Runs in several threads of one process: none disturbs another."""
 
+import contextlib
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
@@ -9,6 +10,7 @@ import pytest
 
 import stepbus
 from stepbus import errors
+from stepbus_orchestrator.run.inprocess.guard import guard, unguard
 
 SHORT = {"duration": "200ms"}
 
@@ -68,3 +70,41 @@ def test_a_run_that_waits_for_another_one_can_be_interrupted(tmp_path):
         finally:
             first.set()
         assert long.result(60).exit_code == 130
+
+
+class Guarded:
+    name = "plant"
+
+    def __init__(self):
+        self.threads = []
+
+    def before_program(self):
+        raise AssertionError("it starts none")
+
+    @contextlib.contextmanager
+    def starting(self, thread):
+        self.threads.append(thread)
+        yield
+
+
+def test_a_thread_belongs_to_the_participant_whose_code_starts_it():
+    me, guarded = threading.get_ident(), Guarded()
+
+    def owner():
+        return guarded if threading.get_ident() == me else None
+
+    def start(thread):
+        thread.start()
+        thread.join(60)
+
+    own = threading.Thread(target=int)
+    with ThreadPoolExecutor(1) as other:
+        other.submit(int).result(60)
+        guard(owner)
+        try:
+            start(own)
+            other.submit(start, threading.Thread(target=int)).result(60)
+        finally:
+            unguard(owner)
+    start(threading.Thread(target=int))
+    assert guarded.threads == [own]

@@ -108,7 +108,7 @@ def _guarded() -> int:
     if is_hosted:
         from .supervisor import settle  # noqa: PLC0415  (see the top)
 
-        settle(code)
+        settle(code, is_mute=output.is_mute)
     return code
 
 

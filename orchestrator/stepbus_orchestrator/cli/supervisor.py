@@ -20,6 +20,7 @@ from stepbus_orchestrator.run.inprocess.turn_watchdog import TICK_S, TurnWatchdo
 from stepbus_orchestrator.run.inprocess.turns import (
     CODE,
     INTERRUPTED,
+    MUTE,
     PULSE,
     TURN,
     Stage,
@@ -62,9 +63,13 @@ def _beat(memory: Turns) -> None:
         time.sleep(TICK_S)
 
 
-def settle(code: int) -> None:
-    """Tell the parent that nothing is left to do, but to end with this code."""
+def settle(code: int, *, is_mute: bool) -> None:
+    """Tell the parent that nothing is left to do, but to end with this code.
+
+    is_mute: whether stderr did not take what was to be printed.
+    """
     if turns.own is not None:
+        turns.own.words[MUTE] = is_mute
         turns.own.enter(Stage.LEAVING, code)
 
 
@@ -143,7 +148,7 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
     stage, turn = memory.stage, int(memory.words[TURN])
     if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
         return int(memory.words[CODE])
-    if killer is not None or (stage.is_run and turn):
+    if killer is not None or (stage.is_run and turn) or (code and memory.words[MUTE]):
         from stepbus_orchestrator.run.inprocess import post_mortem  # noqa: PLC0415
 
         from .terminal.output import write  # noqa: PLC0415
@@ -152,8 +157,10 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
             code, text = post_mortem.conclude(
                 memory, pid, killer.culprit, held_s=killer.held_s, is_stopped=killer.is_stopped
             )
-        else:
+        elif stage.is_run:
             code, text = post_mortem.conclude(memory, pid, turn, code=code)
+        else:
+            text = post_mortem.last_words(memory)
         write(sys.stderr, text)
         return code
     if code < 0:

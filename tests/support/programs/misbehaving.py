@@ -7,9 +7,11 @@ import atexit
 import concurrent.futures
 import contextlib
 import ctypes
+import multiprocessing
 import os
 import signal
 import subprocess
+import sys
 import threading
 import time
 
@@ -70,6 +72,10 @@ def lock_from_thread() -> None:
     time.sleep(0.5)
 
 
+def lock_from_thread_later() -> None:
+    threading.Timer(0.01, hang_with_lock).start()
+
+
 def leave_thread() -> None:
     threading.Thread(target=threading.Event().wait).start()
 
@@ -94,8 +100,20 @@ def kill_self() -> None:
     os.kill(os.getpid(), signal.SIGKILL)
 
 
+def kill_group() -> None:
+    os.kill(0, signal.SIGTERM)
+
+
+def kill_group_by_name() -> None:
+    os.killpg(os.getpgid(0), signal.SIGKILL)
+
+
 def raise_kill() -> None:
     signal.raise_signal(signal.SIGKILL)
+
+
+def stop_self() -> None:
+    os.kill(os.getpid(), signal.SIGSTOP)
 
 
 def stop_in_c() -> None:
@@ -123,6 +141,25 @@ def fork() -> None:
         time.sleep(LONG_S)
 
 
+def fork_terminal() -> None:
+    os.forkpty()
+
+
+def fork_twice() -> None:
+    if not os.fork():
+        if not os.fork():
+            time.sleep(LONG_S)
+        os._exit(0)
+
+
+def fork_process() -> None:
+    multiprocessing.get_context("fork").Process(target=time.sleep, args=(LONG_S,)).start()
+
+
+def fork_pool() -> None:
+    multiprocessing.get_context("fork").Pool(2).map(abs, [1, -2])
+
+
 def fork_in_c() -> None:
     ctypes.PyDLL(None).fork()
 
@@ -133,6 +170,27 @@ def leave_child() -> None:
 
 def leave_grandchild() -> None:
     subprocess.run(["sh", "-c", "trap '' TERM INT HUP; sleep 1000 & :"], check=True)
+
+
+def leave_session() -> None:
+    subprocess.Popen(["sleep", "1000"], start_new_session=True)
+
+
+def clear_modules() -> None:
+    sys.modules.clear()
+
+
+def close_standard_streams() -> None:
+    for number in (0, 1, 2):
+        os.close(number)
+
+
+def close_range() -> None:
+    os.closerange(3, 1000)
+
+
+def close_range_in_c() -> None:
+    ctypes.CDLL(None).close_range(3, 1000, 0)
 
 
 def misbehave(moment: str) -> None:

@@ -32,9 +32,11 @@ class StdoutBuffer(io.BufferedIOBase):
     pager needs. Once a reader has been waited for in vain, no write waits until it reads again,
     and what comes beyond 64 KiB of backlog is left out. failure: why nothing more can be written;
     0: none. is_incomplete: something was left out. is_needed: without, the command has failed.
+    is_mute: the buffer beside it, of standard error, could not be written.
     """
 
     is_needed = True
+    is_mute = False
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
@@ -153,6 +155,7 @@ def buffered() -> Iterator[StdoutBuffer]:
         elif output.is_incomplete:
             print_error("stdout: no process reads it; the output is incomplete")
         error.finish()
+        output.is_mute = error.failure == errno.EBADF
         sys.stdout, sys.stderr = before
 
 

@@ -7,7 +7,6 @@ where waking another thread or process costs ten and more.
 
 from __future__ import annotations
 
-import signal
 from collections import deque
 from collections.abc import Callable
 from queue import Empty
@@ -19,18 +18,6 @@ from stepbus_participant import Clock
 
 _IDLE_S = 0.01
 """How often a hub with nothing to do checks whether a signal has come [s]."""
-
-
-class Ended(BaseException):
-    """Ends a participant whose process would get a signal; `number` is that signal."""
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"ended by {signal.Signals(number).name}")
-        self.number = number
-
-
-class Late(BaseException):
-    """Interrupts a participant that keeps the thread past its deadline."""
 
 
 class Turn:

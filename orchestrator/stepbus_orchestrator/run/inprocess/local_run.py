@@ -6,6 +6,7 @@ import importlib
 import os
 import signal
 import sys
+import threading
 from collections.abc import Iterator, Sequence
 from functools import partial
 from pathlib import Path
@@ -44,6 +45,7 @@ _BRIDGE = ("stepbus", "bridge")
 _BATCH = 0x82
 """A map of two entries; `Outputs` have three and more."""
 _decode_batch = msgspec.msgpack.Decoder(Batch).decode
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
@@ -121,7 +123,7 @@ class LocalRun(Strategy):
         folder, specs = opening.scenario.folder, opening.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
-        self.surroundings = Surroundings(folder, files)
+        self.surroundings = Surroundings(folder, files, self._owner)
         self.memory: Turns
         self._opening = opening
         self._start_order = start_order
@@ -129,7 +131,8 @@ class LocalRun(Strategy):
         self._caller = next(callers, None)
         self._hosted: list[HostedParticipant] = []
         self._reaper: Reaper | None = None
-        self._pid = os.getpid()
+        self._pid, self._thread_id = os.getpid(), threading.get_ident()
+        self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
     def opened(self, *, owns_descriptors: bool) -> Iterator["LocalRun"]:
@@ -151,6 +154,12 @@ class LocalRun(Strategy):
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory
+            if threading.current_thread() is threading.main_thread():
+                handlers = {number: signal.getsignal(number) for number in _SIGNALS}
+                # Those that are None are not Python's.
+                self._handlers = {
+                    n: handler for n, handler in handlers.items() if handler is not None
+                }
             if self._caller is not None:
                 self._caller.local, self.hub.away = self, self._caller.away
             yield self
@@ -178,10 +187,20 @@ class LocalRun(Strategy):
         turn = self.hub.current
         return turn if isinstance(turn, HostedParticipant) else None
 
+    def _owner(self) -> HostedParticipant | None:
+        """Return whose code runs on this thread; None: that of no participant."""
+        if os.getpid() != self._pid:
+            return None
+        thread_id = threading.get_ident()
+        if thread_id == self._thread_id:
+            current = self._current()
+            return current if current is not None and current.is_running else None
+        return next((hosted for hosted in self._hosted if hosted.has_thread(thread_id)), None)
+
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""
         if os.getpid() != self._pid:
-            # A participant has forked: this is a second orchestrator, with the same open files.
+            # A library in C has forked: this is a second orchestrator, with the same open files.
             os.kill(os.getpid(), signal.SIGKILL)
         if self.state is None:
             return
@@ -189,6 +208,9 @@ class LocalRun(Strategy):
         stage = Stage.STEP if phase.is_stepping else Stage.STOP
         if phase is RunPhase.START_UP:
             stage = Stage.READY
+            # Libraries that were loaded may have set others; these let the user end the run.
+            for number, handler in self._handlers.items():
+                signal.signal(number, handler)
         if self.memory.words[STAGE] != stage:
             self.memory.enter(stage)
 
@@ -236,17 +258,7 @@ class LocalRun(Strategy):
         count = partial(count_steps, self.memory.words, PUBLISHED + number)
         self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
-            return HostedParticipant(
-                self.hub,
-                ticket,
-                LoopbackBus(self.bus, self.hub.queue, is_leaf=self.is_star),
-                self.logs / f"{spec.name}.log",
-                program,
-                words=self.memory.words,
-                number=number,
-                shown=shown,
-                reap=self.reap,
-            )
+            return HostedParticipant(self, ticket, program, number, shown=shown)
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: cannot open its log: {exc.strerror}",

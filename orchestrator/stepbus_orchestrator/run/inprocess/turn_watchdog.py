@@ -19,6 +19,7 @@ if __name__ == "__main__":
 
 from stepbus_orchestrator.processes.activity import activity_of
 from stepbus_orchestrator.run.inprocess.turns import (
+    CODE,
     INTERRUPTED,
     LATE,
     PUBLISHED,
@@ -39,10 +40,14 @@ _MUTE_S = 1.0
 _TRACE_S = 0.3
 """Between the signal that writes the tracebacks and the one that ends the process [s]."""
 _LEAVE_S = 5.0
-"""How long a process may take to end [s]."""
+_FAILED_LEAVE_S = 0.2
+"""How long a process may take to end; where a run has failed and left threads behind [s]."""
 _INTERRUPTED_S = 1.0
 _END_S = 5.0
 _PAUSE_S = 0.005
+_SWITCHES = 5
+"""Times that a thread gives its processor away while the tracebacks are written: one that waits
+for Python's lock asks for it 200 times a second."""
 TRACE_SIGNAL = signal.SIGURG
 """Ignored by default, so that one too many does no harm."""
 
@@ -115,7 +120,11 @@ class TurnWatchdog:
             return limit_s if turn else limit_s + _MUTE_S
         if stage is Stage.OVER:
             return _LEAVE_S + _MUTE_S
-        return _LEAVE_S
+        threads = self._turns.with_threads()
+        if threads and words[CODE]:
+            return _FAILED_LEAVE_S
+        own = [row[-1] for number in threads for row in rows[number - 1 : number]]
+        return min([_LEAVE_S, *own])
 
     def _interrupt(self) -> None:
         """Make the process write its tracebacks, and raise in what the participant executes."""
@@ -125,11 +134,22 @@ class TurnWatchdog:
 
     def _is_stuck(self, turn: int) -> bool:
         """Interrupt once more; return whether that was of no use, and find the culprit."""
-        before = self._turns.words[TURNS]
+        before, switches = self._turns.words[TURNS], self._switches()
         self._interrupt()
         time.sleep(_TRACE_S)
-        self.culprit = turn
+        others = self._turns.with_threads()
+        # Whose turn it is may wait for Python's lock itself.
+        is_other = others and (not turn or self._switches() - switches > _SWITCHES)
+        # Whoever has stopped the process, it was no thread.
+        self.culprit = others[0] if is_other and not self.is_stopped else turn
         return (self._turns.stage, self._turns.words[TURNS]) == (self._state[0], before)
+
+    def _switches(self) -> int:
+        with contextlib.suppress(OSError):
+            for line in Path(f"/proc/{self._pid}/status").read_text().splitlines():
+                if line.startswith("voluntary_ctxt_switches"):
+                    return int(line.split()[1])
+        return 0
 
 
 def _watch(turns: Turns, pid: int) -> None:

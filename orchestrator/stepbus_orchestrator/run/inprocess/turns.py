@@ -20,14 +20,14 @@ _BYTES = 1 << 18
 _FIRST_DESCRIPTOR = 10
 """Below are the standard streams, one of which may be closed."""
 
-STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED = range(7)
+STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED, MUTE = range(8)
 """Where each number is: how far the process is, and its exit code; who has the thread (0: no
 participant), and how many turns there were; what counts while Python's lock is to be had; how
 long the participant has had the thread that is to be interrupted [s]; whether the user wants the
-run to end."""
-PUBLISHED = MOST
+run to end; whether the process has lost its stderr."""
+PUBLISHED, THREADS = MOST, 2 * MOST
 """Where the numbers of the participants begin, which count from 1: how many steps each has
-published."""
+published, and how many threads it has started."""
 
 
 class Stage(IntEnum):
@@ -90,7 +90,7 @@ class Turns:
         """Note how far the process is; code: with which it would end."""
         if stage is Stage.STEP:
             # What was published before was handshakes.
-            self.words[PUBLISHED : 2 * MOST] = memoryview(bytes(8 * MOST)).cast("d")
+            self.words[PUBLISHED:THREADS] = memoryview(bytes(8 * MOST)).cast("d")
         self.words[CODE] = code
         self.words[STAGE] = stage
 
@@ -107,6 +107,10 @@ class Turns:
     def stage(self) -> Stage:
         """Return how far the process is."""
         return Stage(int(self.words[STAGE]))
+
+    def with_threads(self) -> list[int]:
+        """Return the participants that have started threads."""
+        return [number for number in range(1, MOST) if self.words[THREADS + number]]
 
     def will(self) -> dict[str, Any]:
         """Return what was left; empty where nothing was."""

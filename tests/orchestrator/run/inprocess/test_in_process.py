@@ -10,6 +10,7 @@ import threading
 import time
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 
 import msgspec
 import pytest
@@ -23,6 +24,7 @@ from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.local_run import count_steps
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
+from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
 from stepbus_orchestrator.run.inprocess.turns import PUBLISHED, Turns, make_file
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
@@ -266,7 +268,14 @@ def test_the_greeting_of_pybullet_is_nowhere(tmp_path):
     assert [log.name for log in logs if "build time" in log.read_text()] == []
 
 
-def test_a_log_on_a_full_disk_fails_nobody_else():
+class FullLogs:
+    """A folder whose disk is full."""
+
+    def __truediv__(self, _name):
+        return Path("/dev/full")
+
+
+def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
     def leave() -> int:
         raise SystemExit("no room for this")
 
@@ -276,10 +285,11 @@ def test_a_log_on_a_full_disk_fails_nobody_else():
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
-    hosted = HostedParticipant(
-        hub, ticket, bus, Path("/dev/full"), leave,
-        words=turns.words, number=1, shown=False, reap=lambda _group: None,
+    local = SimpleNamespace(
+        hub=hub, bus=bus, memory=turns, is_star=False, logs=FullLogs(),
+        surroundings=Surroundings(tmp_path, [], lambda: None),
     )  # fmt: skip
+    hosted = HostedParticipant(local, ticket, leave, 1, shown=False)
     assert hosted.wait(5)
     hosted.end()
     turns.close()
