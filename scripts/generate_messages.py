@@ -19,6 +19,8 @@ from pathlib import Path
 from typing import Any
 
 import msgspec
+from scripts.codec_vectors import from_notation, vectors
+from scripts.messages_page import messages_page
 
 from stepbus_schemas import (
     ENVELOPE_TYPES,
@@ -29,8 +31,7 @@ from stepbus_schemas import (
     encode,
     json_schema,
 )
-from stepbus_schemas.tables import messages_page
-from stepbus_schemas.vectors import from_notation, line_by_line, vectors
+from stepbus_schemas.vectors import line_by_line
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 

@@ -22,9 +22,10 @@ from .environment import *
 from .files import *
 from .packages import *
 from .parameters.durations import *
+from .parameters.kinds import *
+from .parameters.kinds import Own as Own
 from .parameters.problems import *
 from .parameters.settings import *
-from .parameters.settings import Own as Own
 from .participant import *
 from .process import *
 from .session.inputs import Input as Input

@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from .bridge import *
     from .schema import *
     from .tables import *
-    from .units import *
     from .vectors import *
 
 _LATER = {
@@ -35,7 +34,6 @@ _LATER = {
     "raw_problem": "bridge",
     "types_page": "tables",
     "types_vectors": "vectors",
-    "unit_problem": "units",
 }
 """Name → module that is imported when it is first used."""
 

@@ -1,25 +1,16 @@
-"""Byte vectors, value ↔ hex, with which any language can test its codec.
+"""Byte vectors, value ↔ hex, of message types of one's own, to test a codec in any language.
 
-For each type: `exact` values with the bytes our encoder makes of them; `accepted` bytes that a
-decoder has to take although our encoder would not make them; `refused` bytes, with the path of
-what is wrong and a part of the sentence our decoder says. All follow from the types and from the
-names and values of the exact vectors, which you write: `minimal`, with the required fields only,
-`full`, with all of them, none empty, and what else is worth a vector.
+`scripts/codec_vectors.py` makes those of the types that ship, with more for a codec to prove.
 """
 
 import json
 import math
-import struct
-from collections.abc import Iterator, Mapping
 from typing import Any
 
 import msgspec
 
 from .catalogue import Types
-from .declaration import Declaration, Row, fields_of, not_null, parts_of
-from .protocol import PROTOCOL_VERSION
-from .refusals import Value, refusals
-from .schema import json_schema
+from .declaration import Declaration, Row, fields_of, parts_of
 
 NOTATION = (
     "Values are JSON, with four additions. "
@@ -37,25 +28,11 @@ _ODD = {"nan": math.nan, "inf": math.inf, "-inf": -math.inf, "minus zero": -0.0}
 _TEXT = "\u0301e · 左腕 · \U0001f9be · \n\"'"
 _BYTES = b"\xff\xc1\x00"
 
-_pack = msgspec.msgpack.Encoder().encode
-
-
-def vectors(known: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the content of `schemas/vectors.json`.
-
-    known: the same, of which the names and values of the exact vectors count.
-    """
-    types = {
-        name: _of_type(json_schema(name), {row["name"]: row["value"] for row in groups["exact"]})
-        for name, groups in sorted(known["types"].items())
-    }
-    return {"protocol": PROTOCOL_VERSION, "notation": NOTATION, "types": types}
-
 
 def types_vectors(types: Types) -> str:
     """Return the byte vectors of types of one's own, as JSON with a line for each."""
     by_type = {
-        name: _of_type(json_schema(name, types), _examples(row))
+        name: {"exact": [vector_row(*example) for example in _examples(row).items()]}
         for name, row in sorted(types.declarations.items())
     }
     return line_by_line({"notation": NOTATION, "types": by_type}, 4) + "\n"
@@ -73,17 +50,10 @@ def line_by_line(value: Any, depth: int) -> str:
     return "{\n" + ",\n".join(pairs) + "\n}"
 
 
-def _of_type(schema: Value, examples: Mapping[str, Value]) -> dict[str, list[Any]]:
-    minimal, full = examples["minimal"], examples["full"]
-    return {
-        "exact": [_row(name, value, _pack(value)) for name, value in examples.items()],
-        "accepted": list(_accepted(schema, minimal, full)),
-        "refused": list(refusals(schema, minimal, full)),
-    }
-
-
-def _row(name: str, value: Value, data: bytes) -> dict[str, Any]:
-    return {"name": name, "value": notation(value), "hex": data.hex()}
+def vector_row(name: str, value: Any, data: bytes | None = None) -> dict[str, Any]:
+    """Return a vector; data: what stands for the value, where our encoder would not write it."""
+    packed = msgspec.msgpack.encode(value) if data is None else data
+    return {"name": name, "value": notation(value), "hex": packed.hex()}
 
 
 def notation(value: Any) -> Any:
@@ -101,57 +71,7 @@ def notation(value: Any) -> Any:
     return value
 
 
-def from_notation(value: dict[str, Any]) -> Any:
-    """Return what an object of the JSON of `NOTATION` stands for; for `json.loads`."""
-    match value:
-        case {"$float": text}:
-            return float(text)
-        case {"$int": text}:
-            return int(text)
-        case {"$bin": text}:
-            return bytes.fromhex(text)
-        case _:
-            return value
-
-
-def _accepted(schema: Value, minimal: Value, full: Value) -> Iterator[dict[str, Any]]:
-    """Yield what other encoders and newer versions of a type may send."""
-    unknown = {**minimal, "added_later": {"any": ["thing", 1, 2.5, None]}}
-    yield _row("unknown field", minimal, _pack(unknown))
-    reverse = dict(reversed(full.items()))
-    yield _row("fields in another order", full, _pack(reverse))
-    yield _row("widest encodings", full, _widest(full))
-    fields = schema["properties"].items()
-    defaults = {name: field["default"] for name, field in fields if "default" in field}
-    if defaults:
-        yield _row("defaults written out", minimal, _pack({**minimal, **defaults}))
-    for name, field in fields:
-        if not_null(field).get("items") == {"type": "number"}:
-            ones = {**full, name: [1.0, 1.0]}
-            yield _row(f"{name} as integers", ones, _pack({**full, name: [1, 1]}))
-            data = _pack(ones).replace(_pack(1.0), b"\xca" + struct.pack(">f", 1.0))
-            yield _row(f"{name} as float32", ones, data)
-
-
-def _widest(value: Any) -> bytes:
-    """Return the longest MessagePack of a value."""
-    match value:
-        case dict():
-            items = b"".join(_widest(item) for pair in value.items() for item in pair)
-            return b"\xdf" + struct.pack(">I", len(value)) + items
-        case list():
-            return b"\xdd" + struct.pack(">I", len(value)) + b"".join(map(_widest, value))
-        case str():
-            return b"\xdb" + struct.pack(">I", len(value.encode())) + value.encode()
-        case bytes():
-            return b"\xc6" + struct.pack(">I", len(value)) + value
-        case int() if not isinstance(value, bool):
-            return struct.pack(">Bq", 0xD3, value) if value < 2**63 else _pack(value)
-        case _:
-            return _pack(value)
-
-
-def _examples(declaration: Declaration) -> dict[str, Value]:
+def _examples(declaration: Declaration) -> dict[str, dict[str, Any]]:
     """Return the exact vectors of a declared type, by name.
 
     `minimal`, with the required fields only; `full`, with all of them, none empty or as by

@@ -14,7 +14,7 @@ from unittest.mock import patch
 
 from stepbus_orchestrator.recording import mcap_file, recover
 from stepbus_orchestrator.recording.message_writer import MessageWriter
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.result import Result
@@ -320,8 +320,9 @@ class _Watch(RunExtension):
         """Return the step that is not complete yet."""
         return 0 if self._run is None else self._run.state.barrier.completed
 
-    def attach(self, run: Run) -> None:
+    def attach(self, run: RunView) -> None:
         """Follow the recorder."""
+        assert isinstance(run, Run)
         self._run = run
         super().attach(run)
         recorder, clock, path = run.recorder, run.clock, self._path

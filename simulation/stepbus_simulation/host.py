@@ -11,9 +11,9 @@ from typing import Any
 
 from stepbus_orchestrator.processes.activity import Activity
 from stepbus_orchestrator.processes.child import Process as RunProcess
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import (
     HOST,
@@ -152,7 +152,7 @@ class _Launch(Strategy):
         self._host = host
         self._opening = opening
 
-    def launch(self, run: Run) -> None:
+    def launch(self, run: RunView) -> None:
         """Start all participants."""
         scenario = run.state.scenario
         names = self._host.start_order or [spec.name for spec in scenario.participants]

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
 _OF_COPIES = (
-    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_participant\.beside"
+    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_plant\.copied_process"
 )
-"""What `stepbus_participant.beside` rules out at import, which pytest undoes for each test."""
+"""What `stepbus_plant.copied_process` rules out at import, which pytest undoes for each test."""
 _HELP = (
     f"{MARKER}(pattern, participant): run the test once for each log that matches a pattern such "
     f"as logs/*.mcap, relative to the test's file; the fixture {FIXTURE} replays the participant"

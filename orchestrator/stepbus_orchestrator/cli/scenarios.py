@@ -170,7 +170,7 @@ def types_command(
 
     Shows the fields of message types with units and shapes, and their layout in the bridge's raw
     format. With --out, writes test data for programs in other languages: JSON Schemas, and byte
-    vectors that a codec must read, write and reject.
+    vectors that a codec must read and write.
 
     source: a scenario with its own types, a YAML file of types, or an installed module of message
     classes (default: the built-in types). out: write messages.md, vectors.json and a JSON Schema

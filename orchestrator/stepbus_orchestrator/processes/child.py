@@ -12,7 +12,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.errors import RecordingFailed, StartFailed
+from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import Activity, KeptThread, activity
 from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
@@ -183,14 +183,6 @@ class Child(Process):
                     start_new_session=True,
                 )
         except OSError as exc:
-            if not log.parent.is_dir():
-                raise RecordingFailed(
-                    f"{log.parent} no longer exists: another process changed the run's "
-                    "folder during start-up; run again, and do not change the folder "
-                    "until the run ends"
-                ) from exc
-            if not cwd.is_dir():
-                raise StartFailed(f"{cwd} no longer exists; {name} starts in it") from exc
             is_script = exc.errno == errno.ENOEXEC
             hint = "; a script needs a first line with #! and its interpreter" if is_script else ""
             raise StartFailed(

@@ -10,8 +10,8 @@ import contextlib
 import secrets
 import socket
 import tempfile
-from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -46,33 +46,12 @@ _ALL = (*_DECLARATIONS, "put", "delete", "query", "reply", "liveliness_token")
 class Mesh:
     """The endpoints of one run: each participant links to the orchestrator and those before it.
 
-    folder: the private one. caller: the endpoint of a caller from outside. tickets: of
-    participants that the user starts, which are elsewhere.
+    caller: the endpoint of a caller from outside.
     """
 
-    folder: Path
     orchestrator: Endpoint
     participants: dict[str, Endpoint]
     caller: Endpoint
-    tickets: dict[str, Path] = field(default_factory=dict)
-
-    def lost(self, name: str | None, alive: Collection[str]) -> Path | None:
-        """Return what a participant needs for its start and has been removed; None: nothing.
-
-        name: it has been started; None: none has. alive: those on the bus, with their sockets.
-        """
-        needed = [self.folder]
-        if name is not None:
-            ticket = self.tickets.get(name, self.folder / f"{name}.ticket")
-            needed += [] if name in alive else [ticket]
-            up = [self.orchestrator, *(self.participants[other] for other in alive)]
-            sockets = [address for endpoint in up for address in endpoint.listen]
-            needed += [Path(a[len(_UNIX) :]) for a in sockets if a.startswith(_UNIX)]
-            # Zenoh reads certificates anew for each link.
-            endpoints = [self.orchestrator, *self.participants.values()]
-            values = [str(value) for endpoint in endpoints for value in endpoint.settings.values()]
-            needed += [Path(value) for value in values if value.startswith(str(self.folder))]
-        return next((path for path in needed if not path.exists()), None)
 
 
 def private_folder() -> Path:
@@ -88,13 +67,6 @@ def private_folder() -> Path:
         raise BusFailed(
             f"cannot create a folder for sockets: {reason}; set TMPDIR to a writable folder"
         ) from exc
-
-
-def gone(path: Path) -> str:
-    """Return the sentence about something in the private folder that is there no more."""
-    return (
-        f"{path}, the private folder of the run, no longer exists: did another process remove it?"
-    )
 
 
 def new_token() -> str:
@@ -152,7 +124,6 @@ def make_mesh(
         for index, name in enumerate(names)
     }
     return Mesh(
-        folder=folder,
         orchestrator=endpoints.pop(ORCHESTRATOR),
         caller=endpoints.pop(CALLER),
         participants=endpoints,
@@ -211,9 +182,9 @@ def _certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any
     try:
         return certificates(names, folder)
     except OSError as exc:
-        hint = "set TMPDIR to a folder with free space" if folder.is_dir() else gone(folder)
         raise BusFailed(
-            f"cannot write the certificates of the run: {exc.strerror or exc}; {hint}"
+            f"cannot write the certificates of the run: {exc.strerror or exc}; set TMPDIR to a "
+            "folder with free space"
         ) from exc
 
 

@@ -8,9 +8,9 @@ from typing import Any
 from stepbus_orchestrator.errors import Diverged, argument
 from stepbus_orchestrator.recording import Recording, SavedState, layout
 from stepbus_orchestrator.replay.repetition import Repetition
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.state import at as at_step
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_participant import CheckpointOrder
 from stepbus_schemas import CallRecord
@@ -61,7 +61,7 @@ class RecordedPrefix(Repetition):
             return {}
         return {layout.BRANCH_METADATA: {name: str(at) for name, at in self.counts_from.items()}}
 
-    def attach(self, run: Run) -> None:
+    def attach(self, run: RunView) -> None:
         """Widen the window; a changed participant may end the run from where it counts."""
         super().attach(run)
         run.state.barrier.window = max(WINDOW, run.state.scenario.window)

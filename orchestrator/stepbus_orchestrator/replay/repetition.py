@@ -16,12 +16,11 @@ from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.recording.sink import Published
 from stepbus_orchestrator.replay.player import Player
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_schemas import CallRecord, Description
@@ -59,7 +58,7 @@ class Repetition(RunExtension):
 
     # --- playing --------------------------------------------------------------------------
 
-    def attach(self, run: Run) -> None:
+    def attach(self, run: RunView) -> None:
         """Set where each participant starts, and prepare what is played and compared."""
         super().attach(run)
         state = run.state

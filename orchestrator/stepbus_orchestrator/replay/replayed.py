@@ -10,10 +10,10 @@ from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import Ports, counts_from_of, recorded_descriptions
 from stepbus_orchestrator.replay.repetition import Repetition
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import at
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Decoder, MessageError, Outputs
 
@@ -60,7 +60,7 @@ class Replayed(Repetition):
         self._next = changed
         self._newest = b""
 
-    def attach(self, run: Run) -> None:
+    def attach(self, run: RunView) -> None:
         """Give the run the recorded descriptions, and watch the participant."""
         super().attach(run)
         run.descriptions = recorded_descriptions(self.recording)

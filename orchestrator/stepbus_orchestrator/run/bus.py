@@ -2,10 +2,10 @@
 
 import contextlib
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from queue import Empty
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stepbus_orchestrator.errors import BusFailed
 from stepbus_orchestrator.processes.watchdog import Watchdog
@@ -13,9 +13,6 @@ from stepbus_orchestrator.run.kernel.messages import MessageHandler
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, BusError, Endpoint, Queue, Request, Sample, ZenohBus
 from stepbus_schemas import CallReply, Refusal, Stop, Trigger, Welcome, encode, encoding_of
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.safe_stop import SafeStop
 
 
 class Inbox:
@@ -204,8 +201,13 @@ class Session:
         self.inbox = Inbox(bus.queue())
 
 
-def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop") -> None:
-    """Listen to all that participants send; everything goes through the session's inbox."""
+def subscribe(
+    session: Session, messages: MessageHandler, followed: Mapping[str, Callable[[bytes], None]]
+) -> None:
+    """Listen to all that participants send; everything goes through the session's inbox.
+
+    followed: participant → what gets what it publishes, beside its log.
+    """
     bus, inbox, announcer = session.bus, session.inbox, session.announcer
     bus.answer(
         "join",
@@ -217,8 +219,8 @@ def subscribe(session: Session, messages: MessageHandler, safe_stop: "SafeStop")
         # One key each: to ask every sample for its key takes longer than to decode it.
         take_log = partial(messages.take_log, spec.name)
         bus.subscribe_content(f"log/{spec.name}", inbox.into_from(spec.name, take_log))
-    for name in safe_stop.names:
-        bus.subscribe_content(f"out/{name}", inbox.into(partial(safe_stop.take, name)))
+    for name, take in followed.items():
+        bus.subscribe_content(f"out/{name}", inbox.into(take))
     outputs = [out for spec in session.scenario.participants for out in spec.outputs.values()]
     if any(output.bulk for output in outputs):
 

@@ -3,19 +3,61 @@
 from __future__ import annotations
 
 import functools
+import threading
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any
+from pathlib import Path
+from typing import Any, Protocol
 
 from stepbus_orchestrator.errors import RunFailure
-from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.recording import Descriptions, Sink, TimingRecorder
+from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.kernel.barrier import FAR, Gate
+from stepbus_orchestrator.run.kernel.messages import MessageHandler
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
+from stepbus_orchestrator.run.reports import Observer, Progress
+from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_schemas import error_text
+from stepbus_participant import Clock
+from stepbus_schemas import Message, error_text
 
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.result import Result
 
-    from .kernel.participants import ParticipantState
-    from .run import Run
+class RunView(Protocol):
+    """What an extension, and a host, may use of a run.
+
+    state: how far it is. session: its end of the bus. recorder: gets the outputs. timing: gets what
+    the clock shows. out: folder of the run. observer: is notified of progress. interrupt: ends the
+    run when it is set. messages: takes what participants send. gates: hold steps. descriptions: of
+    all outputs, from the end of the start-up on. is_timed: whether the clock says when steps begin.
+    """
+
+    state: RunState
+    session: Session
+    recorder: Sink
+    timing: TimingRecorder
+    clock: Clock
+    out: Path
+    observer: Observer
+    interrupt: threading.Event
+    messages: MessageHandler
+    gates: list[Gate]
+    descriptions: Descriptions
+    is_timed: bool
+
+    def newest(self, output: str) -> Message | None:
+        """Return the newest message of an output, such as `plant.joint_state`; None before one."""
+
+    def end(self, reason: str) -> None:
+        """End the run behind the steps that are released."""
+
+    def progress(self) -> Progress:
+        """Return how far the run is."""
+
+    def start_options(self, spec: ParticipantSpec) -> dict[str, Any]:
+        """Return how a participant is to be started, as far as extensions say so."""
+
+    def started(self, participant: ParticipantState) -> None:
+        """Take a participant that has been started."""
 
 
 class RunExtension:
@@ -32,7 +74,7 @@ class RunExtension:
             for name in _METHODS & vars(cls).keys():
                 setattr(cls, name, _translated(vars(cls)[name]))
 
-    run: Run
+    run: RunView
     """The run, once `attach` has been called."""
 
     is_star = False
@@ -53,7 +95,7 @@ class RunExtension:
         """Return facts to record before the first message: name → content."""
         return {}
 
-    def attach(self, run: Run) -> None:
+    def attach(self, run: RunView) -> None:
         """Attach to the run: its bus is open, and no participant has started."""
         self.run = run
 

@@ -8,17 +8,14 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 from stepbus_orchestrator.processes.endpoints import Mesh
 from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, Clock, Disk
 
-from .extension import RunExtension
-
-if TYPE_CHECKING:
-    from .run import Run
+from .extension import RunExtension, RunView
 
 
 class Strategy:
@@ -30,7 +27,7 @@ class Strategy:
     mesh: Mesh | None = None
     slots: RunSlots = RunSlots()
 
-    def launch(self, run: "Run") -> None:
+    def launch(self, run: RunView) -> None:
         """Start them, and hand each to `run.started`.
 
         Raises StartFailed when one cannot be started.

@@ -15,10 +15,10 @@ from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.processes.slots import RunSlots, make_slots
 from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import Bus, Clock, Disk
@@ -90,20 +90,19 @@ class _Launch(Strategy):
         self._launcher = launcher
         self._start_order = start_order
 
-    def launch(self, run: Run) -> None:
+    def launch(self, run: RunView) -> None:
         """Start the participants in their order; let the user start those that are external."""
         scenario = run.state.scenario
         for name in self._start_order or [spec.name for spec in scenario.participants]:
             run.started(self._start(scenario.participant(name), run))
         all_started()
 
-    def _start(self, spec: ParticipantSpec, run: Run) -> ParticipantState:
+    def _start(self, spec: ParticipantSpec, run: RunView) -> ParticipantState:
         options = run.start_options(spec) | {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
         endpoint = self.mesh.participants[spec.name]
         if spec.is_external:
             external = self._launcher.admit(spec, endpoint, folder, **options)
-            self.mesh.tickets[spec.name] = external.ticket.path
             run.timing.event("external", spec.name)
             return ParticipantState(spec, external, external=external)
         argv = start_command(spec, folder)

@@ -3,15 +3,11 @@
 import signal
 
 from stepbus_orchestrator.errors import (
-    BusFailed,
     ParticipantDied,
-    ParticipantFault,
     RunFailure,
-    StartFailed,
     StopTimeout,
 )
 from stepbus_orchestrator.processes.child import TERM_GRACE_S
-from stepbus_orchestrator.processes.endpoints import Mesh, gone
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.kernel.admission import batches_of
 from stepbus_orchestrator.run.kernel.descriptions import check_descriptions, input_descriptions
@@ -25,8 +21,6 @@ from .kernel.deadlines import check_bulk, check_closing, check_start, check_step
 from .kernel.participants import ParticipantState, Phase
 from .run import LONGEST_TICK_S, SHORT_TICK_S, Run
 
-_LEAVING_S = 3.0
-_CHECK_S = 0.05
 _LAST_S = 0.5
 """How long the last messages of a process may come behind its end [s]."""
 OWN_WORK_S = 60.0
@@ -86,40 +80,7 @@ def _until_shutdown(run: Run) -> RunFailure | None:
 
 
 def _start_up(run: Run) -> None:
-    """Start every participant, wait until all are ready, and publish the `Start`.
-
-    Raises BusFailed, and blames no participant, where another process removed what the start
-    needs.
-    """
-    try:
-        _start(run)
-    except (StartFailed, ParticipantFault) as exc:
-        why = "" if run.strategy.mesh is None else _obstacle(run, run.strategy.mesh, exc)
-        if not why:
-            raise
-        raise BusFailed(f"{why} ({exc})") from exc
-
-
-def _obstacle(run: Run, mesh: Mesh, failure: RunFailure) -> str:
-    """Return what kept the participants from starting that is no fault of theirs; empty: nothing.
-
-    A participant that ends, since it was refused, takes its socket away a moment before.
-    """
-    participants = run.state.participants
-    blamed = failure.participant if failure.participant in participants else None
-    end_s = run.clock.monotonic() + _LEAVING_S
-    while True:
-        ended = {name for name, one in participants.items() if one.process.exit_code() is not None}
-        up = {name for name, one in participants.items() if one.phase > Phase.SPAWNED}
-        lost = mesh.lost(blamed, up - ended)
-        if lost is None:
-            return ""
-        if run.clock.monotonic() > end_s:
-            return gone(lost)
-        run.clock.sleep(_CHECK_S)
-
-
-def _start(run: Run) -> None:
+    """Start every participant, wait until all are ready, and publish the `Start`."""
     state = run.state
     run.strategy.launch(run)
     while not state.is_ready:

@@ -6,7 +6,7 @@ import hashlib
 import os
 import platform
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -15,6 +15,8 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, RunFailure
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import RunState
 from stepbus_orchestrator.run.reports import Events, Lateness, Warned
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Disk, installed_version, read_file, write_file
@@ -23,7 +25,6 @@ from stepbus_schemas import UNDECODABLE
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Recording
-    from stepbus_orchestrator.run.run import Run
 
 RESULT_FILE = "result.json"
 
@@ -160,8 +161,9 @@ def result_of(
     scenario: Scenario,
     ending: str | RunFailure,
     *,
-    run: "Run | None",
+    state: RunState | None,
     began: float,
+    ended: float,
     folder: Path,
     messages_sha256: str,
     events: Events,
@@ -169,20 +171,22 @@ def result_of(
 ) -> Result:
     """Return the result of a run, or what it would be were the run over now.
 
-    ending: why it ended, or what it failed from. run: None where it failed before it was linked.
-    began: when it was asked for, by the monotonic clock [s]. fields: those of its extensions.
+    ending: why it ended, or what it failed from. state: None where it failed before it was linked.
+    began, ended: when it was asked for, and stopped, by the monotonic clock [s]. fields: those of
+    its extensions.
     """
     failure = ending if isinstance(ending, RunFailure) else None
-    steps = run.state.steps if run else 0
-    started = run.state.started_at if run and run.state.started_at else None
-    wall_s = run.ended_at - started if run and started else 0.0
+    steps = state.steps if state else 0
+    started = state.started_at if state else 0.0
+    wall_s = ended - started if started else 0.0
+    participants = state.participants.values() if state else ()
     simulated_s = steps * scenario.step_ns * 1e-9
     return Result(
         scenario=scenario.name,
         outcome="finished" if failure is None else "failed",
         exit_code=0 if failure is None else int(failure.code),
         reason=str(ending),
-        cause=_cause(str(ending), run, folder),
+        cause=_cause(str(ending), participants, folder),
         participant=failure.participant if failure else None,
         at_step=failure.step if failure else steps,
         steps=steps,
@@ -196,8 +200,8 @@ def result_of(
         sha256=file_sha256(folder / layout.RUN_FILE),
         messages_sha256=messages_sha256,
         folder=str(folder),
-        unauthenticated=run.state.unauthenticated if run else 0,
-        drops=run.progress().drops if run else {},
+        unauthenticated=state.unauthenticated if state else 0,
+        drops={item.name: sum(item.drops.values()) for item in participants},
         warning_count=events.count,
         warnings=events.warnings,
         versions=own_versions(),
@@ -207,8 +211,8 @@ def result_of(
     )
 
 
-def _cause(reason: str, run: "Run | None", folder: Path) -> str:
-    for participant in run.state.participants.values() if run else ():
+def _cause(reason: str, participants: Iterable[ParticipantState], folder: Path) -> str:
+    for participant in participants:
         for part in participant.local():
             reason = reason.replace(part, "")
     return reason.replace(str(folder), ".")

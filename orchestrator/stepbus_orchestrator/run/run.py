@@ -104,7 +104,7 @@ class Run:
         self.announcer.on_block = self._kill_blockers
         for extension in extensions:
             extension.attach(self)
-        subscribe(session, self.messages, self.safe_stop)
+        subscribe(session, self.messages, self.safe_stop.followed)
 
     # --- one turn -------------------------------------------------------------------------
 

@@ -244,8 +244,9 @@ class _Execution:
         return result_of(
             self._scenario,
             ending,
-            run=self._run,
+            state=self._run.state if self._run else None,
             began=self._began,
+            ended=self._run.ended_at if self._run else 0.0,
             folder=self._options.out,
             messages_sha256=self._recorder.messages_sha256,
             events=self._events,

@@ -152,9 +152,9 @@ class SafeStop:
             self._substitutes[name].take(data)
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """Return the participants that can be replaced."""
-        return tuple(self._substitutes)
+    def followed(self) -> Mapping[str, Callable[[bytes], None]]:
+        """Return the participants that can be replaced, and what gets what they publish."""
+        return {name: partial(self.take, name) for name in self._substitutes}
 
     def follow(self, released: int) -> None:
         """Publish what is due below `released`, and forget what will not be needed."""

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant.packages import imported_later
 
+from .kinds import Pause as Pause
 from .nodes import *
 from .problems import *
 from .read import *
-from .settings import Pause as Pause
 from .types_file import *
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from msgspec import inspect
 
 from stepbus_schemas import listed
 
-from .settings import PerName
+from .kinds import PerName
 
 _PLAIN: Mapping[type, tuple[Any, str, Any]] = {
     inspect.StrType: (str, "text", ""),
@@ -35,7 +35,7 @@ def _extra(node: inspect.Type) -> Mapping[str, Any]:
 
 
 def mark(node: inspect.Type) -> str:
-    """Return the mark of a type of `settings.py`, such as `duration`, or nothing."""
+    """Return the mark of a type of `kinds.py`, such as `duration`, or nothing."""
     return str(_extra(node).get("read", ""))
 
 
@@ -50,13 +50,13 @@ def is_plugin(node: inspect.Type) -> bool:
 
 
 def conditions(field: inspect.Field) -> Mapping[str, tuple[Any, ...]]:
-    """Return which values of other keys a field belongs to; see `settings.when`."""
+    """Return which values of other keys a field belongs to; see `kinds.when`."""
     when: Mapping[str, tuple[Any, ...]] = _extra(field.type).get("when", {})
     return when
 
 
 def is_ignored(field: inspect.Field) -> bool:
-    """Return whether a field may stay where it means nothing; see `settings.needed_when`."""
+    """Return whether a field may stay where it means nothing; see `kinds.needed_when`."""
     return bool(_extra(field.type).get("ignored"))
 
 

@@ -12,12 +12,14 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+import msgspec
 from msgspec import inspect
 
 from stepbus_participant.files import find_file
 from stepbus_schemas import listed, nearest, suggest
 
 from .durations import parse_duration
+from .kinds import LONGEST_NAME, NAME_FORM, PerName
 from .nodes import (
     conditions,
     default,
@@ -33,9 +35,8 @@ from .nodes import (
     words_of,
 )
 from .problems import Keys, Problems, TooManyProblems, show
-from .settings import LONGEST_NAME, NAME_FORM, PerName, Settings
 
-S = TypeVar("S", bound=Settings)
+S = TypeVar("S", bound=msgspec.Struct)
 T = TypeVar("T")
 _LARGEST = 1e300
 _WITH_UNIT = re.compile(r"([-+]?[0-9]+\.?[0-9]*(?:[eE][-+]?[0-9]+)?) *(\D{0,12})")
@@ -72,7 +73,7 @@ def read_value(
 
 
 def find_problems(
-    settings: type[Settings], data: object, folder: Path | None = None
+    settings: type[Any], data: object, folder: Path | None = None
 ) -> list[tuple[Keys, str]]:
     """Return what is wrong with plain data: keys and a sentence each."""
     problems = Problems()
@@ -202,7 +203,7 @@ class _Reader:
         names = " or ".join(dict.fromkeys(noun(item) for item in options))
         return self.wrong(keys, f"must be {names}, not {show(data)}", None)
 
-    # Marked types of settings.py
+    # Marked types of kinds.py
 
     def _duration(self, _node: Any, data: Any, keys: Keys, *, may_be_zero: bool = False) -> int:
         if not isinstance(data, str):
@@ -350,7 +351,7 @@ class _Fields:
         value = self._reader.value(field.type, self._data[key], where)
         wrong = len(self._problems) > before
         # What is right in a map is kept; a participant without outputs would be a second problem.
-        replaced = wrong and not field.required and not isinstance(value, Settings | dict)
+        replaced = wrong and not field.required and not isinstance(value, msgspec.Struct | dict)
         return instead if replaced else value
 
     def _applies(self, field: inspect.Field) -> bool | None:

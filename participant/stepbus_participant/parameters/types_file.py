@@ -85,23 +85,12 @@ def _checked(data: object, problems: Problems) -> Declarations:
         problems.add((), "must be a map of types: Name/1 → its fields")
         return declarations
     for name, declaration in data.items():
-        wrong = [*type_problems(name, declaration), *_unit_problems(declaration)]
+        wrong = list(type_problems(name, declaration))
         for keys, text in wrong:
             problems.add((name, *keys), text)
         if not wrong:
             declarations[name] = declaration
     return declarations
-
-
-def _unit_problems(declaration: object) -> Iterator[tuple[Keys, str]]:
-    """Yield units that are unknown; a type of a recording may have them all the same."""
-    from stepbus_schemas import unit_problem  # noqa: PLC0415  a participant needs no units
-
-    for field, row in declaration.items() if isinstance(declaration, Mapping) else ():
-        unit = row.get("unit") if isinstance(row, Mapping) else None
-        problem = unit_problem(unit) if isinstance(unit, str) else ""
-        if problem:
-            yield (field, "unit"), problem
 
 
 def _of_module(name: str, problems: Problems, keys: Keys) -> Declarations:

@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
-from stepbus_orchestrator.processes.child import Child
+from stepbus_orchestrator.errors import ExitCode, StartFailed
 from stepbus_orchestrator.processes.launcher import Launcher
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -77,19 +76,6 @@ def test_a_path_that_is_no_text_is_refused(tmp_path, word):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == ExitCode.SCENARIO
     assert "is not valid UTF-8" in done.stderr
-
-
-def started_in(cwd, log):
-    return Child("plant", [sys.executable, "-c", ""], cwd=cwd, log=log, environment={})
-
-
-def test_a_folder_that_is_gone_at_the_start_is_nobodys_mistake(tmp_path):
-    with pytest.raises(RecordingFailed, match="logs no longer exists") as caught:
-        started_in(tmp_path, tmp_path / "logs" / "plant.log")
-    assert caught.value.participant is None
-    with pytest.raises(StartFailed, match="none no longer exists") as caught:
-        started_in(tmp_path / "none", tmp_path / "plant.log")
-    assert caught.value.participant is None
 
 
 def test_without_a_reaper_the_private_folder_goes(monkeypatch, tmp_path):

@@ -8,10 +8,10 @@ from typing import Any
 
 import msgspec
 from hypothesis import strategies as st
+from scripts.codec_vectors import from_notation
 from support.paths import CHECKOUT
 
 from stepbus_schemas import ENVELOPE_TYPES, MESSAGE_TYPES, Envelope, Message
-from stepbus_schemas.vectors import from_notation
 
 TYPES: dict[str, type[Message] | type[Envelope]] = {**MESSAGE_TYPES, **ENVELOPE_TYPES}
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from stepbus_orchestrator.errors import ExitCode, RunFailure, StepTimeout
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.run.bus import subscribe_named
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_participant import Request, suggest
@@ -27,7 +27,6 @@ from stepbus_schemas import (
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.recording import Recording
-    from stepbus_orchestrator.run.run import Run
 
 CALL_KEY = "call"
 _decode_request = Decoder(CallRequest)
@@ -86,7 +85,7 @@ class Calls(RunExtension):
         self.steer: Steer = lambda method, _: CallReply(error=f"this run has no call {method!r}")
         self._number = 0
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Listen to requests and answers."""
         super().attach(run)
         session, self._state = run.session, run.state

@@ -5,9 +5,9 @@ import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
@@ -15,9 +15,6 @@ from stepbus_participant import suggest, write_file
 from stepbus_schemas import WiringError
 
 from .debug import check_names
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.run import Run
 
 _REMIND_S = 5.0
 _NO_END_S = 1e5
@@ -60,7 +57,7 @@ class External(RunExtension):
             )
         return scenario
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Remind the user from now on."""
         super().attach(run)
         self._told_at = self.run.clock.monotonic()

@@ -4,11 +4,11 @@ import contextlib
 import resource
 import signal
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.child import Process
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.faults import (
     MESSAGE_FAULTS,
@@ -18,9 +18,6 @@ from stepbus_orchestrator.scenario.faults import (
 )
 from stepbus_orchestrator.scenario.model import FaultSpec, ParticipantSpec, Scenario
 from stepbus_participant import MessageFault
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.run import Run
 
 _SLOW_HOLD_S = 0.008
 _SLOW_RUN_S = 0.002
@@ -39,7 +36,7 @@ class Faults(RunExtension):
         self._texts: list[str] = []
         self._held: list[_Held] = []
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Take the faults of the run's scenario."""
         super().attach(run)
         self._faults = faults_of(run.state.scenario.faults, PROCESS_FAULTS)

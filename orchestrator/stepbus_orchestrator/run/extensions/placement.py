@@ -11,16 +11,12 @@ import os
 from collections.abc import Generator, Iterator
 from dataclasses import replace
 from itertools import chain, repeat
-from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.processes.place import Place, place_threads
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.scenario.model import Scenario
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.run import Run
 
 _TRIAL_S = 0.08
 _HOLD_S = (0.5, 1.0, 2.0, 4.0)
@@ -51,7 +47,7 @@ def _upstream(reads: dict[str, set[str]], name: str) -> set[str]:
 class Placement(RunExtension):
     """Tries, while a run is stepping, which place of its processes makes it faster."""
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Find out which participants may share a core."""
         super().attach(run)
         self._cycles = in_cycles(run.session.scenario)

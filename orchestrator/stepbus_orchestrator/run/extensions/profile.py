@@ -1,14 +1,11 @@
 """Measures where the time of each step goes."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import ProfileOrder, make_new_folder
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.run import Run
 
 PROFILE_FOLDER = "profile"
 """In the folder of a run: a CSV for each participant."""
@@ -17,7 +14,7 @@ PROFILE_FOLDER = "profile"
 class Profile(RunExtension):
     """Lets each participant measure its steps."""
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Make the folder."""
         super().attach(run)
         make_new_folder(run.out / PROFILE_FOLDER)

@@ -8,16 +8,13 @@ import dataclasses
 from array import array
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from stepbus_orchestrator.errors import StepTimeout
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.scenario.model import Scenario
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.run.run import Run
 
 _BOUNDS_US = (100, 200, 500, 1_000, 2_000, 5_000, 10_000, 100_000)
 
@@ -37,7 +34,7 @@ class Grid(RunExtension):
         self._period_ns = Fraction(0)
         self._origin_ns = 0
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Go by the clock of the run."""
         super().attach(run)
         self._now_ns = run.clock.monotonic_ns

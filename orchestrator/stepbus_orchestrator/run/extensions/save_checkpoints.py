@@ -4,13 +4,12 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 from stepbus_orchestrator.recording import CheckpointWriter
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import CheckpointOrder, Sample, read_stamp
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.run.result import Result
-    from stepbus_orchestrator.run.run import Run
 
 
 class SaveCheckpoints(RunExtension):
@@ -19,7 +18,7 @@ class SaveCheckpoints(RunExtension):
     def __init__(self) -> None:
         self._writer: CheckpointWriter | None = None
 
-    def attach(self, run: "Run") -> None:
+    def attach(self, run: RunView) -> None:
         """Listen to states."""
         super().attach(run)
         self._writer = CheckpointWriter(run.out)

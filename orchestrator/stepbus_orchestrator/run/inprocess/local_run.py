@@ -17,7 +17,7 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.launcher import Reaper
-from stepbus_orchestrator.run.extension import RunExtension
+from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.host import Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
@@ -26,7 +26,6 @@ from stepbus_orchestrator.run.inprocess.turns import MOST, PUBLISHED, STAGE, Sta
 from stepbus_orchestrator.run.inprocess.watch import Watch
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
-from stepbus_orchestrator.run.run import Run
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import start_command
@@ -217,7 +216,7 @@ class LocalRun(Strategy):
 
     # --- its participants -------------------------------------------------------------------
 
-    def launch(self, run: Run) -> None:
+    def launch(self, run: RunView) -> None:
         """Begin every participant, in the order of the options."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(

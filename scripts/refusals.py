@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 import msgspec
 
-from .declaration import not_null
+from stepbus_schemas.declaration import not_null
 
 Value = dict[str, Any]
 
