@@ -17,8 +17,7 @@ from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
 from stepbus_orchestrator.replay.reference import new_reference
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.replayed import Replayed
-from stepbus_orchestrator.replay.trust import programs_of
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.trust import find_source, programs_of
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, scratch_folder
@@ -50,7 +49,6 @@ def replay(
     source: str | PathLike[str] | None = None,
     bridge: BridgeFormat | None = None,
     program: Sequence[str] | None = None,
-    trusted: str | None = None,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> ReplayResult:
@@ -66,21 +64,19 @@ def replay(
     program of the scenario. source: folder or file of the scenario (default: the file that
     result.json names, or else the current folder). bridge: start the program through `stepbus
     bridge`. program: start this program instead of the recorded one, in the current folder; all
-    following arguments belong to it.
-    trusted: fingerprint of the programs that may be started (`Sources.fingerprint`); None: any.
-    observer, interrupt: as in `run`.
+    following arguments belong to it. observer, interrupt: as in `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance are invalid,
     RunFailure, which quotes the log, when the participant fails.
     """
     opened, tolerance = Recording(recording), tolerance_of(tolerance, participant)
-    target, tree_path = (None if path is None else Path(path) for path in (update, source))
+    target, given = (None if path is None else Path(path) for path in (update, source))
     tolerance.check(
         {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
     )
     check_limits(1)
     is_copy = recorded or program is not None
-    tree = None if is_copy else find_work_tree(opened, participant, tree_path)
+    file = None if is_copy else find_source(opened, given)
     with scratch_folder("replay") as folder:
         prepared = prepare(
             opened,
@@ -88,8 +84,7 @@ def replay(
             folder / "source",
             override_texts(set),
             own_program=program is not None,
-            tree=tree,
-            trusted=trusted,
+            source=file,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
         specs = [
@@ -110,7 +105,7 @@ def replay(
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence
-    copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
+    copied = [] if is_copy or file is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -121,10 +116,15 @@ def replay(
         ports=in_order(replayed.results()),
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
-        source="" if tree is None else tree.shown(),
+        source="" if file is None else _shown(file),
         changes=prepared.notes,
         notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
     )
+
+
+def _shown(path: Path) -> str:
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def _copy_notes(recording: Recording, participant: str) -> list[str]:

@@ -16,7 +16,6 @@ from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end
 from stepbus_orchestrator.replay.sources import (
     Sources,
     own_version_notes,
-    trusted_sources,
     unpack_into,
     version_notes,
 )
@@ -78,24 +77,16 @@ class Rerun(Repeated):
 class Preparation:
     """A run from a recording that is about to start; its files are unpacked in `out/source`.
 
-    overrides: settings such as `window=1`. trusted: fingerprint of the programs that may be
-    started; None: any. notes: what may make it different from the recorded one.
+    overrides: settings such as `window=1`. notes: what may make it different from the recorded one.
     Raises RecordingFailed when the recording is not fit for it or `out` holds a run already,
     and ScenarioError when the scenario cannot run here.
     """
 
-    def __init__(
-        self,
-        recording: Path,
-        out: Path,
-        overrides: Sequence[str] = (),
-        *,
-        trusted: str | None = None,
-    ) -> None:
+    def __init__(self, recording: Path, out: Path, overrides: Sequence[str] = ()) -> None:
         self._recording = Recording(recording)
         self._out = out
         self._is_changed = bool(overrides)
-        sources = trusted_sources(self._recording, trusted)
+        sources = Sources.of(self._recording)
         self.scenario = load(unpack_into(out, sources), overrides)
         self._flaws = self._recording.flaws()
         self.notes = [

@@ -5,10 +5,9 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from typing import Any
 
 from msgspec import structs
 
@@ -78,20 +77,6 @@ def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
     split = arguments.index("--") + 1 if "--" in arguments else len(arguments)
     program = command(arguments[split:], folder) if arguments[split:] else ()
     return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
-
-
-def programs_in(data: Mapping[str, Any]) -> dict[str, ParticipantSpec]:
-    """Return each participant of a file with the class or program only that its row has."""
-    programs = {}
-    for name, value in data["participants"].items():
-        row = value if isinstance(value, dict) else {}
-        words = row.get("exec")
-        programs[name] = ParticipantSpec(
-            name=name,
-            participant=str(row.get("participant") or ""),
-            exec=tuple(map(str, words)) if isinstance(words, list) else (),
-        )
-    return programs
 
 
 def replaced_program(

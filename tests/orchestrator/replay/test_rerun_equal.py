@@ -12,7 +12,7 @@ import stepbus_scenarios
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.replay.sources import Sources, trusted_sources
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -65,7 +65,7 @@ def test_the_log_alone_is_enough(tmp_path):
 def test_a_program_of_the_log_can_be_executed_again(tmp_path):
     files = {"bin/start.sh": b"#!/bin/sh\n", "world.yaml": b"{}"}
     log = write_log(tmp_path / "run.mcap", files=files)
-    trusted_sources(Recording(log), None).unpack(tmp_path / "source")
+    Sources.of(Recording(log)).unpack(tmp_path / "source")
     assert os.access(tmp_path / "source" / "bin" / "start.sh", os.X_OK)
     assert not os.access(tmp_path / "source" / "world.yaml", os.X_OK)
 
@@ -93,7 +93,7 @@ def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
 def test_other_versions_and_another_processor_are_noted(tmp_path):
     recorded = run_joints(tmp_path, "duration=50ms", in_process=True).recording
     opened = Recording(recorded)
-    sources = trusted_sources(opened, None)
+    sources = Sources.of(opened)
     versions = {
         **layout.versions_of(opened.metadata),
         "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"},
@@ -108,7 +108,7 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
 @pytest.mark.slow
 def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path):
     opened = Recording(two_link_recording)
-    sources = trusted_sources(opened, None)
+    sources = Sources.of(opened)
     plant = dict.fromkeys(layout.versions_of(opened.metadata)["plant"], "0.1")
     versions = {**layout.versions_of(opened.metadata), "plant": plant}
     old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
@@ -144,7 +144,7 @@ def test_files_and_programs_outside_the_log_are_named(tmp_path):
 def test_a_scenario_without_a_duration_is_noted(tmp_path):
     recorded = run_joints(tmp_path, fault("controller", "end", 9), in_process=True)
     opened = Recording(recorded.recording)
-    sources = trusted_sources(opened, None)
+    sources = Sources.of(opened)
     endless = "\n".join(
         line for line in sources.scenario.decode().splitlines() if not line.startswith("duration")
     )
