@@ -1,4 +1,4 @@
-"""What a recording shows to be wrong with its run: limits, wiring, targets beyond a stop."""
+"""What a recording shows to be beyond a known limit: clipped torques, targets beyond a stop."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,13 +13,7 @@ from stepbus_orchestrator.recording.layout import split_topic
 from stepbus_schemas import Description, Goal
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
-_ASKING = frozenset(
-    (STATE, COMMAND, REFERENCE, "BaseCommand/1", "GripperCommand/1", "Goal/1", "PlanRequest/1")
-)
-"""Types that need a reader; a status, an event or a picture may be for the recording only."""
-
 _TOLERANCE = 1e-6
-_OFTEN = 0.1
 
 
 @dataclass(frozen=True)
@@ -39,81 +33,69 @@ class Joint:
 
 @dataclass
 class Count:
-    """How often the values of one joint were at a limit (full) or beyond it (cut).
-
-    worst: the farthest beyond.
-    """
+    """How often the values of one joint were beyond a limit. worst: the farthest beyond."""
 
     messages: int = 0
-    cut: int = 0
-    full: int = 0
+    beyond: int = 0
     worst: float = 0.0
 
     def take(self, values: Array, lower: float, upper: float, slack: float = _TOLERANCE) -> None:
         """Count values, shape (n,), of which some may be no numbers."""
-        beyond = (values < lower - slack) | (values > upper + slack)
+        beyond = values[(values < lower - slack) | (values > upper + slack)]
         self.messages += len(values)
-        self.cut += int(np.count_nonzero(beyond))
-        if lower < upper:
-            full = (values <= lower + slack) | (values >= upper - slack)
-            self.full += int(np.count_nonzero(full))
-        if beyond.any():
-            farthest = float(max(values[beyond], key=abs))
-            self.worst = max(self.worst, farthest, key=abs)
+        self.beyond += len(beyond)
+        self.worst = max([self.worst, *beyond.tolist()], key=abs)
 
     @property
     def share(self) -> str:
-        """Return in how many of the steps values were cut."""
-        return f"{math.ceil(100 * self.cut / self.messages)} % of the steps"
+        """Return in how many of the steps values were beyond it."""
+        return f"{math.ceil(100 * self.beyond / self.messages)} % of the steps"
 
 
 @dataclass
 class _Watched:
     """A port whose values have limits.
 
-    receiver: who applies them; empty for a reference. own: limits of the sender, by joint.
-    has_targets: whether positions are checked too.
+    receiver: who applies them; empty for a reference. has_targets: whether positions are checked.
     """
 
     port: Port
     receiver: str
     joints: Mapping[str, Joint]
-    own: Mapping[str, float]
     has_targets: bool = True
     torques: dict[str, Count] = field(default_factory=dict)
     targets: dict[str, Count] = field(default_factory=dict)
 
+    @property
+    def quantities(self) -> tuple[str, ...]:
+        return ("position",) if self.port.type == REFERENCE else ("values", "mode")
+
     def take(self, signal: Signal) -> None:
         modes = signal.modes - {"brake"}
-        for name in signal.names:
-            joint = self.joints.get(name)
-            if joint is None:
-                continue
-            if self.port.type == REFERENCE or (modes == {"position"} and self.has_targets):
-                quantity = "position" if self.port.type == REFERENCE else "values"
-                if (values := signal.of(quantity, name)) is not None:
-                    self.targets.setdefault(name, Count()).take(values, joint.lower, joint.upper)
-            elif modes == {"torque"} and (values := signal.of("values", name)) is not None:
-                limit = min(joint.effort, self.own.get(name, math.inf))
-                slack = limit * _TOLERANCE if math.isfinite(limit) else 0.0
-                self.torques.setdefault(name, Count()).take(values, -limit, limit, slack)
+        is_target = self.port.type == REFERENCE or (modes == {"position"} and self.has_targets)
+        if not is_target and modes != {"torque"}:
+            return
+        for name in filter(self.joints.__contains__, signal.names):
+            joint, values = self.joints[name], signal.of(self.quantities[0], name)
+            if values is not None and is_target:
+                self.targets.setdefault(name, Count()).take(values, joint.lower, joint.upper)
+            elif values is not None and math.isfinite(limit := joint.effort):
+                count = self.torques.setdefault(name, Count())
+                count.take(values, -limit, limit, limit * _TOLERANCE)
 
     def lines(self) -> Iterator[str]:
         who = self.port.topic.replace("/", ".", 1)
         for name, count in self.torques.items():
             joint = self.joints[name]
             unit = "N·m" if joint.is_rotary else "N"
-            if count.cut:
+            if count.beyond:
                 yield (
                     f"{self.receiver} clips {name} of {who} to {joint.effort:g} {unit} "
                     f"in {count.share}: up to {abs(count.worst):.4g} {unit} were "
                     "commanded"
                 )
-            elif count.full > _OFTEN * count.messages:
-                share = math.floor(100 * count.full / count.messages)
-                yield f"{who}: {name} is saturated in {share} % of the steps"
         for name, count in self.targets.items():
-            if count.cut:
+            if count.beyond:
                 yield f"{who}: {_beyond(name, self.joints[name], count)}"
 
 
@@ -124,21 +106,19 @@ def _beyond(name: str, joint: Joint, count: Count) -> str:
 
 
 def findings(recording: Recording) -> list[str]:
-    """Return what a recording shows to be wrong with its run, one sentence each."""
-    rows = _participants(recording)
+    """Return what a recording shows to be beyond a limit, one sentence each."""
     plants = {
         split_topic(port.topic)[0]: _joints(port.description)
         for port in recording.of_type(STATE)
         if port.description.limits
     }
-    watched = list(_watched(recording, rows, plants))
+    watched = list(_watched(recording, plants))
     for batch in recording.batches([row.port for row in watched]):
         for row in watched:
-            signal = read_signal(row.port, batch[row.port.topic], _quantities(row.port))
+            signal = read_signal(row.port, batch[row.port.topic], row.quantities)
             if signal is not None:
                 row.take(signal)
     return [
-        *_wiring(recording, rows),
         *(line for row in watched for line in row.lines()),
         *_goal_lines(recording, plants.values()),
     ]
@@ -155,7 +135,7 @@ def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> 
             count = counts.setdefault((topic, name), Count())
             count.take(np.array([value]), joints[name].lower, joints[name].upper)
     for (topic, name), count in counts.items():
-        if count.cut:
+        if count.beyond:
             yield f"{topic}: {_beyond(name, joints[name], count)}"
 
 
@@ -166,10 +146,6 @@ def _goal_targets(recording: Recording) -> Iterator[tuple[str, str, float]]:
             if isinstance(goal, Goal):
                 for joint, value in zip(goal.joints, goal.values, strict=False):
                     yield port.topic.replace("/", ".", 1), joint, value
-
-
-def _quantities(port: Port) -> tuple[str, ...]:
-    return ("position",) if port.type == REFERENCE else ("mode", "values")
 
 
 def _participants(recording: Recording) -> dict[str, dict[str, Any]]:
@@ -187,26 +163,21 @@ def _sources(row: Mapping[str, Any]) -> set[str]:
     return {str(origin).replace(".", "/", 1) for origin in origins}
 
 
-def _watched(
-    recording: Recording,
-    rows: Mapping[str, Mapping[str, Any]],
-    plants: Mapping[str, Mapping[str, Joint]],
-) -> Iterator[_Watched]:
+def _watched(recording: Recording, plants: Mapping[str, Mapping[str, Joint]]) -> Iterator[_Watched]:
     """Yield the ports with limits: commands with those of their plant, references with all.
 
     Targets of plants that report events are left out: these warn of them by themselves.
     """
+    rows = _participants(recording)
     reporting = {split_topic(port.topic)[0] for port in recording.of_type("Event/1")}
     for port in recording.of_type(COMMAND):
-        efforts = port.description.limits.get("effort", ())
-        own = dict(zip(port.names, efforts, strict=False))
         for name, joints in plants.items():
             if port.topic in _sources(rows.get(name, {})):
-                yield _Watched(port, name, joints, own, has_targets=name not in reporting)
+                yield _Watched(port, name, joints, has_targets=name not in reporting)
     silent = (joints for name, joints in plants.items() if name not in reporting)
     every = {name: joint for joints in silent for name, joint in joints.items()}
     for port in recording.of_type(REFERENCE):
-        yield _Watched(port, "", every, {})
+        yield _Watched(port, "", every)
 
 
 def _joints(description: Description) -> dict[str, Joint]:
@@ -219,16 +190,3 @@ def _joints(description: Description) -> dict[str, Joint]:
     columns = (column("lower", -math.inf), column("upper", math.inf), column("effort", math.inf))
     joints = map(Joint, *columns, types)
     return dict(zip(description.names, joints, strict=False))
-
-
-def _wiring(recording: Recording, rows: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield outputs that no participant reads, and plants without a command."""
-    read = {topic for row in rows.values() for topic in _sources(row)}
-    for topic, port in recording.ports.items():
-        if rows and port.type in _ASKING and topic not in read:
-            yield f"no participant reads {topic.replace('/', '.', 1)} ({port.type})"
-    for port in recording.of_type(STATE):
-        name = split_topic(port.topic)[0]
-        types = {recording.ports[t].type for t in _sources(rows.get(name, {})) if t in recording}
-        if name in rows and not types & {COMMAND, "BaseCommand/1", "GripperCommand/1"}:
-            yield f"{name} reads no command: nothing moves its joints"

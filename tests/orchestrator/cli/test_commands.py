@@ -10,7 +10,8 @@ import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import load_commands
 from stepbus_orchestrator.errors import ExitCode
 
 
@@ -156,7 +157,7 @@ def test_a_program_to_join_with_may_follow_options(options: list[str]) -> None:
 
 ALL_HELP = """
 import argparse
-from stepbus_orchestrator.cli.commands import load_commands
+from stepbus_orchestrator.cli.overview import load_commands
 for command in load_commands():
     command.add_arguments(parser := argparse.ArgumentParser(command.name))
     print(command.summary, command.description, command.examples, parser.format_help())

@@ -9,8 +9,8 @@ import pytest
 from support.runs.terminal import at_terminal
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
-from stepbus_orchestrator.cli.overview import GROUPS, command_names, outlines
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import GROUPS, command_names, load_commands, outlines
 from stepbus_orchestrator.cli.terminal.output import fold
 
 ALL = command_names()

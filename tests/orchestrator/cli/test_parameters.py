@@ -14,7 +14,8 @@ from typing import Annotated, Any, Literal
 import pytest
 
 import stepbus
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import load_commands
 from stepbus_orchestrator.cli.parameters import (
     command,
     number,
