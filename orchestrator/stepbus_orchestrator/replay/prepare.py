@@ -14,7 +14,7 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import check_whole, replayable_steps
 from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files
-from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
@@ -110,7 +110,7 @@ def _from_source(
     overrides: Sequence[str],
 ) -> Prepared:
     """Return a recorded scenario with one participant as it is in the user's scenario."""
-    today = _load(source, overrides, _programs(read_data(source)), participant)
+    today = _load(source, overrides, _programs(read_extended(source).data), participant)
     new, old = today.participant(participant), scenario.participant(participant)
     timeouts = (key for key in new.__struct_fields__ if key.endswith("_timeout_ns"))
     spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})

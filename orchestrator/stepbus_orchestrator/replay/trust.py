@@ -6,7 +6,7 @@ Those that installed packages declare start, and those that equal the programs o
 import os
 import shlex
 import stat
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -16,10 +16,10 @@ import msgspec
 from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.replay.sources import Recorded, Sources
 from stepbus_orchestrator.run.result import RESULT_FILE
-from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.locate import scenario_folders
 from stepbus_orchestrator.scenario.program import participant_classes
-from stepbus_orchestrator.scenario.scenario_files import is_file
+from stepbus_orchestrator.scenario.scenario_files import is_file, texts_in
 from stepbus_participant import SettingsError, is_installed, read_file
 from stepbus_schemas import UNDECODABLE, WiringError
 
@@ -86,7 +86,7 @@ def _is_yours(*paths: Path) -> bool:
 
 def _is_named(path: Path, name: object) -> bool:
     try:
-        return read_data(path).get("name") == name
+        return read_extended(path).data.get("name") == name
     except SettingsError:
         return False
 
@@ -142,7 +142,7 @@ def programs_of(
     has_all = not (commands or code)
     edited: Sequence[str] = ()
     if home is not None:
-        rows = _participants(read_data(home))
+        rows = _participants(read_extended(home).data)
         is_same = all(
             _words(rows.get(name), own_program=own_program) == command
             for name, command in commands.items()
@@ -180,15 +180,8 @@ def _words(row: Any, *, own_program: bool) -> list[str]:
     is_installed_class = "exec" not in given and program in participant_classes()
     if own_program or is_installed_class:
         words = []
-    return [*words, *filter(_is_foreign_class, _texts_in(given.get("params")))]
-
-
-def _texts_in(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        for item in value.values() if isinstance(value, dict) else value:
-            yield from _texts_in(item)
+    texts = (text for _, text in texts_in(given.get("params")))
+    return [*words, *filter(_is_foreign_class, texts)]
 
 
 def _is_foreign_class(text: str) -> bool:

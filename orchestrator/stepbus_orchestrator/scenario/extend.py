@@ -25,14 +25,6 @@ def read_extended(path: Path) -> YamlFile:
     return _read(path, path.name, ())
 
 
-def read_data(path: Path) -> dict[str, Any]:
-    """Return what a scenario file says, with those it extends, as plain data; nothing is checked.
-
-    Raises SettingsError as `read_extended`.
-    """
-    return read_extended(path).data
-
-
 def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
     document = read_yaml(path, _EXPECTED, file=file)
     if _KEY not in document.data:

@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -120,25 +119,6 @@ def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path)
 def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     notes = Preparation(two_link_recording, tmp_path / "again", ["seed=3"]).notes
     assert notes == ['the scenario differs from the recorded one: set=["seed=3"]']
-
-
-def test_files_and_programs_outside_the_log_are_named(tmp_path):
-    scenario = textwrap.dedent("""
-        name: outside
-        step: 1s
-        participants:
-          a:
-            exec: [sh, -c, "exit 1"]
-            outputs: {event: Event/1}
-            params: {model: "package://robots/arm.urdf"}
-    """)
-    versions = {"orchestrator": own_versions()}
-    log = write_log(
-        tmp_path / "run.mcap", scenario, {"a.urdf": b'"package://robots/a.stl"'}, versions
-    )
-    notes = [note for note in Preparation(log, tmp_path / "out").notes if "not in" in note]
-    named = [note.removeprefix("not in the recording, taken from this machine: ") for note in notes]
-    assert named == [shutil.which("sh"), "package://robots/a.stl", "package://robots/arm.urdf"]
 
 
 def test_a_scenario_without_a_duration_is_noted(tmp_path):
