@@ -1,36 +1,45 @@
 """Replays one participant against its recording: it is started, all others are played."""
 
+import contextlib
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.divergence import fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
-from stepbus_orchestrator.errors import argument
+from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.recording import Recording, Sink, TimingRecorder
+from stepbus_orchestrator.recording import (
+    Descriptions,
+    McapFile,
+    Recorder,
+    Recording,
+    Sink,
+    TimingRecorder,
+    layout,
+)
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
-from stepbus_orchestrator.replay.reference import new_reference
+from stepbus_orchestrator.replay.prepare import Prepared, alone, prepare, shorten
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.replayed import Replayed
 from stepbus_orchestrator.replay.trust import find_source, programs_of
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
-from stepbus_orchestrator.run.folder import LOGS_FOLDER, scratch_folder
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
 from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.model import Scenario, partly_recorded
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import replaced_program
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import make_new_folder
+from stepbus_participant import irregular, make_new_folder
 from stepbus_schemas import BridgeFormat
 
 WINDOW = 256
@@ -94,7 +103,7 @@ def replay(
         started = dataclasses.replace(scenario, participants=tuple(specs))
         start_folder = None if program is None else Path.cwd()
         replayed = Replayed(opened, scenario, participant, tolerance, start_folder)
-        with new_reference(target, opened, prepared) as sink:
+        with _new_reference(target, opened, prepared) as sink:
             run = _run(
                 started, replayed, sink, folder=folder, observer=observer, interrupt=interrupt
             )
@@ -180,3 +189,61 @@ def _run(
         )
         run_phases(run)
     return run
+
+
+@contextlib.contextmanager
+def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> Iterator[Sink]:
+    """Yield what takes the outputs; the file gets its name at the end, if nothing has failed.
+
+    target: must not exist; None: nothing is written. prepared: what is attached: its scenario, and
+    its files of the work tree, or else those of the old recording. Raises RecordingFailed when it
+    exists or cannot be written.
+    """
+    scenario = prepared.scenario
+    order = [scenario.participant(name) for name in Schedule(scenario).order]
+    if target is None:
+        yield Sink({spec.name: spec.outputs for spec in order}, partly_recorded(order))
+        return
+    if irregular(target) or target.exists():
+        raise OutputExists(
+            f"{target} already exists; choose another name with {argument('--update')}"
+        )
+    part = target.with_name(f".{target.name}.part")
+    file = McapFile(part)
+    try:
+        _describe(file, old, prepared)
+        reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
+        reference.recorded_versions = layout.versions_of(old.metadata)
+        yield reference
+        part.replace(target)
+    finally:
+        file.close()
+        part.unlink(missing_ok=True)
+
+
+def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
+    text = old.attachments[layout.SCENARIO_ATTACHMENT]
+    if prepared.is_changed:
+        text = resolved(prepared.scenario).encode()
+    contents = layout.files_of(old.attachments)
+    if prepared.files is not None:
+        contents = read_files(prepared.files)
+    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
+    for name, content in contents.items():
+        file.attach(layout.file_attachment(name), "application/octet-stream", content)
+    participants = {layout.versions_metadata(spec.name) for spec in prepared.scenario.participants}
+    for name, metadata in old.metadata.items():
+        if name not in participants:
+            file.add_metadata(name, metadata)
+
+
+class _Reference(Recorder):
+    """recorded_versions: what the participants that are played ran on."""
+
+    recorded_versions: Mapping[str, Mapping[str, str]] = {}
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Register the channels, also of participants that are played."""
+        super().open_channels(descriptions, {**self.recorded_versions, **versions})
