@@ -7,7 +7,7 @@ RECORDINGS    recordings or folders of runs, one path or pattern a line
 PARTICIPANTS  names, separated by spaces; empty: all participants of each recording
 TOLERANCE     YAML file of tolerances; empty: equal to the byte
 SOURCE        folder or file of the scenario; empty: the current folder
-TRUST         `true` also starts programs that are not in the work tree
+TRUST         `true` also starts programs that are not those of your scenario
 TIMEOUT       limit for one replay [s]; empty: 600
 OUT           folder of reports and new recordings; must not exist, or be empty
 

@@ -17,7 +17,7 @@ from stepbus_orchestrator.cli.commands import execute
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.prepare import prepare, shorten
 from stepbus_orchestrator.replay.replay_result import inputs_of
-from stepbus_orchestrator.replay.sources import trusted_sources
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.extensions.calls import recorded_calls
 from stepbus_schemas import StepbusError
 from stepbus_tools.columns import readable
@@ -117,7 +117,7 @@ def _prepare_replay(task: Task) -> None:
 
 def _prepare_rerun(task: Task) -> None:
     with Recording(task.path) as recording:
-        trusted_sources(recording, None).unpack(task.folder / "rerun")
+        Sources.of(recording).unpack(task.folder / "rerun")
         recording.flaws()
         recorded_calls(recording)
 

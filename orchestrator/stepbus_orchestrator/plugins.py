@@ -89,12 +89,6 @@ def metadata_folders() -> Iterator[str]:
 
 
 def _texts() -> Iterator[str]:
-    if any(place.endswith(".egg") or os.path.isfile(place) for place in sys.path):  # noqa: PTH113
-        # Some are in an archive, or an egg of old.
-        from importlib.metadata import distributions  # noqa: PLC0415  (see above)
-
-        yield from (one.read_text(_FILE) or "" for one in distributions())
-        return
     for folder in metadata_folders():
         try:
             with open(f"{folder}/{_FILE}", encoding="utf-8") as file:  # noqa: PTH123  (likewise)

@@ -6,7 +6,7 @@ import re
 import pytest
 from support.paths import DOCS
 
-from stepbus_orchestrator.cli.commands import load_commands
+from stepbus_orchestrator.cli.overview import load_commands
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.scenario.locate import builtin_names
 

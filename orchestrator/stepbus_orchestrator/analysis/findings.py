@@ -1,4 +1,4 @@
-"""What a recording shows to be wrong with its run: limits, wiring, targets beyond a stop."""
+"""What a recording shows to be at or beyond a known limit: torques, targets beyond a stop."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,11 +13,6 @@ from stepbus_orchestrator.recording.layout import split_topic
 from stepbus_schemas import Description, Goal
 
 STATE, COMMAND, REFERENCE = "JointState/1", "JointCommand/1", "JointReference/1"
-_ASKING = frozenset(
-    (STATE, COMMAND, REFERENCE, "BaseCommand/1", "GripperCommand/1", "Goal/1", "PlanRequest/1")
-)
-"""Types that need a reader; a status, an event or a picture may be for the recording only."""
-
 _TOLERANCE = 1e-6
 _OFTEN = 0.1
 
@@ -124,7 +119,7 @@ def _beyond(name: str, joint: Joint, count: Count) -> str:
 
 
 def findings(recording: Recording) -> list[str]:
-    """Return what a recording shows to be wrong with its run, one sentence each."""
+    """Return what a recording shows to be at or beyond a limit, one sentence each."""
     rows = _participants(recording)
     plants = {
         split_topic(port.topic)[0]: _joints(port.description)
@@ -138,7 +133,6 @@ def findings(recording: Recording) -> list[str]:
             if signal is not None:
                 row.take(signal)
     return [
-        *_wiring(recording, rows),
         *(line for row in watched for line in row.lines()),
         *_goal_lines(recording, plants.values()),
     ]
@@ -219,16 +213,3 @@ def _joints(description: Description) -> dict[str, Joint]:
     columns = (column("lower", -math.inf), column("upper", math.inf), column("effort", math.inf))
     joints = map(Joint, *columns, types)
     return dict(zip(description.names, joints, strict=False))
-
-
-def _wiring(recording: Recording, rows: Mapping[str, Mapping[str, Any]]) -> Iterator[str]:
-    """Yield outputs that no participant reads, and plants without a command."""
-    read = {topic for row in rows.values() for topic in _sources(row)}
-    for topic, port in recording.ports.items():
-        if rows and port.type in _ASKING and topic not in read:
-            yield f"no participant reads {topic.replace('/', '.', 1)} ({port.type})"
-    for port in recording.of_type(STATE):
-        name = split_topic(port.topic)[0]
-        types = {recording.ports[t].type for t in _sources(rows.get(name, {})) if t in recording}
-        if name in rows and not types & {COMMAND, "BaseCommand/1", "GripperCommand/1"}:
-            yield f"{name} reads no command: nothing moves its joints"

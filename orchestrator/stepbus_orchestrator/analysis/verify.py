@@ -5,7 +5,7 @@ import dataclasses
 import shutil
 import tempfile
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -137,39 +137,27 @@ def verify(
     Raises RecordingFailed when the folder cannot be made.
     """
     trials = plan(scenario, runs, seed, in_process=owns_descriptors)
-    with _folder(out) as folder:
-        verification = run_trials(
-            scenario,
-            trials,
-            folder,
-            seed=seed,
-            on_result=lambda result: on_result(result, len(trials)),
-            observer=observer,
-            interrupt=interrupt,
-            owns_descriptors=owns_descriptors,
-        )
-    if out is None and not (verification.failed or verification.different):
-        shutil.rmtree(folder)
-    return verification
-
-
-@contextlib.contextmanager
-def _folder(out: str | PathLike[str] | None) -> Iterator[Path]:
-    """Make the folder of the runs; remove it where the first one could not even begin."""
     try:
+        folder = Path(tempfile.mkdtemp(prefix="verify-stepbus-") if out is None else out)
         if out is not None:
-            make_new_folder(Path(out))
-        folder = Path(out or tempfile.mkdtemp(prefix="verify-stepbus-"))
+            make_new_folder(folder)
     except OSError as exc:
         raise RecordingFailed(
             f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
         ) from exc
-    try:
-        yield folder
-    except BaseException:
-        with contextlib.suppress(OSError):
-            folder.rmdir()
-        raise
+    verification = run_trials(
+        scenario,
+        trials,
+        folder,
+        seed=seed,
+        on_result=lambda result: on_result(result, len(trials)),
+        observer=observer,
+        interrupt=interrupt,
+        owns_descriptors=owns_descriptors,
+    )
+    if out is None and not (verification.failed or verification.different):
+        shutil.rmtree(folder)
+    return verification
 
 
 def run_trials(

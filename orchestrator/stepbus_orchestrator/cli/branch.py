@@ -12,7 +12,7 @@ from stepbus_orchestrator.cli.run import Names, after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
-from stepbus_orchestrator.cli.trust import trusted_programs
+from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
@@ -54,8 +54,8 @@ def branch_command(
     step, every participant gets its recorded inputs as fast as it can process them and must publish
     the recorded outputs; the first one that diverges is reported (exit code 10). Without a change,
     the new recording is byte-identical to the old one. A changed participant also gets its recorded
-    inputs; its own outputs are used from that step on. A recording contains programs: those that
-    are not in your work tree are listed first and start only after you confirm, or with --trust.
+    inputs; its own outputs are used from that step on. A recording contains programs: those
+    that are not in your scenario's folder start only with --trust.
 
     vary: make one branch per value, and one picture of all branches; may be repeated. plot: signal
     in that picture, as in `stepbus plot`; default: the joint errors. debug: run a participant in
@@ -70,7 +70,7 @@ def branch_command(
     """
     recording, overrides, in_process = given["recording"], given.pop("set"), given.pop("in_process")
     out = given.pop("out") or new_folder(recording, f"at-{given['at']}")
-    given["trusted"] = trusted_programs(Recording(recording), trust=trust)
+    check_trust(Recording(recording), trust=trust)
     is_changed = bool(overrides or vary or given["calls"] or given["faults"])
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")

@@ -4,7 +4,6 @@ import argparse
 import contextlib
 import re
 from collections.abc import Callable, Iterable, Sequence
-from importlib import import_module
 from typing import Any, NoReturn
 
 import msgspec
@@ -16,52 +15,13 @@ from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_participant import suggest
-from stepbus_schemas import StepbusError, WiringError
+from stepbus_schemas import StepbusError
 
-from .overview import MODULES, command_names, not_utf8
-from .parameters import Command
+from .overview import MODULES, CommandBroken, command_names, load_command, load_commands, not_utf8
 
 _CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
 _NOT_TAKEN = ("unrecognized arguments: ", "the following arguments are required: ")
 _OPTION = re.compile(r"(?<!\w)--[a-z][\w-]*")
-
-
-def load_commands(names: Iterable[str] | None = None) -> tuple[Command, ...]:
-    """Load commands by name; default: all that can be loaded, in the order of the overview.
-
-    Raises WiringError for one by name of another package that cannot be loaded.
-    """
-    if names is not None:
-        return tuple(map(_load, names))
-    loaded = map(load_or_report, command_names())
-    # The others are listed all the same.
-    return tuple(command for command in loaded if command is not None)
-
-
-def load_or_report(name: str) -> Command | None:
-    """Load a command by name; None, with an error, where it cannot be loaded."""
-    try:
-        return _load(name)
-    except WiringError as exc:
-        print_error(str(exc))
-    return None
-
-
-def _load(name: str) -> Command:
-    if name in MODULES:
-        module = import_module(f"{__package__}.{MODULES[name]}")
-        command: Command = getattr(module, f"{name}_command")
-        return command
-    point = named_points(COMMANDS)[name]
-    try:
-        loaded = point.load()
-    except (ImportError, AttributeError) as exc:
-        raise WiringError(
-            f"the command {name!r} cannot be loaded from {point.value}: {exc}"
-        ) from exc
-    if not isinstance(loaded, Command):
-        raise WiringError(f"the command {name!r} is not a Command: {point.value}")
-    return loaded
 
 
 def make_parser(names: Iterable[str] | None = None) -> "_Parser":
@@ -70,7 +30,7 @@ def make_parser(names: Iterable[str] | None = None) -> "_Parser":
     # The overview has answered it.
     parser.add_argument("--version", action="store_true", help="show the version and exit")
     commands = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in load_commands(names):
+    for command in load_commands() if names is None else map(load_command, names):
         sub = commands.add_parser(
             command.name,
             help=command.summary,
@@ -188,7 +148,7 @@ def execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None)
     except RunFailure as exc:
         print_error(str(exc))
         return exc.code
-    except StepbusError as exc:
+    except (StepbusError, CommandBroken) as exc:
         print_error(str(exc))
         return ExitCode.SCENARIO
     except OSError as exc:

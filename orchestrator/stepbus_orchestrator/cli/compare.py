@@ -14,11 +14,11 @@ from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command,
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.cli.trust import trusted_programs
+from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import ReplayResult, replay
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.trust import find_source
 from stepbus_schemas import WiringError
 
 Limits = Annotated[Sequence[str], {"metavar": "[PORT[.FIELD]=]NUMBER"}]
@@ -63,7 +63,6 @@ def diff_command(*, tolerance: ToleranceOptions, **given: Any) -> Answer:
 @command(
     group="test",
     of=replay,
-    hidden=["trusted"],
     exclusive=["recorded", "source"],
     is_run=True,
     recording=RECORDING,
@@ -88,8 +87,7 @@ def replay_command(
     inputs in lockstep, and compares each output with the recorded one: byte for byte, or within a
     tolerance. Shows the first divergent step with its inputs. Uses the program of the scenario in
     --source, or else the copy in the recording. Exit code 0: equal, 10: different. A recorded
-    program that differs from yours is listed first and starts only after you confirm, or with
-    --trust.
+    program that differs from yours starts only with --trust.
 
     $ stepbus replay run.mcap --participant controller
     $ stepbus replay runs/arm --participant controller --set controller.params.kp=9
@@ -104,17 +102,16 @@ def replay_command(
             "--source cannot be combined with --exec, whose program starts in the current folder"
         )
     is_copy = given["recorded"] or bool(program)
-    tree = None if is_copy else find_work_tree(Recording(recording), participant, given["source"])
-    given |= {"recorded": tree is None, "source": None if tree is None else tree.file}
+    source = None if is_copy else find_source(Recording(recording), given["source"])
+    given |= {"recorded": source is None, "source": source}
     given["tolerance"] = tolerance.read(participant)
-    trusted = trusted_programs(
-        Recording(recording), participant, trust=trust, own_program=bool(program), tree=tree
-    )
+    if source is None:
+        check_trust(Recording(recording), participant, trust=trust, own_program=bool(program))
     with (
         displayed(f"replay of {participant}", quiet=json) as display,
         interruptible() as interrupt,
     ):
-        result = replay(**given, trusted=trusted, observer=display, interrupt=interrupt)
+        result = replay(**given, observer=display, interrupt=interrupt)
     return Answer(
         value={**msgspec.structs.asdict(result), "steps_per_s": result.steps_per_s},
         lines=_replayed(result),

@@ -6,8 +6,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
 from stepbus_orchestrator.cli.parameters import RecordingPath, command
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -19,7 +17,7 @@ from stepbus_participant import parse_duration
 from stepbus_schemas import Event, StepbusError
 
 _FEW_TYPES, _MOST_TYPES, _MOST_TOPICS = 4, 2, 3
-_FOR_SURE = ("python", "stepbus")
+_MAIN = ("python", "stepbus")
 _PYTHON = "Python "
 _FEW_PER_S = 10
 _MEGABYTE = 10**6
@@ -150,7 +148,9 @@ def _program(row: Mapping[str, Any]) -> str:
 
 
 def _ports(recording: Recording) -> list[TypeCount]:
-    counts = _counted(recording)
+    counts: Counter[str] = Counter()
+    for piece in recording.batches(recording.ports.values()):
+        counts.update({topic: len(batch.steps) for topic, batch in piece.items()})
     types: dict[str, list[str]] = {}
     for topic, port in recording.ports.items():
         if port.type not in _OF_EVERY_RUN:
@@ -159,24 +159,6 @@ def _ports(recording: Recording) -> list[TypeCount]:
         TypeCount(type=name, topics=topics, messages=sum(counts[topic] for topic in topics))
         for name, topics in types.items()
     ]
-
-
-def _counted(recording: Recording) -> Counter[str]:
-    """Return topic → how many messages; a complete recording has that at its end."""
-    if not recording.cut_short:
-        with contextlib.suppress(McapError), recording.path.open("rb") as file:
-            summary = make_reader(file).get_summary()
-            if summary and summary.statistics:
-                counts = summary.statistics.channel_message_counts
-                rows = summary.channels.items()
-                total: Counter[str] = Counter()
-                for number, channel in rows:
-                    total[channel.topic] += counts.get(number, 0)
-                return total
-    counted: Counter[str] = Counter()
-    for piece in recording.batches(recording.ports.values()):
-        counted.update({topic: len(batch.steps) for topic, batch in piece.items()})
-    return counted
 
 
 def _events(recording: Recording) -> Counter[str]:
@@ -270,20 +252,9 @@ def _per_s(count: int, duration_s: float | None) -> str:
 
 def _versions(versions: Mapping[str, Mapping[str, str]]) -> str:
     """Return the versions of Python and stepbus, how many others there are, and the machine."""
-    merged: dict[str, str] = {}
-    machine: list[str] = []
-    for name in sorted(versions, key=lambda name: name != layout.ORCHESTRATOR):
-        for library, version in versions[name].items():
-            if library in _OF_MACHINE:
-                machine.append(version)
-            elif merged.setdefault(library, version) != version:
-                merged[f"{library} of {name}"] = version
-    rows = [f"{library} {version}" for library, version in merged.items() if _is_main(library)]
-    left = len(merged) - len(rows)
+    own = versions.get(layout.ORCHESTRATOR, {})
+    libraries = {library for row in versions.values() for library in row}
+    left = len(libraries.difference(_MAIN, _OF_MACHINE))
+    rows = [f"{library} {own[library]}" for library in _MAIN if library in own]
     rows += [f"{left} libraries (--json)"] if left else []
-    return ", ".join([*rows, *machine]) or "none recorded"
-
-
-def _is_main(library: str) -> bool:
-    """Return whether a version is shown: of Python, of stepbus, or where participants differ."""
-    return library in _FOR_SURE or " of " in library
+    return ", ".join([*rows, *(own[key] for key in _OF_MACHINE if key in own)]) or "none recorded"

@@ -8,10 +8,11 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 from importlib.util import find_spec
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from stepbus_orchestrator.cli.terminal.output import columns, fold
+from stepbus_orchestrator.cli.terminal.output import columns, fold, print_error
 from stepbus_orchestrator.plugins import COMMANDS, metadata_folders, named_points
 
 MODULES = {
@@ -55,6 +56,10 @@ example: stepbus run two_link"""
 _OPTIONS = r"^@command\(([^\n]*\n(?:    [^\n]*\n)*\)?)\n?"
 _DOCSTRING = r'def {}\([^\n]*\n(?:(?:    |\))[^\n]*\n)*?    """([^"\\]+)'
 """How a command of ours begins: to parse all that has one would take most of the answer's time."""
+
+
+class CommandBroken(Exception):
+    """A command of another package cannot be loaded."""
 
 
 class Outline(NamedTuple):
@@ -133,10 +138,35 @@ def _outline(name: str) -> Outline | None:
     module, _, attribute = value.partition(":")
     if read := _read(_source(module), attribute):
         return read
-    from .commands import load_or_report  # noqa: PLC0415  (see the top)
-
-    loaded = load_or_report(name)
+    loaded = _load_or_report(name)
     return None if loaded is None else Outline(loaded.summary, loaded.group)
+
+
+def load_commands() -> list[Any]:
+    """Load all commands that can be loaded, in the order of the overview; name the others."""
+    loaded = map(_load_or_report, command_names())
+    return [command for command in loaded if command is not None]
+
+
+def _load_or_report(name: str) -> Any:
+    try:
+        return load_command(name)
+    except CommandBroken as exc:
+        print_error(str(exc))
+    return None
+
+
+def load_command(name: str) -> Any:
+    """Load a command by name; raises CommandBroken for one of another package that cannot be."""
+    if name in MODULES:
+        return getattr(import_module(f"{__package__}.{MODULES[name]}"), f"{name}_command")
+    point = named_points(COMMANDS)[name]
+    try:
+        return point.load()
+    except (ImportError, AttributeError) as exc:
+        raise CommandBroken(
+            f"the command {name!r} cannot be loaded from {point.value}: {exc}"
+        ) from exc
 
 
 def _read(source: str, function: str) -> Outline | None:

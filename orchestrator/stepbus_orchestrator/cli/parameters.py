@@ -325,7 +325,7 @@ Folder = Annotated[Path | None, {"metavar": "FOLDER"}]
 File = Annotated[Path | None, {"metavar": "FILE"}]
 Trust = Annotated[
     bool,
-    {"help": "start the recorded programs without asking, even if they are not in your work tree"},
+    {"help": "start the recorded programs, even if they are not those in your scenario's folder"},
 ]
 PortNumber = Annotated[int | None, {"type": number("not a port number (0 to 65535)", 0, 65535)}]
 FoxglovePort = Annotated[

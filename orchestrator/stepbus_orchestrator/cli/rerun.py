@@ -10,7 +10,7 @@ from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, say
-from stepbus_orchestrator.cli.trust import trusted_programs
+from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import RERUNS, points
 from stepbus_orchestrator.recording import Recording
@@ -46,8 +46,7 @@ def rerun_command(
     Extracts the scenario and its files from a recording into <out>/source, runs it, and compares
     the new recording with the old one, byte for byte. Lists what differs on this machine, such as
     versions. Exit code 0: all messages are equal, 10: at least one differs. A recording contains
-    programs: those that are not in your work tree are listed first and start only after you
-    confirm, or with --trust.
+    programs: those that are not in your scenario's folder start only with --trust.
 
     row: number of a run in a sweep.
 
@@ -62,15 +61,15 @@ def rerun_command(
                 f"{recording} is a sweep: give the number of one of its runs, without --set"
             )
         recorded = run_of(recording, row)
-        trusted_programs(recorded, trust=trust)
+        check_trust(recorded, trust=trust)
         out = out or new_folder(recording / f"{recording.resolve().name}-{row}", "rerun")
         with displayed(f"run {row}", quiet=json) as display, interruptible() as interrupt:
             return _answer_of_row(recorded.run(out, display, interrupt))
     if row is not None:
         raise WiringError(f"{recording} is not a sweep, so it has no run {row}")
-    trusted = trusted_programs(Recording(recording), trust=trust)
+    check_trust(Recording(recording), trust=trust)
     out = out or new_folder(recording, "rerun")
-    preparation = Preparation(recording, out, overrides, trusted=trusted)
+    preparation = Preparation(recording, out, overrides)
     if not json:
         for note in preparation.notes:
             say(f"note: {note}")

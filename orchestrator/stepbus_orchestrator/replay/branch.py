@@ -12,7 +12,7 @@ from stepbus_orchestrator.replay.branch_change import Change
 from stepbus_orchestrator.replay.prefix import RecordedPrefix
 from stepbus_orchestrator.replay.recorded import counts_from_of
 from stepbus_orchestrator.replay.rerun import Repeated
-from stepbus_orchestrator.replay.sources import own_version_notes, trusted_sources, unpack_into
+from stepbus_orchestrator.replay.sources import Sources, own_version_notes, unpack_into
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.extensions.debug import Debug
 from stepbus_orchestrator.run.reports import Observer
@@ -41,9 +41,8 @@ class Branch(Repeated):
 class BranchPlan:
     """A branch that is about to start; the recording's files are unpacked in `out/source`.
 
-    Arguments as of `branch`; trusted: fingerprint of the programs that may be started, None: any.
-    at: the first live step. scenario: what runs. notes: what may make it different from the
-    recording.
+    Arguments as of `branch`. at: the first live step. scenario: what runs. notes: what may make it
+    different from the recording.
 
     Raises RecordingFailed when the recording ends before `at`, or `out` already contains a run;
     ScenarioError when the scenario cannot run here; WiringError for a change that a branch does not
@@ -59,12 +58,11 @@ class BranchPlan:
         *,
         faults: Sequence[str] = (),
         calls: Sequence[str] = (),
-        trusted: str | None = None,
         checkpoints: bool = True,
     ) -> None:
         self._recording = Recording(recording)
         self._out = out
-        path = unpack_into(out, trusted_sources(self._recording, trusted))
+        path = unpack_into(out, Sources.of(self._recording))
         change = Change(load(path), load(path, overrides, faults), at)
         change.check(self._recording)
         self.at = change.at

@@ -1,37 +1,45 @@
 """Replays one participant against its recording: it is started, all others are played."""
 
+import contextlib
 import dataclasses
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.divergence import fields_of, in_order
 from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
-from stepbus_orchestrator.errors import argument
+from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
-from stepbus_orchestrator.recording import Recording, Sink, TimingRecorder
+from stepbus_orchestrator.recording import (
+    Descriptions,
+    McapFile,
+    Recorder,
+    Recording,
+    Sink,
+    TimingRecorder,
+    layout,
+)
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.prepare import alone, prepare, shorten
-from stepbus_orchestrator.replay.reference import new_reference
+from stepbus_orchestrator.replay.prepare import Prepared, alone, prepare, shorten
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.replayed import Replayed
-from stepbus_orchestrator.replay.trust import programs_of
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.trust import find_source, programs_of
 from stepbus_orchestrator.run.bus import Session
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
-from stepbus_orchestrator.run.folder import LOGS_FOLDER, scratch_folder
+from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
 from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario.model import Scenario
+from stepbus_orchestrator.scenario.model import Scenario, partly_recorded
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import replaced_program
+from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_orchestrator.scenario.schedule import Schedule
-from stepbus_participant import make_new_folder
+from stepbus_participant import irregular, make_new_folder
 from stepbus_schemas import BridgeFormat
 
 WINDOW = 256
@@ -50,7 +58,6 @@ def replay(
     source: str | PathLike[str] | None = None,
     bridge: BridgeFormat | None = None,
     program: Sequence[str] | None = None,
-    trusted: str | None = None,
     observer: Observer | None = None,
     interrupt: threading.Event | None = None,
 ) -> ReplayResult:
@@ -66,21 +73,19 @@ def replay(
     program of the scenario. source: folder or file of the scenario (default: the file that
     result.json names, or else the current folder). bridge: start the program through `stepbus
     bridge`. program: start this program instead of the recorded one, in the current folder; all
-    following arguments belong to it.
-    trusted: fingerprint of the programs that may be started (`Sources.fingerprint`); None: any.
-    observer, interrupt: as in `run`.
+    following arguments belong to it. observer, interrupt: as in `run`.
 
     Raises WiringError (ScenarioError) when the recording, participant or tolerance are invalid,
     RunFailure, which quotes the log, when the participant fails.
     """
     opened, tolerance = Recording(recording), tolerance_of(tolerance, participant)
-    target, tree_path = (None if path is None else Path(path) for path in (update, source))
+    target, given = (None if path is None else Path(path) for path in (update, source))
     tolerance.check(
         {topic: fields_of(port.type, opened.types) for topic, port in opened.ports.items()}
     )
     check_limits(1)
     is_copy = recorded or program is not None
-    tree = None if is_copy else find_work_tree(opened, participant, tree_path)
+    file = None if is_copy else find_source(opened, given)
     with scratch_folder("replay") as folder:
         prepared = prepare(
             opened,
@@ -88,8 +93,7 @@ def replay(
             folder / "source",
             override_texts(set),
             own_program=program is not None,
-            tree=tree,
-            trusted=trusted,
+            source=file,
         )
         scenario = shorten(prepared.scenario, opened, participant, window)
         specs = [
@@ -99,7 +103,7 @@ def replay(
         started = dataclasses.replace(scenario, participants=tuple(specs))
         start_folder = None if program is None else Path.cwd()
         replayed = Replayed(opened, scenario, participant, tolerance, start_folder)
-        with new_reference(target, opened, prepared) as sink:
+        with _new_reference(target, opened, prepared) as sink:
             run = _run(
                 started, replayed, sink, folder=folder, observer=observer, interrupt=interrupt
             )
@@ -110,7 +114,7 @@ def replay(
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence
-    copied = [] if is_copy or tree is not None else _copy_notes(opened, participant)
+    copied = [] if is_copy or file is not None else _copy_notes(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -121,10 +125,15 @@ def replay(
         ports=in_order(replayed.results()),
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
-        source="" if tree is None else tree.shown(),
+        source="" if file is None else _shown(file),
         changes=prepared.notes,
         notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
     )
+
+
+def _shown(path: Path) -> str:
+    here = Path.cwd()
+    return str(path.relative_to(here) if path.is_relative_to(here) else path)
 
 
 def _copy_notes(recording: Recording, participant: str) -> list[str]:
@@ -180,3 +189,61 @@ def _run(
         )
         run_phases(run)
     return run
+
+
+@contextlib.contextmanager
+def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> Iterator[Sink]:
+    """Yield what takes the outputs; the file gets its name at the end, if nothing has failed.
+
+    target: must not exist; None: nothing is written. prepared: what is attached: its scenario, and
+    its files of the work tree, or else those of the old recording. Raises RecordingFailed when it
+    exists or cannot be written.
+    """
+    scenario = prepared.scenario
+    order = [scenario.participant(name) for name in Schedule(scenario).order]
+    if target is None:
+        yield Sink({spec.name: spec.outputs for spec in order}, partly_recorded(order))
+        return
+    if irregular(target) or target.exists():
+        raise OutputExists(
+            f"{target} already exists; choose another name with {argument('--update')}"
+        )
+    part = target.with_name(f".{target.name}.part")
+    file = McapFile(part)
+    try:
+        _describe(file, old, prepared)
+        reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
+        reference.recorded_versions = layout.versions_of(old.metadata)
+        yield reference
+        part.replace(target)
+    finally:
+        file.close()
+        part.unlink(missing_ok=True)
+
+
+def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
+    text = old.attachments[layout.SCENARIO_ATTACHMENT]
+    if prepared.is_changed:
+        text = resolved(prepared.scenario).encode()
+    contents = layout.files_of(old.attachments)
+    if prepared.files is not None:
+        contents = read_files(prepared.files)
+    file.attach(layout.SCENARIO_ATTACHMENT, "application/yaml", text)
+    for name, content in contents.items():
+        file.attach(layout.file_attachment(name), "application/octet-stream", content)
+    participants = {layout.versions_metadata(spec.name) for spec in prepared.scenario.participants}
+    for name, metadata in old.metadata.items():
+        if name not in participants:
+            file.add_metadata(name, metadata)
+
+
+class _Reference(Recorder):
+    """recorded_versions: what the participants that are played ran on."""
+
+    recorded_versions: Mapping[str, Mapping[str, str]] = {}
+
+    def open_channels(
+        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
+    ) -> None:
+        """Register the channels, also of participants that are played."""
+        super().open_channels(descriptions, {**self.recorded_versions, **versions})

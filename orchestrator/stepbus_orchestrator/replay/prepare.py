@@ -12,9 +12,9 @@ from stepbus_orchestrator.analysis.tolerance import differences, short
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.recorded import check_whole, replayable_steps
-from stepbus_orchestrator.replay.trust import recorded_programs
-from stepbus_orchestrator.replay.work_tree import WorkTree
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.folder import read_files
+from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, low_latency
 from stepbus_orchestrator.scenario.scenario_files import find_files
@@ -22,12 +22,9 @@ from stepbus_orchestrator.scenario.slots import slot_counts
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
-from .sources import trusted_sources
-
 _NO_PROGRAM = "[python]"
 _TESTED = ("participant", "exec", "bridge", "params")
-"""What a replay tests: it is that of the work tree."""
-_MOST_CHANGES = 8
+"""What a replay tests: it is that of the user's scenario."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,8 +32,8 @@ class Prepared:
     """What is replayed.
 
     scenario: as recorded, but for the participant's program and parameters. files: those of the
-    work tree, by name; None where the recording's are taken. is_changed: whether the scenario is
-    not the recorded one. notes: how scenario and files differ from the recorded ones.
+    user's scenario, by name; None where the recording's are taken. is_changed: whether the scenario
+    is not the recorded one. notes: how scenario and files differ from the recorded ones.
     """
 
     scenario: Scenario
@@ -52,62 +49,68 @@ def prepare(
     overrides: Sequence[str],
     *,
     own_program: bool,
-    tree: WorkTree | None = None,
-    trusted: str | None = None,
+    source: Path | None = None,
 ) -> Prepared:
     """Unpack a recording's scenario into a new folder and return it, as it was recorded.
 
-    own_program: whether the participant's program is not the recorded one. tree: the scenario
+    own_program: whether the participant's program is not the recorded one. source: the scenario
     whose program and parameters the participant gets; None: the recorded ones. Programs that the
-    replay does not start need not be there. trusted: fingerprint of the programs that may be
-    started; None: any.
+    replay does not start need not be there.
 
     Raises RecordingFailed when there is no scenario in it, WiringError when it has no such
     participant, ScenarioError when it cannot be replayed here.
     """
-    sources = trusted_sources(recording, trusted)
-    programs = recorded_programs(recording)
+    sources = Sources.of(recording)
+    programs = _programs(recording.scenario)
     if participant not in programs:
         known = suggest(participant, programs)
         raise WiringError(f"{recording.path} has no participant {participant!r}{known}")
-    is_other = own_program or tree is not None
-    unused = [name for name in programs if is_other or name != participant]
-    scenario = _load(sources.unpack(folder), overrides, programs, unused)
+    is_other = own_program or source is not None
+    started = "" if is_other else participant
+    scenario = _load(sources.unpack(folder), overrides, programs, started)
     # What was recorded is what came of the faults; they are not injected once more.
     specs = tuple(structs.replace(spec, on_fault="stop") for spec in scenario.participants)
     scenario = dataclasses.replace(scenario, participants=specs, faults=())
-    if tree is None:
+    if source is None:
         return Prepared(scenario=scenario, is_changed=bool(overrides))
-    return _from_tree(sources.files, scenario, participant, tree, overrides)
+    return _from_source(sources.files, scenario, participant, source, overrides)
+
+
+def _programs(scenario: Mapping[str, Any]) -> dict[str, Mapping[str, Any]]:
+    """Return the keys `participant` and `exec` of each participant, as a scenario has them."""
+    rows = scenario.get("participants")
+    return {
+        name: {
+            "participant": str(row.get("participant") or ""),
+            "exec": tuple(map(str, row.get("exec") or ())),
+        }
+        for name, row in (rows.items() if isinstance(rows, dict) else ())
+        if isinstance(row, dict)
+    }
 
 
 def _load(
-    path: Path,
-    overrides: Sequence[str],
-    programs: Mapping[str, ParticipantSpec],
-    unused: Sequence[str],
+    path: Path, overrides: Sequence[str], programs: Mapping[str, Mapping[str, Any]], started: str
 ) -> Scenario:
-    """Return a scenario; the programs of those that are unused need not be here."""
+    """Return a scenario; the programs of those that are not started need not be here."""
+    unused = [name for name in programs if name != started]
     scenario = load(path, [*overrides, *(f"{name}.exec={_NO_PROGRAM}" for name in unused)])
     specs = [
-        structs.replace(spec, participant=written.participant, exec=written.exec)
-        if spec.name in unused and (written := programs[spec.name])
-        else spec
+        structs.replace(spec, **programs[spec.name]) if spec.name in unused else spec
         for spec in scenario.participants
     ]
     return dataclasses.replace(scenario, participants=tuple(specs))
 
 
-def _from_tree(
+def _from_source(
     recorded_files: Mapping[str, bytes],
     scenario: Scenario,
     participant: str,
-    tree: WorkTree,
+    source: Path,
     overrides: Sequence[str],
 ) -> Prepared:
-    """Return a recorded scenario with one participant as it is in the work tree."""
-    unused = [name for name in tree.programs if name != participant]
-    today = _load(tree.file, overrides, tree.programs, unused)
+    """Return a recorded scenario with one participant as it is in the user's scenario."""
+    today = _load(source, overrides, _programs(read_extended(source).data), participant)
     new, old = today.participant(participant), scenario.participant(participant)
     timeouts = (key for key in new.__struct_fields__ if key.endswith("_timeout_ns"))
     spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})
@@ -115,7 +118,7 @@ def _from_tree(
     today_files = find_files(today).paths
     values = _changed_values(old, new)
     return Prepared(
-        scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=tree.folder),
+        scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=source.parent),
         files=today_files,
         is_changed=bool(overrides or values),
         notes=[
@@ -138,7 +141,7 @@ def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) ->
 
 
 def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
-    changes = [
+    return [
         f"{item.path} is {_shown(item.second)}, recorded {_shown(item.first)}"
         for key in _TESTED
         for item in differences(
@@ -148,10 +151,6 @@ def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
             None,
         )
     ]
-    more = len(changes) - _MOST_CHANGES
-    if more > 0:
-        changes[_MOST_CHANGES:] = [f"{more} more values of {old.name} differ from the recording"]
-    return changes
 
 
 def _shown(value: Any) -> str:
@@ -161,7 +160,7 @@ def _shown(value: Any) -> str:
 def _rewired(
     scenario: Scenario, today: Scenario, old: ParticipantSpec, new: ParticipantSpec
 ) -> Iterator[str]:
-    """Yield what the work tree connects or times otherwise, which a replay does not follow."""
+    """Yield what the user's scenario connects or times otherwise; a replay does not follow it."""
     changed = [key for key in ("step_ns", "seed") if getattr(scenario, key) != getattr(today, key)]
     changed = [key.removesuffix("_ns") for key in changed]
     wiring = ("every", "publishes", "inputs", "outputs")

@@ -1,6 +1,5 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
-import re
 import threading
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,7 +15,6 @@ from stepbus_orchestrator.replay.recorded import counts_from_of, recorded_end
 from stepbus_orchestrator.replay.sources import (
     Sources,
     own_version_notes,
-    trusted_sources,
     unpack_into,
     version_notes,
 )
@@ -27,11 +25,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
-from stepbus_orchestrator.scenario.program import command
 from stepbus_orchestrator.scenario.resolve import resolved
-
-_PACKAGE_URL = re.compile(rb"package://[^\s\"'<>,\]})]+")
-_OURS = ("python", "stepbus")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -78,24 +72,16 @@ class Rerun(Repeated):
 class Preparation:
     """A run from a recording that is about to start; its files are unpacked in `out/source`.
 
-    overrides: settings such as `window=1`. trusted: fingerprint of the programs that may be
-    started; None: any. notes: what may make it different from the recorded one.
+    overrides: settings such as `window=1`. notes: what may make it different from the recorded one.
     Raises RecordingFailed when the recording is not fit for it or `out` holds a run already,
     and ScenarioError when the scenario cannot run here.
     """
 
-    def __init__(
-        self,
-        recording: Path,
-        out: Path,
-        overrides: Sequence[str] = (),
-        *,
-        trusted: str | None = None,
-    ) -> None:
+    def __init__(self, recording: Path, out: Path, overrides: Sequence[str] = ()) -> None:
         self._recording = Recording(recording)
         self._out = out
         self._is_changed = bool(overrides)
-        sources = trusted_sources(self._recording, trusted)
+        sources = Sources.of(self._recording)
         self.scenario = load(unpack_into(out, sources), overrides)
         self._flaws = self._recording.flaws()
         self.notes = [
@@ -103,7 +89,6 @@ class Preparation:
             *_changes(sources, self.scenario, overrides),
             *_open_end(self._recording, self.scenario),
             *own_version_notes(self._recording),
-            *_outside(sources, self.scenario),
         ]
 
     def run(
@@ -170,24 +155,3 @@ def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:
             "no participant ends the run, end it with Ctrl-C or give it one with "
             f"{argument('--set', value='duration=…')}"
         )
-
-
-def _outside(sources: Sources, scenario: Scenario) -> Iterator[str]:
-    """Yield a sentence for each file that the run takes from this machine."""
-    contents = [sources.scenario, *sources.files.values()]
-    urls = {url.decode(errors="replace") for text in contents for url in _PACKAGE_URL.findall(text)}
-    lacking = {
-        url
-        for url in urls
-        if not any(
-            f"/{name}".endswith(f"/{url.removeprefix('package://')}") for name in sources.files
-        )
-    }
-    programs = {
-        command(spec.program, scenario.folder)[0]
-        for spec in scenario.participants
-        if spec.program[0] not in _OURS
-    }
-    lacking |= {path for path in programs if not Path(path).is_relative_to(scenario.folder)}
-    for name in sorted(lacking):
-        yield f"not in the recording, taken from this machine: {name}"

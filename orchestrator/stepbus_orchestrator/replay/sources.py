@@ -1,6 +1,5 @@
 """What a recording can be run again from: its scenario, and the files of that."""
 
-import hashlib
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -11,8 +10,8 @@ from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
 from stepbus_orchestrator.run.result import own_versions
-from stepbus_participant import SettingsError, make_folder, make_new_folder, write_file
-from stepbus_participant.parameters import is_file_name, parse_yaml
+from stepbus_participant import make_folder, make_new_folder, write_file
+from stepbus_participant.parameters import is_file_name
 
 SOURCE_FOLDER = "source"
 _PROGRAMS = (b"#!", b"\x7fELF")
@@ -46,36 +45,32 @@ class Sources:
     files: Mapping[str, bytes]
 
     @classmethod
-    def of(cls, recording: Path, attachments: Mapping[str, bytes]) -> "Sources":
-        """Return those among the attachments of a recording.
+    def of(cls, recording: Recorded) -> "Sources":
+        """Return those of a recording.
 
-        Raises RecordingFailed when it holds no scenario, or a file whose name leads out of its
-        folder.
+        Raises RecordingFailed when it holds no scenario, a file whose name leads out of its folder,
+        or a scenario that takes programs or message types from elsewhere: no run records these.
         """
-        if SCENARIO_ATTACHMENT not in attachments:
+        path, scenario = recording.path, recording.attachments.get(SCENARIO_ATTACHMENT)
+        if scenario is None:
             raise RecordingFailed(
-                f"{recording} contains no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
+                f"{path} contains no {SCENARIO_ATTACHMENT}: is it the run.mcap of a run?"
             )
-        files = layout.files_of(attachments)
+        files = layout.files_of(recording.attachments)
         for name in files:
-            path = PurePosixPath(name)
-            below = path.parts[_levels(name) :]
-            if path.is_absolute() or ".." in below or not below or "\0" in name:
+            file = PurePosixPath(name)
+            below = file.parts[_levels(name) :]
+            if file.is_absolute() or ".." in below or not below or "\0" in name:
+                raise RecordingFailed(f"{path}: attached file {name!r} points outside its folder")
+        if "extends" in recording.scenario:
+            raise RecordingFailed(f"{path}: its scenario has the key 'extends': refused")
+        types = recording.scenario.get("types")
+        for source in types if isinstance(types, list) else [types]:
+            if isinstance(source, str) and not is_file_name(source):
                 raise RecordingFailed(
-                    f"{recording}: attached file {name!r} points outside its folder"
+                    f"{path}: its message types refer to the module {source!r}: refused"
                 )
-        _refuse_unresolved(recording, attachments[SCENARIO_ATTACHMENT])
-        return cls(attachments[SCENARIO_ATTACHMENT], files)
-
-    @property
-    def fingerprint(self) -> str:
-        """Return the SHA-256 of all that a recording can start."""
-        digest = hashlib.sha256()
-        for name, content in [("", self.scenario), *sorted(self.files.items())]:
-            for part in (name.encode(errors="surrogateescape"), content):
-                digest.update(len(part).to_bytes(8, "little"))
-                digest.update(part)
-        return digest.hexdigest()
+        return cls(scenario, files)
 
     def unpack(self, folder: Path) -> Path:
         """Write them to a new folder and return the scenario's path.
@@ -100,43 +95,10 @@ class Sources:
         return home / SCENARIO_ATTACHMENT
 
 
-def _refuse_unresolved(recording: Path, scenario: bytes) -> None:
-    """Raise RecordingFailed where a scenario takes programs or message types from elsewhere.
-
-    A base could bring programs that `programs_in` does not see, and loading types from a module
-    would execute it. No run records these: a recorded scenario is resolved.
-    """
-    try:
-        data = parse_yaml(SCENARIO_ATTACHMENT, scenario.decode(errors="replace"))
-    except SettingsError:
-        return
-    content = data if isinstance(data, dict) else {}
-    if "extends" in content:
-        raise RecordingFailed(f"{recording}: its scenario has the key 'extends': refused")
-    given = content.get("types")
-    for source in given if isinstance(given, list) else [given]:
-        if isinstance(source, str) and not is_file_name(source):
-            raise RecordingFailed(
-                f"{recording}: its message types refer to the module {source!r}: refused"
-            )
-
-
 def _levels(name: str) -> int:
     """Return how many folders above the scenario's a file is."""
     parts = PurePosixPath(name).parts
     return next((n for n, part in enumerate(parts) if part != ".."), len(parts))
-
-
-def trusted_sources(recording: Recording, trusted: str | None) -> Sources:
-    """Return the sources of a recording, as `Sources.of`.
-
-    trusted: fingerprint of the programs that may be started; None: any. Raises RecordingFailed
-    where the recording has others.
-    """
-    sources = Sources.of(recording.path, recording.attachments)
-    if trusted not in {None, sources.fingerprint}:
-        raise RecordingFailed(f"{recording.path} has changed since it was checked; try again")
-    return sources
 
 
 def unpack_into(out: Path, sources: Sources) -> Path:

@@ -1,22 +1,27 @@
-"""What a recording would start here, and whether you are asked: not for your work tree."""
+"""Where the scenario of a recording is, and which recorded programs start without `--trust`.
+
+Those that installed packages declare start, and those that equal the programs of that scenario.
+"""
 
 import os
 import shlex
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import stat
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-from stepbus_orchestrator.recording.layout import SCENARIO_ATTACHMENT
+import msgspec
+
+from stepbus_orchestrator.errors import argument
 from stepbus_orchestrator.replay.sources import Recorded, Sources
-from stepbus_orchestrator.replay.work_tree import WorkTree, find_work_tree, is_yours
+from stepbus_orchestrator.run.result import RESULT_FILE
+from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.locate import scenario_folders
-from stepbus_orchestrator.scenario.model import ParticipantSpec
-from stepbus_orchestrator.scenario.program import participant_classes, programs_in
-from stepbus_orchestrator.scenario.scenario_files import is_file
-from stepbus_participant import is_installed, read_file
-from stepbus_participant.parameters import parse_yaml
-from stepbus_schemas import WiringError
+from stepbus_orchestrator.scenario.program import participant_classes
+from stepbus_orchestrator.scenario.scenario_files import is_file, texts_in
+from stepbus_participant import SettingsError, is_installed, read_file
+from stepbus_schemas import UNDECODABLE, WiringError
 
 _DATA = (
     *(".csv", ".dae", ".jpg", ".json", ".md", ".mtl", ".obj", ".png", ".srdf", ".stl", ".txt"),
@@ -25,18 +30,77 @@ _DATA = (
 """Files that no program of ours executes; a `.xacro` has expressions."""
 
 
+class _Origin(msgspec.Struct, frozen=True):
+    """What `result.json` says of where a run came from."""
+
+    file: str = ""
+
+
+def find_source(recording: Recorded, given: Path | None = None) -> Path | None:
+    """Return the file of the scenario that a recording was made from; None where there is none.
+
+    given: its file or folder, if the user names it; default: the file that `result.json` names, or
+    else one in the current folder, if it is the user's. Raises WiringError when `given` has no such
+    scenario, or a folder several.
+    """
+    name = recording.scenario.get("name")
+    if given is None and (origin := _origin(recording)) and _is_named(origin, name):
+        return origin
+    place = Path.cwd() if given is None else given.absolute()
+    paths = [place] if is_file(place) else sorted(place.glob("*.y*ml"))
+    matches = [p for p in paths if _is_named(p, name) and (given is not None or _is_yours(p))]
+    if len(matches) > 1:
+        raise WiringError(
+            f"several scenarios are named {name!r}: {', '.join(map(str, matches))}; choose with "
+            f"{argument('--source')}"
+        )
+    if given is not None and not matches:
+        raise WiringError(f"{given} has no scenario named {name!r}, as in the recording")
+    return matches[0] if matches else None
+
+
+def _origin(recording: Recorded) -> Path | None:
+    """Return the scenario file that `result.json` names, if both are the user's.
+
+    A path within the folder of the recording is not taken: who sends the folder has written both.
+    Scenarios that are installed are not taken either: their recorded copy is what was meant.
+    """
+    path = recording.path.parent.absolute() / RESULT_FILE
+    try:
+        file = Path(msgspec.json.decode(read_file(path), type=_Origin).file)
+    except (OSError, *UNDECODABLE):
+        return None
+    others = (path.parent.resolve(), *scenario_folders().values())
+    is_inside = any(file.resolve().is_relative_to(folder) for folder in others)
+    return file if file.is_absolute() and not is_inside and _is_yours(path, file) else None
+
+
+def _is_yours(*paths: Path) -> bool:
+    """Return whether files belong to the user, and nobody else may write them."""
+    try:
+        rows = [path.stat() for path in paths]
+    except OSError:
+        return False
+    return all(row.st_uid == os.geteuid() and not row.st_mode & stat.S_IWOTH for row in rows)
+
+
+def _is_named(path: Path, name: object) -> bool:
+    try:
+        return read_extended(path).data.get("name") == name
+    except SettingsError:
+        return False
+
+
 @dataclass(frozen=True, kw_only=True)
 class Programs:
-    """What a recording would start, with your rights.
+    """What a recording would start, with the user's rights.
 
-    fingerprint: of all that it can start. commands: participant → its command line or class, and
-    the classes that its parameters name; not those that installed packages declare: these are
-    yours. files: from the recording, which a program may execute. is_yours: whether all of it
-    stands in your work tree like this, or is declared. edited: files of your work tree that differ
-    from those of the recording.
+    commands: participant → its command line or class, and the classes that its parameters name;
+    not those that installed packages declare. files: those that a program may execute. is_yours:
+    whether the user's scenario has all of them like this. edited: files of that scenario that
+    differ from the recorded ones.
     """
 
-    fingerprint: str
     commands: Mapping[str, Sequence[str]]
     files: Sequence[str]
     is_yours: bool
@@ -50,122 +114,88 @@ class Programs:
         return [_harmless(line) for line in (*commands, *files, *self.notes())]
 
     def notes(self) -> list[str]:
-        """Return a sentence for each file that you have edited since."""
+        """Return a sentence for each file that the user has edited since."""
         return [f"{name} differs from the recording, whose own copy runs" for name in self.edited]
 
 
 def programs_of(
-    recording: Recorded,
-    participant: str | None = None,
-    *,
-    own_program: bool = False,
-    tree: WorkTree | None = None,
+    recording: Recorded, participant: str | None = None, *, own_program: bool = False
 ) -> Programs:
     """Return what a recording would start.
 
     participant: the only one that is started; default: all. own_program: it is started with a
-    program of the user's. tree: it is started from there: of the recording, nothing is executed.
+    program of the user's.
 
-    Raises RecordingFailed or WiringError when the recording holds no scenario, or a file whose
-    name leads out of its folder.
+    Raises RecordingFailed when the recording holds no scenario, or a file whose name leads out of
+    its folder.
     """
-    sources = Sources.of(recording.path, recording.attachments)
-    files = sources.files
-    specs = recorded_programs(recording)
-    code = {name: files[name] for name in files if PurePosixPath(name).suffix.lower() not in _DATA}
+    recorded = Sources.of(recording).files
+    files = {name: content for name, content in recorded.items() if not _is_shipped(name, content)}
+    code = {n: files[n] for n in files if PurePosixPath(n).suffix.lower() not in _DATA}
+    words = {
+        name: _words(row, own_program=own_program)
+        for name, row in _participants(recording.scenario).items()
+        if participant in {None, name}
+    }
+    commands = {name: command for name, command in words.items() if command}
+    home = _home(recording) if commands or files else None
+    has_all = not (commands or code)
     edited: Sequence[str] = ()
-    modules = {PurePosixPath(name).parts[0].removesuffix(".py") for name in code}
-    plugins = {n: _plugins(recording, n, modules) for n in specs if participant in {None, n}}
-    named = {name: classes for name, classes in plugins.items() if classes}
-    if tree is not None and participant is not None:
-        # The tree has its own parameters.
-        named = {}
-        commands = {participant: _command(tree.programs[participant])}
-        shown, is_own = [f"those in {tree.folder}"], tree.is_yours
-    else:
-        started = [] if own_program else plugins
-        commands = {n: _command(specs[n]) for n in started if _is_recorded(specs[n], modules)}
-        # An installed participant may execute a file too: the law of a controller is a class.
-        own = {name: content for name, content in files.items() if not _is_shipped(name, content)}
-        others = {name: own[name] for name in code if name in own}
-        home = _work_tree(recording, specs) if commands or own else None
-        shown = list(code)
-        is_own = not (commands or others) or (
-            home is not None and _stands_in(home, specs if commands else {}, others)
+    if home is not None:
+        rows = _participants(read_extended(home).data)
+        is_same = all(
+            _words(rows.get(name), own_program=own_program) == command
+            for name, command in commands.items()
         )
-        if home is not None:
-            there = {name: home.folder / name for name in own if is_file(home.folder / name)}
-            edited = [os.path.relpath(f) for name, f in there.items() if not _has(f, own[name])]
-    commands |= {name: (*_command(specs[name]), *classes) for name, classes in named.items()}
-    return Programs(
-        fingerprint=sources.fingerprint,
-        commands=commands,
-        files=shown,
-        is_yours=is_own and not named,
-        edited=edited,
-    )
+        paths = {name: home.parent / name for name in files}
+        has_all |= is_same and all(
+            _is_yours(paths[n]) and _has(paths[n], c) for n, c in code.items()
+        )
+        differing = [p for n, p in paths.items() if is_file(p) and not _has(p, files[n])]
+        edited = [os.path.relpath(path) for path in differing]
+    return Programs(commands=commands, files=list(code), is_yours=has_all, edited=edited)
 
 
-def _command(spec: ParticipantSpec) -> Sequence[str]:
-    return spec.exec or (spec.participant,)
-
-
-def _is_recorded(spec: ParticipantSpec, modules: Collection[str]) -> bool:
-    """Return whether a program is one of the recording, and no class that a package declares."""
-    if spec.exec or not spec.participant:
-        return bool(spec.exec)
-    top = spec.participant.partition(":")[0].partition(".")[0]
-    return spec.participant not in participant_classes() or top in modules
-
-
-def _plugins(recording: Recorded, participant: str, modules: Collection[str]) -> list[str]:
-    """Return the classes that parameters name, such as `law`, of modules installed for other uses.
-
-    A class in a file of the recording counts as that file.
-    """
-    row = recording.scenario["participants"][participant]
-    params = row.get("params") if isinstance(row, dict) else None
-    return [text for text in _texts_in(params) if _is_foreign_class(text, modules)]
-
-
-def _texts_in(value: Any) -> Iterator[str]:
-    if isinstance(value, str):
-        yield value
-    elif isinstance(value, dict | list):
-        for item in value.values() if isinstance(value, dict) else value:
-            yield from _texts_in(item)
-
-
-def _is_foreign_class(text: str, modules: Collection[str]) -> bool:
-    module, _, attribute = text.partition(":")
-    is_class = attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
-    return is_class and module.partition(".")[0] not in modules and not is_installed(module)
-
-
-def _is_shipped(name: str, content: bytes) -> bool:
-    """Return whether a file is that of an installed scenario."""
-    scenarios = (
-        scenario for folder in scenario_folders().values() for scenario in folder.iterdir()
-    )
-    return any(_has(scenario / name, content) for scenario in scenarios)
-
-
-def _work_tree(recording: Recorded, specs: Mapping[str, ParticipantSpec]) -> WorkTree | None:
-    """Return the scenario of a recording in the work tree; None where there is none, or several."""
+def _home(recording: Recorded) -> Path | None:
+    """Return the scenario of a recording that is the user's; None where there is none, or more."""
     try:
-        return find_work_tree(recording, next(iter(specs), ""))
+        return find_source(recording)
     except WiringError:
         return None
 
 
-def _stands_in(
-    tree: WorkTree, specs: Mapping[str, ParticipantSpec], code: Mapping[str, bytes]
-) -> bool:
-    """Return whether a work tree of yours has the same programs, and the same files of code."""
-    return (
-        tree.is_yours
-        and tree.programs == {**tree.programs, **specs}
-        and all(is_yours(tree.folder / n) and _has(tree.folder / n, c) for n, c in code.items())
+def _participants(scenario: Mapping[str, Any]) -> dict[str, Any]:
+    rows = scenario.get("participants")
+    return rows if isinstance(rows, dict) else {}
+
+
+def _words(row: Any, *, own_program: bool) -> list[str]:
+    """Return the program of a participant, and the classes that its parameters name, as `law`.
+
+    What installed packages declare is left out. own_program: so is the program.
+    """
+    given = row if isinstance(row, dict) else {}
+    program = given.get("exec") or given.get("participant") or []
+    words = list(map(str, program)) if isinstance(program, list) else [str(program)]
+    is_installed_class = "exec" not in given and program in participant_classes()
+    if own_program or is_installed_class:
+        words = []
+    texts = (text for _, text in texts_in(given.get("params")))
+    return [*words, *filter(_is_foreign_class, texts)]
+
+
+def _is_foreign_class(text: str) -> bool:
+    module, _, attribute = text.partition(":")
+    is_class = attribute.isidentifier() and all(map(str.isidentifier, module.split(".")))
+    return is_class and not is_installed(module)
+
+
+def _is_shipped(name: str, content: bytes) -> bool:
+    """Return whether a file is that of an installed scenario."""
+    return any(
+        _has(scenario / name, content)
+        for folder in scenario_folders().values()
+        for scenario in folder.iterdir()
     )
 
 
@@ -174,15 +204,6 @@ def _has(path: Path, content: bytes) -> bool:
         return read_file(path) == content
     except OSError:
         return False
-
-
-def recorded_programs(recording: Recorded) -> dict[str, ParticipantSpec]:
-    """Return the class or program of each participant, as it is recorded; raises WiringError."""
-    text = recording.attachments[SCENARIO_ATTACHMENT].decode(errors="replace")
-    try:
-        return programs_in(parse_yaml(SCENARIO_ATTACHMENT, text))
-    except (KeyError, TypeError, AttributeError) as exc:
-        raise WiringError(f"{recording.path}: its {SCENARIO_ATTACHMENT} is not a scenario") from exc
 
 
 def _harmless(text: str) -> str:

@@ -1,15 +1,15 @@
 """From a scenario's plain data to frozen types; every problem is collected."""
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
 
+import msgspec
 from msgspec import structs
 
 from stepbus_orchestrator.scenario.faults import parse_fault
-from stepbus_orchestrator.scenario.message_types import check_types, own_types
 from stepbus_orchestrator.scenario.model import (
     LAST_TCP_PORT,
     FaultSpec,
@@ -19,8 +19,9 @@ from stepbus_orchestrator.scenario.model import (
     ScenarioFile,
 )
 from stepbus_orchestrator.scenario.override import TOP_KEYS
-from stepbus_participant import LONGEST_NS, Problems, whole_steps
-from stepbus_participant.parameters import Keys, read
+from stepbus_participant import LONGEST_NS, Problems, suggest, whole_steps
+from stepbus_participant.parameters import Keys, is_file_name, read, read_types
+from stepbus_schemas import Types, explained
 
 _MOST_PARTICIPANTS = 1000
 """Any two have a link, and each participant is a process."""
@@ -38,12 +39,12 @@ def build(data: Mapping[str, Any], file: Path, problems: Problems) -> Scenario:
         problems.add(("participants",), text)
         problems.refuse()
     row = read(ScenarioFile, data, problems)
-    types, type_files = own_types(row.types, file.parent, problems)
+    types, type_files = _own_types(row.types, file.parent, problems)
     specs = [_participant(name, item, row, problems) for name, item in row.participants.items()]
     if participants == {}:
         problems.add(("participants",), "is empty; a scenario needs at least one participant")
     for spec in specs:
-        check_types(spec, data["participants"][spec.name], types, problems)
+        _check_types(spec, data["participants"][spec.name], types, problems)
     _check_bus(row, problems)
     most = max(1, row.window // 2)
     if row.batch is not None and row.batch > most:
@@ -118,3 +119,67 @@ def _participant(
         # A misspelt `first` must not show as an algebraic loop too.
         changed["publishes"] = "first"
     return ParticipantSpec(name=name, **structs.asdict(row) | changed)
+
+
+def _own_types(
+    given: str | Mapping[str, Any] | tuple[str | Mapping[str, Any], ...],
+    folder: Path,
+    problems: Problems,
+) -> tuple[Types, Mapping[str, tuple[str, ...]]]:
+    """Return the types of a scenario, and file of the scenario → the types that it declares.
+
+    given: the value of `types`; what is wrong with it is added to the problems. folder: of the
+    scenario.
+    """
+    types: dict[str, Mapping[str, Any]] = {}
+    files: dict[str, tuple[str, ...]] = {}
+    for index, source in enumerate(given if isinstance(given, tuple) else (given,)):
+        keys: Keys = ("types", index) if isinstance(given, tuple) else ("types",)
+        if not problems.has(keys):
+            declared = read_types(source, problems, keys, folder)
+            for name in (name for name in declared if name in types):
+                problems.add(keys, f"{name} is declared twice; remove one of the two")
+            types |= declared
+            if isinstance(source, str) and is_file_name(source) and "://" not in source:
+                files[source] = tuple(declared)
+    return Types(types), files
+
+
+def _check_types(spec: ParticipantSpec, data: Any, types: Types, problems: Problems) -> None:
+    """Add what is wrong with the types of a participant's ports, and with safe messages.
+
+    data: the participant as it stands in the scenario.
+    """
+    keys = ("participants", spec.name)
+    ports: dict[Keys, str] = {}
+    for port, output in spec.outputs.items():
+        below: Keys = () if isinstance(data["outputs"][port], str) else ("type",)
+        ports["outputs", port, *below] = output.type
+    for port, item in spec.inputs.items():
+        ports["inputs", port, "type"] = item.type or ""
+    for at, name in ports.items():
+        # A type that is unknown may be one of those that could not be read.
+        is_known = name in types or not problems.has(("types",))
+        if name and is_known and not problems.has((*keys, *at)):
+            problems.attempt((*keys, *at), partial(types.__getitem__, name))
+    if spec.hold is not None:
+        for at, text in _safe_problems(spec, spec.hold.safe, types):
+            problems.add((*keys, "on_fault", "safe", *at), text)
+
+
+def _safe_problems(
+    spec: ParticipantSpec, safe: Mapping[str, Any], types: Types
+) -> Iterator[tuple[Keys, str]]:
+    for port, message in safe.items():
+        if port not in spec.outputs:
+            yield (port,), f"no output {port!r}{suggest(port, spec.outputs)}"
+            continue
+        name = spec.outputs[port].type
+        if name in types:
+            fields = types[name].__struct_fields__
+            for field in (field for field in message if field not in fields):
+                yield (port, field), f"{name} has no field {field!r}{suggest(field, fields)}"
+            try:
+                msgspec.convert(message, types[name])
+            except msgspec.ValidationError as exc:
+                yield (port,), f"is not a valid {name}: {explained(exc, types[name])}"

@@ -2,7 +2,8 @@
 
 import dataclasses
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +24,6 @@ def read_extended(path: Path) -> YamlFile:
     Raises SettingsError when a file cannot be read or extends itself.
     """
     return _read(path, path.name, ())
-
-
-def read_data(path: Path) -> dict[str, Any]:
-    """Return what a scenario file says, with those it extends, as plain data; nothing is checked.
-
-    Raises SettingsError as `read_extended`.
-    """
-    return read_extended(path).data
 
 
 def _read(path: Path, file: str, above: tuple[Path, ...]) -> YamlFile:
@@ -99,23 +92,30 @@ def _row(row: Any, old: Path, new: Path) -> Any:
 
 def _renamed(value: Any, old: Path, new: Path) -> Any:
     """Return a value in which every text that is the name of a file is renamed."""
+    return each_text(value, partial(_new_name, old, new))
+
+
+def each_text(value: Any, change: Callable[[str], str]) -> Any:
+    """Return a value in which every text is changed."""
     if isinstance(value, dict):
-        return {key: _renamed(item, old, new) for key, item in value.items()}
+        return {key: each_text(item, change) for key, item in value.items()}
     if isinstance(value, list):
-        return [_renamed(item, old, new) for item in value]
-    if not isinstance(value, str):
-        return value
-    option, equals, name = value.partition("=")
-    if equals and value.startswith("-"):
-        return f"{option}={_renamed(name, old, new)}"
-    file = file_in(value)
+        return [each_text(item, change) for item in value]
+    return change(value) if isinstance(value, str) else value
+
+
+def _new_name(old: Path, new: Path, text: str) -> str:
+    option, equals, name = text.partition("=")
+    if equals and text.startswith("-"):
+        return f"{option}={_new_name(old, new, name)}"
+    file = file_in(text)
     path = Path(os.path.normpath(old / file))
-    if not value or "://" in value or Path(file).is_absolute() or not is_file(path):
-        return value
-    of_package = package_url(path) if file == value else ""
+    if not text or "://" in text or Path(file).is_absolute() or not is_file(path):
+        return text
+    of_package = package_url(path) if file == text else ""
     name = of_package or os.path.relpath(path, new)
     # A program is looked for on PATH where its name has no folder.
-    return (name if "/" in name else f"./{name}") + value.removeprefix(file)
+    return (name if "/" in name else f"./{name}") + text.removeprefix(file)
 
 
 def merged(base: dict[str, Any], top: dict[str, Any], at: Keys = ()) -> dict[str, Any]:

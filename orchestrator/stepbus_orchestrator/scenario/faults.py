@@ -75,12 +75,9 @@ def format_fault(fault: FaultSpec) -> str:
     return f"{fault.type} {fault.participant} at {fault.step}{lasting}"
 
 
-def faults_of(
-    faults: Iterable[FaultSpec], types: Sequence[str], participant: str | None = None
-) -> list[FaultSpec]:
-    """Return the faults of some types, of one participant or of all, in the order of steps."""
-    wanted = (f for f in faults if f.type in types and participant in {None, f.participant})
-    return sorted(wanted, key=lambda fault: fault.step)
+def faults_of(faults: Iterable[FaultSpec], types: Sequence[str]) -> list[FaultSpec]:
+    """Return the faults of some types, in the order of steps."""
+    return sorted((f for f in faults if f.type in types), key=lambda fault: fault.step)
 
 
 def _duration_ns(fault_type: str, text: str | None) -> int | None:

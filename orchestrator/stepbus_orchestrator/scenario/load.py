@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +12,7 @@ from stepbus_orchestrator.scenario.check import check
 from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.faults import add_faults
 from stepbus_orchestrator.scenario.locate import locate
-from stepbus_orchestrator.scenario.override import override, setting_from
+from stepbus_orchestrator.scenario.override import changed_value, named_from, override
 from stepbus_orchestrator.scenario.scenario_files import find_files
 from stepbus_participant import Problems, SettingsError
 from stepbus_participant.parameters import YamlFile
@@ -45,7 +46,7 @@ def load(
         else:
             path = locate(scenario)
             document = read_extended(path)
-        overrides = [setting_from(path.parent, setting) for setting in overrides]
+        overrides = [changed_value(text, partial(named_from, path.parent)) for text in overrides]
         document = override(document, overrides)
         if faults:
             document = add_faults(document, faults)

@@ -5,13 +5,12 @@ import math
 import os
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from os import PathLike
 from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import argument
-from stepbus_orchestrator.scenario.extend import without_replaced
+from stepbus_orchestrator.scenario.extend import each_text, without_replaced
 from stepbus_orchestrator.scenario.model import ScenarioFile
 from stepbus_orchestrator.scenario.scenario_files import is_file, is_in_environment
 from stepbus_participant import SettingsError, file_in, suggest
@@ -114,12 +113,7 @@ def _may_be_new(keys: Keys) -> bool:
 
 def named_from_here(setting: str) -> str:
     """Return a setting of the command line, with the whole path of each file of this folder."""
-    return _changed(setting, lambda _path, value: _renamed(value, os.path.abspath))
-
-
-def setting_from(folder: Path, setting: str) -> str:
-    """Return a setting whose value is as of `named_from`."""
-    return _changed(setting, partial(named_from, folder))
+    return changed_value(setting, lambda _path, value: _renamed(value, os.path.abspath))
 
 
 def named_from(folder: Path, path: str, value: Any) -> Any:
@@ -139,7 +133,7 @@ def named_from(folder: Path, path: str, value: Any) -> Any:
     return _renamed(value, name)
 
 
-def _changed(setting: str, change: Callable[[str, Any], Any]) -> str:
+def changed_value(setting: str, change: Callable[[str, Any], Any]) -> str:
     """Return a setting with another value; the same text where the value stays."""
     path, _, text = setting.partition("=")
     try:
@@ -152,15 +146,13 @@ def _changed(setting: str, change: Callable[[str, Any], Any]) -> str:
 
 def _renamed(value: Any, rename: Callable[[str], str]) -> Any:
     """Return a value with other names of the files in it: `world.yaml`, `controller.py:Class`."""
-    if isinstance(value, list):
-        return [_renamed(item, rename) for item in value]
-    if isinstance(value, dict):
-        return {key: _renamed(item, rename) for key, item in value.items()}
-    if not isinstance(value, str):
-        return value
-    file = file_in(value)
-    is_path = "/" in file or Path(file).suffix
-    return rename(file) + value.removeprefix(file) if is_path and is_file(Path(file)) else value
+
+    def change(text: str) -> str:
+        file = file_in(text)
+        is_path = ("/" in file or Path(file).suffix) and is_file(Path(file))
+        return rename(file) + text.removeprefix(file) if is_path else text
+
+    return each_text(value, change)
 
 
 def override_texts(given: Overrides) -> list[str]:

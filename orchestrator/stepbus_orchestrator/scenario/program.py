@@ -5,15 +5,14 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
-from typing import Any
 
 from msgspec import structs
 
 from stepbus_orchestrator.plugins import points
-from stepbus_orchestrator.scenario.scenario_files import is_file, is_folder
+from stepbus_orchestrator.scenario.scenario_files import is_file
 from stepbus_participant import (
     PARTICIPANTS,
     ExtraMissing,
@@ -37,8 +36,6 @@ NEEDS = {
 PYTHON = (sys.executable, "-P")
 """Python that searches the installed packages only, not the working directory."""
 
-_FLAGS_WITH_VALUE = ("-X", "-W", "--check-hash-based-pycs")
-
 
 def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     """Return the command that starts a participant, with `folder` as its working directory.
@@ -50,8 +47,7 @@ def command(words: Sequence[str], folder: Path) -> tuple[str, ...]:
     """
     program, rest = words[0], words[1:]
     if program == "python":
-        launch, name = _python_target(rest)
-        runs_ours = launch == "module" and is_installed(name)
+        runs_ours = len(rest) > 1 and rest[0] == "-m" and is_installed(rest[1])
         return (*(PYTHON if runs_ours else PYTHON[:1]), *rest)
     if (program, *rest[:1]) == ("stepbus", "bridge"):
         return _bridge_command(rest[1:], folder)
@@ -79,20 +75,6 @@ def _bridge_command(arguments: Sequence[str], folder: Path) -> tuple[str, ...]:
     return (*PYTHON, "-m", "stepbus_bridge", *arguments[:split], *program)
 
 
-def programs_in(data: Mapping[str, Any]) -> dict[str, ParticipantSpec]:
-    """Return each participant of a file with the class or program only that its row has."""
-    programs = {}
-    for name, value in data["participants"].items():
-        row = value if isinstance(value, dict) else {}
-        words = row.get("exec")
-        programs[name] = ParticipantSpec(
-            name=name,
-            participant=str(row.get("participant") or ""),
-            exec=tuple(map(str, words)) if isinstance(words, list) else (),
-        )
-    return programs
-
-
 def replaced_program(
     spec: ParticipantSpec, program: Sequence[str], bridge: BridgeFormat | None
 ) -> ParticipantSpec:
@@ -118,59 +100,32 @@ def _find(program: str, folder: Path) -> str:
     file = None if "/" in program else shutil.which(program)
     if file is None:
         where = f"in {folder}" if "/" in program else f"on PATH, nor in {folder}"
-        raise WiringError(f"no program {program!r} {where}; {_remedy(program, folder)}")
+        raise WiringError(f"no program {program!r} {where}; is it installed, or to be built?")
     return str(Path(file).absolute())
-
-
-def _remedy(program: str, folder: Path) -> str:
-    """Return what to do about a program that is not there."""
-    if "/" not in program:
-        return "is it installed?"
-    place = (folder / program).parent
-    for above in (place, *place.parents[:3]):
-        if is_file(above / "Makefile"):
-            return f"build it with `make -C {above}`"
-        if is_file(above / "Cargo.toml"):
-            return f"build it with `cargo build --release --manifest-path {above / 'Cargo.toml'}`"
-    return "is it installed?"
-
-
-def _python_target(arguments: Sequence[str]) -> tuple[str, str]:
-    """Return (`module` or `script`, its name) of what a Python command line runs, or two blanks."""
-    rest = iter(arguments)
-    for word in rest:
-        if word == "-m":
-            return "module", next(rest, "")
-        if word in _FLAGS_WITH_VALUE:
-            next(rest, None)
-        elif not word.startswith("-"):
-            return "script", word
-        elif word == "-c":
-            break
-    return "", ""
 
 
 def check_program(spec: ParticipantSpec, folder: Path) -> None:
     """Raise WiringError when a program, or what Python is to run, is missing; imports nothing."""
-    launch = name = ""
+    script = module = ""
     if spec.participant:
         name = spec.participant.rpartition(":")[0]
-        launch = "script" if name.endswith(".py") else "module"
+        script, module = (name, "") if name.endswith(".py") else ("", name)
     else:
         command(spec.exec, folder)
-        if spec.exec[0] == "python":
-            launch, name = _python_target(spec.exec[1:])
-    # Python runs a folder too, where that has a __main__.py.
-    is_there = is_file(folder / name) or (is_folder(folder / name) and not spec.participant)
-    if launch == "script" and not is_there:
+        match spec.exec:
+            case ("python", "-m", name, *_):
+                module = name
+            case ("python", name, *_) if name.endswith(".py"):
+                script = name
+    if script and not is_file(folder / script):
         scripts = [item.name for item in folder.glob("*.py")]
-        raise WiringError(f"no file {name!r} in {folder}{suggest(name, sorted(scripts))}")
-    if launch == "module":
-        module = _find_module(name, folder)
-        is_package = not spec.participant and module.submodule_search_locations
-        if is_package and not _submodule(module, f"{name}.__main__"):
+        raise WiringError(f"no file {script!r} in {folder}{suggest(script, sorted(scripts))}")
+    if module:
+        found = _find_module(module, folder)
+        is_package = not spec.participant and found.submodule_search_locations
+        if is_package and not _submodule(found, f"{module}.__main__"):
             raise WiringError(
-                f"the Python package {name!r} has no __main__.py, so `python -m` cannot run it"
+                f"the Python package {module!r} has no __main__.py, so `python -m` cannot run it"
             )
 
 

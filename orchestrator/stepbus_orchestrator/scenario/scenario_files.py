@@ -78,16 +78,17 @@ def _texts(scenario: Scenario) -> Iterator[tuple[Keys, str, bool]]:
         yield (*row, "participant"), file_in(spec.participant), False
         for index, word in enumerate(spec.exec):
             yield (*row, "exec", index), word, True
-        texts = _texts_in(spec.params, (*row, "params"))
+        texts = texts_in(spec.params, (*row, "params"))
         yield from ((keys, file_in(text), False) for keys, text in texts)
 
 
-def _texts_in(value: Any, keys: Keys) -> Iterator[tuple[Keys, str]]:
+def texts_in(value: Any, keys: Keys = ()) -> Iterator[tuple[Keys, str]]:
+    """Yield the texts in a value, each with its keys. keys: of the value itself."""
     if isinstance(value, str):
         yield keys, value
     elif isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
-            yield from _texts_in(item, (*keys, key))
+            yield from texts_in(item, (*keys, key))
 
 
 def _is_module(text: str, folder: Path) -> bool:

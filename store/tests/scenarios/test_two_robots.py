@@ -11,7 +11,7 @@ from stepbus_orchestrator.analysis.signals import read_tracking, tracking_rmse
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
-from stepbus_orchestrator.scenario.extend import read_data
+from stepbus_orchestrator.scenario.extend import read_extended
 from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.locate import locate
 from stepbus_participant.parameters import parse_yaml
@@ -65,7 +65,7 @@ def plant_of(row):
 
 def doubled(folder, file, world_file, body, apart):
     """Write a scenario with two of a robot, the second one moved by `apart` [m]."""
-    data, source = read_data(file), file.parent
+    data, source = read_extended(file).data, file.parent
     rows = {"plant": plant_of(data["participants"]["plant"])}
     for name, row in data["participants"].items():
         if name != "plant" and row is not None:

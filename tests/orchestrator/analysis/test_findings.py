@@ -51,7 +51,7 @@ def test_a_command_that_is_no_number_does_not_hide_the_largest():
 def test_a_recording_of_another_program_may_have_any_inputs(tmp_path):
     recording = Recording(TESTS / "scenarios/golden" / "two_link.mcap")
     recording.scenario = {"participants": {"plant": {"inputs": [1]}, "controller": {"inputs": 3}}}
-    assert "nothing moves its joints" in " ".join(findings(recording))
+    assert findings(recording) == []
 
 
 def test_a_joint_that_saturates_in_many_steps_is_named(tmp_path):
@@ -83,12 +83,6 @@ def test_a_goal_beyond_a_stop_is_named(tmp_path):
     assert goals(tmp_path, wrong, joint="left/elbow") == [sentence]
     (line,) = goals(tmp_path, wrong, joint_type="prismatic")
     assert line.endswith("beyond its stop at 2 m")
-
-
-def test_a_plant_without_a_command_and_a_command_without_a_reader_are_named(tmp_path):
-    unread, still = found(tmp_path, "plant.inputs={}")
-    assert "no participant reads controller.command" in unread
-    assert "nothing moves its joints" in still
 
 
 def test_the_summary_has_the_findings_and_the_figures_without_a_report(tmp_path, capsys):

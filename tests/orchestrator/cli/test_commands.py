@@ -10,7 +10,8 @@ import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import load_commands, make_parser
+from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import load_commands
 from stepbus_orchestrator.errors import ExitCode
 
 

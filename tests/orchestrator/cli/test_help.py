@@ -8,8 +8,7 @@ import pytest
 from support.runs.terminal import at_terminal
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import load_commands
-from stepbus_orchestrator.cli.overview import GROUPS, command_names, outlines
+from stepbus_orchestrator.cli.overview import GROUPS, command_names, load_commands, outlines
 
 ALL = command_names()
 

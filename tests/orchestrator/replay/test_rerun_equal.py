@@ -2,7 +2,6 @@
 
 import os
 import shutil
-import textwrap
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,7 @@ import stepbus_scenarios
 from stepbus_orchestrator.errors import ExitCode, OutputExists, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, layout
 from stepbus_orchestrator.replay.rerun import Preparation
-from stepbus_orchestrator.replay.sources import trusted_sources
+from stepbus_orchestrator.replay.sources import Sources
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.result import own_versions
 from stepbus_orchestrator.run.run_scenario import Options, run
@@ -65,7 +64,7 @@ def test_the_log_alone_is_enough(tmp_path):
 def test_a_program_of_the_log_can_be_executed_again(tmp_path):
     files = {"bin/start.sh": b"#!/bin/sh\n", "world.yaml": b"{}"}
     log = write_log(tmp_path / "run.mcap", files=files)
-    trusted_sources(Recording(log), None).unpack(tmp_path / "source")
+    Sources.of(Recording(log)).unpack(tmp_path / "source")
     assert os.access(tmp_path / "source" / "bin" / "start.sh", os.X_OK)
     assert not os.access(tmp_path / "source" / "world.yaml", os.X_OK)
 
@@ -93,7 +92,7 @@ def test_a_run_that_fails_again_gives_its_own_code(tmp_path):
 def test_other_versions_and_another_processor_are_noted(tmp_path):
     recorded = run_joints(tmp_path, "duration=50ms", in_process=True).recording
     opened = Recording(recorded)
-    sources = trusted_sources(opened, None)
+    sources = Sources.of(opened)
     versions = {
         **layout.versions_of(opened.metadata),
         "orchestrator": {**own_versions(), "cpu": "Z80", "mcap": "0.1"},
@@ -108,7 +107,7 @@ def test_other_versions_and_another_processor_are_noted(tmp_path):
 @pytest.mark.slow
 def test_other_versions_of_a_participant_are_noted(two_link_recording, tmp_path):
     opened = Recording(two_link_recording)
-    sources = trusted_sources(opened, None)
+    sources = Sources.of(opened)
     plant = dict.fromkeys(layout.versions_of(opened.metadata)["plant"], "0.1")
     versions = {**layout.versions_of(opened.metadata), "plant": plant}
     old = write_log(tmp_path / "old.mcap", sources.scenario.decode(), sources.files, versions)
@@ -122,23 +121,17 @@ def test_a_changed_scenario_is_noted(two_link_recording, tmp_path):
     assert [note.endswith('recorded one: set=["seed=3"]') for note in notes] == [True]
 
 
-def test_files_and_programs_outside_the_log_are_named(tmp_path):
-    scenario = textwrap.dedent("""
-        name: outside
-        step: 1s
-        participants:
-          a:
-            exec: [sh, -c, "exit 1"]
-            outputs: {event: Event/1}
-            params: {model: "package://robots/arm.urdf"}
-    """)
-    versions = {"orchestrator": own_versions()}
-    log = write_log(
-        tmp_path / "run.mcap", scenario, {"a.urdf": b'"package://robots/a.stl"'}, versions
+def test_a_scenario_without_a_duration_is_noted(tmp_path):
+    recorded = run_joints(tmp_path, fault("controller", "end", 9), in_process=True)
+    opened = Recording(recorded.recording)
+    sources = Sources.of(opened)
+    endless = "\n".join(
+        line for line in sources.scenario.decode().splitlines() if not line.startswith("duration")
     )
-    notes = [note for note in Preparation(log, tmp_path / "out").notes if "not in" in note]
-    named = [note.removeprefix("not in the recording, taken from this machine: ") for note in notes]
-    assert named == [shutil.which("sh"), "package://robots/a.stl", "package://robots/arm.urdf"]
+    log = write_log(
+        tmp_path / "run.mcap", endless, sources.files, layout.versions_of(opened.metadata)
+    )
+    assert "the scenario has no duration" in " ".join(Preparation(log, tmp_path / "again").notes)
 
 
 @pytest.mark.parametrize("name", ["..", "../a/../../evil", "/etc/evil", "a/../../evil", ""])

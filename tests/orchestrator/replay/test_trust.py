@@ -1,24 +1,20 @@
-"""The programs of a recording that was made elsewhere start only when somebody says so."""
+"""The programs of a recording that was made elsewhere start only with `--trust`."""
 
 import json
 import os
-import pty
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from support.runs.joints import run_joints
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import McapFile, Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.rerun import Preparation
 from stepbus_orchestrator.replay.trust import programs_of
 
-STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 REPLAY = ("--participant", "controller", "--recorded")
 
 
@@ -54,7 +50,7 @@ def test_a_strangers_recording_names_its_programs_and_starts_none(
 ):
     assert cli.main([words[0], str(unstarted), *words[1:]]) == ExitCode.UNTRUSTED == 12
     said = capsys.readouterr().err
-    assert f"{unstarted} contains programs that are not in your work tree." in said
+    assert f"{unstarted} contains programs that are not those of your scenario." in said
     assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
     assert ("\n  mission" in said) == (words[0] == "rerun")
@@ -96,7 +92,7 @@ def test_what_differs_from_the_work_tree_is_asked_for(recorded, tmp_path, change
         program.write_text(program.read_text() + "\n")
     elif change == "program":
         text = scenario.read_text()
-        scenario.write_text(text.replace("joints.py:Mission", "joints.py:Plant"))
+        scenario.write_text(text.replace("joints.py:Controller", "joints.py:Plant"))
     elif change == "others may write":
         program.chmod(0o666)
     elif os.getuid() != 0:
@@ -154,35 +150,9 @@ def test_from_python_who_names_a_recording_trusts_it(stranger):
     assert replay(stranger, "controller").equal
 
 
-def test_a_recording_that_changes_after_the_question_is_refused(stranger, tmp_path):
-    with pytest.raises(RecordingFailed, match="has changed since it was checked"):
-        replay(stranger, "controller", trusted="0" * 64)
-    with pytest.raises(RecordingFailed, match="has changed since it was checked"):
-        Preparation(stranger, tmp_path / "again", trusted="0" * 64)
-    assert not (tmp_path / "again").exists()
-
-
-@pytest.mark.parametrize(("answer", "code"), [("y", 0), ("n", 12), ("", 12), ("yes", 0)])
-def test_on_a_terminal_it_asks(stranger, answer, code):
-    ours, theirs = pty.openpty()
-    process = subprocess.Popen(
-        [STEPBUS, "replay", str(stranger), *REPLAY],
-        stdin=theirs, stdout=subprocess.DEVNULL, stderr=theirs,
-    )  # fmt: skip
-    os.close(theirs)
-    said = b""
-    while b"Start them? [y/N] " not in said:
-        said += os.read(ours, 1000)
-    os.write(ours, f"{answer}\n".encode())
-    assert process.wait(60) == code
-    os.close(ours)
-    assert b"controller  joints.py:Controller\r\n" in said
-
-
 def test_a_terminal_takes_no_orders_from_a_recording(stranger):
     programs = programs_of(Recording(stranger))
     spoof = type(programs)(
-        fingerprint="",
         commands={"a": ("sh", "-c", "\x1b[2Jrm\r\n")},
         files=["x\x07.py"],
         is_yours=False,
@@ -252,6 +222,13 @@ def test_a_module_that_is_installed_for_another_use_is_not_imported(
     assert cli.main([words[0], str(path), *words[1:]]) == ExitCode.UNTRUSTED
     assert "spy:" in capsys.readouterr().err
     assert not spy.exists()
+
+
+@pytest.mark.parametrize("types", ["evil", ["types.yaml", "evil"]])
+def test_a_recording_that_imports_a_module_is_refused(tmp_path, capsys, types):
+    path = made_elsewhere(tmp_path / "run.mcap", {"controller": {}}, types=types)
+    assert cli.main(["rerun", str(path)]) == ExitCode.RECORDING
+    assert "its message types refer to the module 'evil': refused" in capsys.readouterr().err
 
 
 def test_a_recording_whose_programs_come_from_elsewhere_in_it_is_refused(tmp_path, capsys):

@@ -56,12 +56,6 @@ def test_a_program_that_publishes_first_cannot_be_bridged_raw(tmp_path):
     assert "raw cannot publish first" in problem_of(tmp_path, BRIDGED, "plant.bridge=raw")
 
 
-def test_a_missing_program_says_how_to_build_it(tmp_path):
-    (tmp_path / "Makefile").write_text("controller:\n")
-    problem = problem_of(tmp_path, BRIDGED, "controller.exec=[./controller]")
-    assert problem.endswith(f"build it with `make -C {tmp_path}`")
-
-
 def test_what_a_script_in_javascript_imports_is_attached(tmp_path):
     (tmp_path / "law.mjs").write_text("export const kp = 1;\n")
     (tmp_path / "main.mjs").write_text('import { kp } from "./law.mjs";\n')

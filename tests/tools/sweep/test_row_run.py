@@ -38,7 +38,7 @@ def test_a_strangers_sweep_names_its_programs_and_starts_none(swept, tmp_path, c
     shutil.rmtree(scenario.parent)
     assert main(["rerun", str(folder), "0"]) == ExitCode.UNTRUSTED
     said = capsys.readouterr().err
-    assert f"{folder / 'sweep.json'} contains programs that are not in your work tree." in said
+    assert f"{folder / 'sweep.json'} contains programs that are not those of your scenario." in said
     assert "\n  controller  joints.py:Controller\n" in said
     assert "\n  its files: joints.py\n" in said
     assert not (tmp_path / "runs").exists()

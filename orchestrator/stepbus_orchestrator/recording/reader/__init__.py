@@ -1,9 +1,9 @@
 """Reads recordings lazily: the index at once, the messages of a port when they are asked for."""
 
-from stepbus_orchestrator.recording.reader.columns import BATCH_BYTES, Batch, raw_map
+from stepbus_orchestrator.recording.reader.columns import raw_map
 
 from .descriptions import PortInfo
-from .port import Port
+from .port import BATCH_BYTES, Batch, Port
 from .recording import Recording
 from .source import Entry
 from .tail import Tail

@@ -1,22 +1,15 @@
 """The messages of a port as columns: fields are arrays over time."""
 
-from __future__ import annotations
-
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from operator import attrgetter
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import msgpack
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.reader.source import Row, Source
 from stepbus_schemas import Decoder, Message, MessageError
-
-if TYPE_CHECKING:
-    from stepbus_orchestrator.recording.reader.port import Port
-
 
 _FIRST_INEXACT = 2.0**53
 """Beyond it, floats skip integers."""
@@ -78,61 +71,6 @@ def raw_map(data: bytes) -> dict[str, Any]:
     if not isinstance(fields, dict):
         raise MessageError(f"not a MessagePack map: {type(fields).__name__}")
     return fields
-
-
-BATCH_BYTES = 1024 * 1024
-"""Of messages in a batch; decoded they take about ten times as much."""
-
-
-class Batch:
-    """The messages of one port in some consecutive steps.
-
-    steps: shape (m,). t_ns, t: simulation time, shape (m,), [ns] and [s].
-    """
-
-    def __init__(self, port: Port, rows: Sequence[Row]) -> None:
-        self._port = port
-        self._data = [row[3] for row in rows]
-        self.steps: NDArray[np.int64] = np.array([row[1] for row in rows], dtype=np.int64)
-        self.t_ns: NDArray[np.int64] = np.array([row[2] for row in rows], dtype=np.int64)
-
-    @property
-    def t(self) -> NDArray[np.float64]:
-        """Return the simulation time of each message, shape (m,), [s]."""
-        seconds: NDArray[np.float64] = self.t_ns * np.float64(1e-9)
-        return seconds
-
-    def messages(self) -> Iterator[Message]:
-        """Yield its messages; raises MessageError for one that is not of the port's type."""
-        return map(Decoder(self._port.message_class), self._data)
-
-    def columns(self, fields: Sequence[str]) -> dict[str, Column]:
-        """Return some fields of its messages."""
-        return columns(self._port.message_class, self._data, fields) if fields else {}
-
-    def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
-        """Return some fields of its messages, as `Port.arrays` does."""
-        return {field: array_of(column) for field, column in self.columns(fields).items()}
-
-
-def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:
-    """Yield topic → batch in one pass, each batch with whole steps.
-
-    most_bytes: of messages; a batch ends with the step that reaches it.
-    """
-    topics = {number: port.topic for port in ports for number in port.channels}
-    rows: dict[str, list[Row]] = {port.topic: [] for port in ports}
-    size, newest = 0, -1
-    for row in source.rows(frozenset(topics)):
-        if size >= most_bytes and row[1] > newest:
-            yield {port.topic: Batch(port, rows[port.topic]) for port in ports}
-            rows = {port.topic: [] for port in ports}
-            size = 0
-        rows[topics[row[0]]].append(row)
-        size += len(row[3])
-        newest = max(newest, row[1])
-    if any(rows.values()):
-        yield {port.topic: Batch(port, rows[port.topic]) for port in ports}
 
 
 _FLOAT = 0xCB

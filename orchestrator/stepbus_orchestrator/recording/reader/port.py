@@ -6,18 +6,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording.reader.columns import (
-    BATCH_BYTES,
-    Column,
-    array_of,
-    batches,
-    raw_map,
-)
+from stepbus_orchestrator.recording.reader.columns import Column, array_of, columns, raw_map
 from stepbus_orchestrator.recording.reader.descriptions import PortInfo
 from stepbus_participant import suggest
 from stepbus_schemas import Decoder, Description, Message, Types, WiringError
 
-from .source import Entry, Source
+from .source import Entry, Row, Source
+
+BATCH_BYTES = 1024 * 1024
+"""Of messages in a batch; decoded they take about ten times as much."""
 
 
 class Port(PortInfo):
@@ -172,3 +169,54 @@ class Port(PortInfo):
         self._arrays |= {field: array_of(*columns) for field, columns in pieces.items()}
         self._clock = np.concatenate(steps), np.concatenate(t_ns)
         return self._clock
+
+
+class Batch:
+    """The messages of one port in some consecutive steps.
+
+    steps: shape (m,). t_ns, t: simulation time, shape (m,), [ns] and [s].
+    """
+
+    def __init__(self, port: Port, rows: Sequence[Row]) -> None:
+        self._port = port
+        self._data = [row[3] for row in rows]
+        self.steps: NDArray[np.int64] = np.array([row[1] for row in rows], dtype=np.int64)
+        self.t_ns: NDArray[np.int64] = np.array([row[2] for row in rows], dtype=np.int64)
+
+    @property
+    def t(self) -> NDArray[np.float64]:
+        """Return the simulation time of each message, shape (m,), [s]."""
+        seconds: NDArray[np.float64] = self.t_ns * np.float64(1e-9)
+        return seconds
+
+    def messages(self) -> Iterator[Message]:
+        """Yield its messages; raises MessageError for one that is not of the port's type."""
+        return map(Decoder(self._port.message_class), self._data)
+
+    def columns(self, fields: Sequence[str]) -> dict[str, Column]:
+        """Return some fields of its messages."""
+        return columns(self._port.message_class, self._data, fields) if fields else {}
+
+    def arrays(self, *fields: str) -> dict[str, NDArray[Any] | None]:
+        """Return some fields of its messages, as `Port.arrays` does."""
+        return {field: array_of(column) for field, column in self.columns(fields).items()}
+
+
+def batches(source: Source, ports: Sequence[Port], most_bytes: int) -> Iterator[dict[str, Batch]]:
+    """Yield topic → batch in one pass, each batch with whole steps.
+
+    most_bytes: of messages; a batch ends with the step that reaches it.
+    """
+    topics = {number: port.topic for port in ports for number in port.channels}
+    rows: dict[str, list[Row]] = {port.topic: [] for port in ports}
+    size, newest = 0, -1
+    for row in source.rows(frozenset(topics)):
+        if size >= most_bytes and row[1] > newest:
+            yield {port.topic: Batch(port, rows[port.topic]) for port in ports}
+            rows = {port.topic: [] for port in ports}
+            size = 0
+        rows[topics[row[0]]].append(row)
+        size += len(row[3])
+        newest = max(newest, row[1])
+    if any(rows.values()):
+        yield {port.topic: Batch(port, rows[port.topic]) for port in ports}

@@ -28,7 +28,8 @@ def latest(recording, scene, t_ns):
 
 
 def with_attachments(recording, attachments):
-    return SimpleNamespace(path=recording.path, ports=recording.ports, attachments=attachments)
+    same = {key: getattr(recording, key) for key in ("path", "ports", "scenario")}
+    return SimpleNamespace(**same, attachments=attachments)
 
 
 def test_the_joints_put_the_tip_where_the_plant_says_it_is(two_link):

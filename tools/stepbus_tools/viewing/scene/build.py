@@ -37,7 +37,7 @@ def build_scene(source: Recording | Tail) -> Scene:
     if layout.SCENARIO_ATTACHMENT in source.attachments:
         with tempfile.TemporaryDirectory(prefix="stepbus-scene-", dir=scratch_folder()) as folder:
             try:
-                sources = Sources.of(source.path, source.attachments)
+                sources = Sources.of(source)
                 origin = Origin(sources.unpack(Path(folder) / "source"))
             except RecordingFailed as exc:
                 origin.notes.append(str(exc))

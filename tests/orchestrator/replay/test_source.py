@@ -1,4 +1,4 @@
-"""A replay tests the program in the work tree, and says what is not as recorded."""
+"""A replay tests the program of the user's scenario, and says what is not as recorded."""
 
 import json
 import shutil
@@ -9,11 +9,10 @@ from support.tools import needs
 
 from stepbus_orchestrator import cli
 from stepbus_orchestrator.cli.new import write_starter
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay import replay
-from stepbus_orchestrator.replay.trust import programs_of
-from stepbus_orchestrator.replay.work_tree import find_work_tree
+from stepbus_orchestrator.replay.trust import find_source
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
@@ -63,7 +62,7 @@ def test_a_folder_does_not_vouch_for_its_own_programs(project, monkeypatch, is_a
         json.dumps({"file": str(named.absolute() if is_absolute else named)})
     )
     with Recording(recording) as sent:
-        assert find_work_tree(sent, "controller") is None
+        assert find_source(sent) is None
 
 
 def test_a_gain_changed_in_the_scenario_is_caught(project, log):
@@ -129,11 +128,11 @@ def test_the_scenario_of_a_run_is_where_its_result_says(project, tmp_path, monke
         "controller.params.kp is 999, recorded 200"
     ]
     (project / "arm/scenario.yaml").chmod(0o666)
-    assert find_work_tree(Recording(recording), "controller") is None
+    assert find_source(Recording(recording)) is None
 
 
 def test_a_source_without_the_scenario_is_refused(project, log):
-    with pytest.raises(WiringError, match="has no scenario named 'arm' with a participant"):
+    with pytest.raises(WiringError, match="has no scenario named 'arm'"):
         replay(log, "controller", source=project / "tests")
 
 
@@ -157,8 +156,8 @@ def test_a_new_reference_has_the_files_of_the_work_tree(project, log, capsys):
     assert list(replay(new, "controller").changes) == []
 
 
-def test_a_shipped_scenario_is_in_no_work_tree(two_link_recording):
-    assert find_work_tree(Recording(two_link_recording), "controller") is None
+def test_of_a_shipped_scenario_the_copy_is_replayed(two_link_recording):
+    assert find_source(Recording(two_link_recording)) is None
 
 
 def test_a_program_of_ones_own_may_be_bridged(project, capsys):
@@ -169,18 +168,6 @@ def test_a_program_of_ones_own_may_be_bridged(project, capsys):
     assert replay(recording, "controller", program=program, bridge="json").steps == 4
     words = ["replay", str(project / "other"), *REPLAY, "--abs", "1e-9", "--bridge", "json"]
     assert cli.main([*words, "--exec", *program]) == 0
-
-
-def test_a_work_tree_that_others_may_write_is_shown_first(project, log, capsys):
-    (project / "arm/scenario.yaml").chmod(0o666)
-    assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.UNTRUSTED
-    said = capsys.readouterr().err
-    assert (
-        "scenario.yaml can be written by other users. Its programs would run with your permissions:"
-        in said
-    )
-    assert "\n  controller  controller.py:Controller\n" in said
-    assert cli.main(["replay", str(log), *REPLAY, "--trust"]) == 0
 
 
 def test_a_new_reference_beside_a_run_has_its_own_gain(project):
@@ -194,29 +181,15 @@ def test_a_new_reference_beside_a_run_has_its_own_gain(project):
 
 
 def test_a_scenario_that_others_may_write_is_not_yours(project, log, monkeypatch):
-    tree = find_work_tree(Recording(log), "controller")
-    assert tree.is_yours
-    tree.file.chmod(0o666)
-    assert not tree.is_yours
-    tree.file.chmod(0o644)
-    owner = tree.file.stat().st_uid
-    monkeypatch.setattr("os.geteuid", lambda: owner + 1)
-    assert not tree.is_yours
-
-
-@pytest.mark.parametrize("types", ["evil", "[types.yaml, evil]"])
-def test_a_recording_that_imports_a_module_is_refused(log, types):
-    recording = Recording(log)
-    row = f"\ntypes: {types}\n".encode()
-    recording.attachments = {
-        **recording.attachments,
-        "scenario.yaml": recording.attachments["scenario.yaml"] + row,
-    }
-    for tree in (find_work_tree(recording, "controller"), None):
-        with pytest.raises(
-            RecordingFailed, match="its message types refer to the module 'evil': refused"
-        ):
-            programs_of(recording, "controller", own_program=True, tree=tree)
+    file = project / "arm/scenario.yaml"
+    assert find_source(Recording(log)) == file
+    file.chmod(0o666)
+    assert find_source(Recording(log)) is None
+    assert find_source(Recording(log), project / "arm") == file
+    assert cli.main(["replay", str(log), *REPLAY]) == ExitCode.UNTRUSTED
+    file.chmod(0o644)
+    monkeypatch.setattr("os.geteuid", lambda: file.stat().st_uid + 1)
+    assert find_source(Recording(log)) is None
 
 
 @pytest.mark.parametrize(
