@@ -13,10 +13,9 @@ import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
-from stepbus_participant import need
 from stepbus_tools.columns import fields_of
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, WORLD, Conversion, topic_of
+from stepbus_tools.viewing.foxglove import PER_S, SHOWN, WORLD, Channels, Conversion, topic_of
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
@@ -40,8 +39,8 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
     layout = target.with_suffix(".layout.json")
     rate, latest, due_ns = Rate(PER_S), dict[str, Latest](), 0
-    with replaced(target) as path, _opened(path, target) as log:
-        conversion = Conversion(scene, log)
+    with replaced(target) as path, _opened(path, target) as channels:
+        conversion = Conversion(scene, channels)
         conversion.place({frame.name: frame.pose for frame in scene.frames}, 0)
         conversion.bodies()
         for t_ns, group in instants(recording, wanted, lost, reached):
@@ -66,24 +65,12 @@ FOXGLOVE = Exporter(
 
 
 @contextmanager
-def _opened(path: Path, target: Path) -> Iterator[Any]:
-    """Open a file, and yield what writes a message of a topic at a time [ns] into it.
-
-    The library says at its end whether it could be written.
-    """
-    foxglove, channels = need("the export for Foxglove", "foxglove", "foxglove.channels")
-    context = foxglove.Context()
-    writer = foxglove.open_mcap(path, allow_overwrite=True, context=context)
-    opened: dict[str, Any] = {}
-
-    def log(topic: str, message: Any, t_ns: int) -> None:
-        if topic not in opened:
-            channel = getattr(channels, f"{type(message).__name__}Channel")
-            opened[topic] = channel(topic, context=context)
-        opened[topic].log(message, log_time=t_ns)
-
+def _opened(path: Path, target: Path) -> Iterator[Channels]:
+    """Open a file, and yield what writes into it. The library says at its end whether it could."""
+    channels = Channels()
+    writer = channels.foxglove.open_mcap(path, allow_overwrite=True, context=channels.context)
     try:
-        yield log
+        yield channels
     except BaseException:
         with suppress(RuntimeError):
             writer.close()
