@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from support.browser import needs_chromium, opened, picture
-from support.pages import RADIUS, STEPS, write_recording
+from support.pages import STEPS, write_recording
 
 from stepbus_orchestrator.run.result import Result
 from stepbus_tools.look import LINES
@@ -72,24 +72,6 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
         background = page.evaluate("getComputedStyle(document.body).backgroundColor")
         assert background == ("rgb(20, 25, 31)" if dark else "rgb(255, 255, 255)")
     assert (watched.errors, watched.strangers) == ([], [])
-
-
-def test_the_path_of_a_base_is_a_line_with_nothing_in_its_middle(recording):
-    with opened(write_page([recording]).as_uri(), width=1280, height=900) as watched:
-        drawing = watched.page.locator("svg.path")
-        picture = pixels(drawing)
-        rows, columns = np.nonzero(near(picture, LINES[0]))
-        middle = np.array([np.ptp(rows) / 2 + rows.min(), np.ptp(columns) / 2 + columns.min()])
-        # Equal axes: a circle is as high as it is wide.
-        assert np.ptp(rows) == pytest.approx(np.ptp(columns), rel=0.03)
-        away = np.hypot(rows - middle[0], columns - middle[1]) / (np.ptp(rows) / 2)
-        assert (away > 0.9).all()
-        turn = np.arctan2(rows - middle[0], columns - middle[1])
-        assert len(np.unique(np.floor(turn / np.pi * 18))) >= 36
-        # The bar has the length that stands beside it.
-        bar = drawing.locator(".scale").evaluate("one => one.getBBox().width * one.getCTM().a")
-        said = float(drawing.locator("text").last.text_content().removesuffix(" m"))
-        assert bar / np.ptp(rows) == pytest.approx(said / (2 * RADIUS), rel=0.05)
 
 
 def test_what_ended_a_run_is_a_red_line_with_its_word_at_its_time(recording, tmp_path):
