@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import heapq
-import io
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
 from stepbus_tools.viewing.access import LOOPBACK, listening, shown_host
 from stepbus_tools.viewing.history import History, timed_messages
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
@@ -64,7 +61,7 @@ class Conversion:
     """
 
     def __init__(self, scene: Scene, channels: Channels) -> None:
-        self._types, self._pillow = need("Foxglove", "foxglove.messages", "PIL.Image")
+        (self._types,) = need("Foxglove", "foxglove.messages")
         self._emit = channels.log
         self._frames = [frame for frame in scene.frames if not frame.is_ghost]
         self._parents = {frame.name: frame.parent for frame in self._frames}
@@ -137,14 +134,9 @@ class Conversion:
 
     def _image(self, port: PortInfo, image: Image, t_ns: int) -> Any:
         """Return an image as JPEG; None where its bytes do not fit its size."""
-        stream = io.BytesIO()
-        try:
-            pixels = np.ascontiguousarray(pixels_of(image))
-            self._pillow.fromarray(pixels).save(stream, "JPEG", quality=85)
-        except (ValueError, SystemError):
-            return None
-        return self._types.CompressedImage(
-            timestamp=self._stamp(t_ns), frame_id=port.topic, data=stream.getvalue(), format="jpeg"
+        data = jpeg(image)
+        return data and self._types.CompressedImage(
+            timestamp=self._stamp(t_ns), frame_id=port.topic, data=data, format="jpeg"
         )
 
     def _log(self, port: PortInfo, event: Event, t_ns: int) -> Any:
