@@ -224,7 +224,7 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     (tmp_path / "logs" / "controller.log").write_text('File "/a/b/c.py", line 1\n<a> broke\n')
     text = write_page([path]).read_text()
     head = text[: text.index("<nav")]
-    assert '<path class="mark failure"' in text
+    assert content(path.with_name("report.html"))["marks"][-1]["level"] == "failure"
     assert "--fault &#x27;freeze controller at 110&#x27;" in text
     assert "<td>controller</td><td>338 µs</td><td>338 µs</td><td>9 ms</td>" in text
     assert "p50 80 µs, p99 900 µs, max 1.2 ms" in text

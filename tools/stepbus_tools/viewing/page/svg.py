@@ -18,7 +18,7 @@ def run_sample(number: int) -> str:
 def line_sample(style: str) -> str:
     """Return how lines of some classes are drawn."""
     return (
-        '<svg viewBox="0 0 40 8" class="small sample" aria-hidden="true">'
+        '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
         f'<path class="{style}" d="M0 4H40"/></svg>'
     )
 
