@@ -55,8 +55,8 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
         watched.wait(drawn, "charts")
         assert all(sum(plot["points"]) >= STEPS for plot in page.evaluate(READ))
         assert page.evaluate("document.documentElement.scrollWidth") <= width
-        page.locator(".u-over").first.scroll_into_view_if_needed()
-        box = page.locator(".u-over").first.bounding_box()
+        page.locator(".chart .u-over").first.scroll_into_view_if_needed()
+        box = page.locator(".chart .u-over").first.bounding_box()
         middle = box["y"] + box["height"] / 2
         page.mouse.move(box["x"] + box["width"] / 4, middle)
         page.mouse.down()
@@ -89,9 +89,9 @@ def test_what_ended_a_run_is_a_red_line_with_its_word_at_its_time(recording, tmp
         assert end > STEPS / 100
         cell.locator("summary").click()
         watched.wait(lambda: len(page.evaluate(READ)) == 1, "the chart")
-        shown = pixels(page.locator(".chart canvas").first)
+        shown = pixels(cell.locator(".chart canvas").first)
         column = np.argmax(near(shown, "#c0262d").sum(axis=0))
-        over = page.locator(".u-over").first.bounding_box()
+        over = cell.locator(".chart .u-over").first.bounding_box()
         left = over["x"] - page.locator(".chart canvas").first.bounding_box()["x"]
         assert (column - left) / over["width"] * end == pytest.approx(STEPS / 100, abs=0.02)
 
