@@ -73,7 +73,7 @@ def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     options = {"vary": ["seed=1,2"], "set": ["duration=50ms"]}
     options["metrics"] = [f"{tmp_path}/my.py:measure"]
     planned = plan("two_link", options)
-    trials = Trials(collect(planned.variants, planned.spec.metrics), keep="none")
+    trials = Trials(collect(planned.variants, planned.spec.metrics), keep="none", home=None)
     row, _ = trials.run(planned.design[0])
     trials.close()
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]

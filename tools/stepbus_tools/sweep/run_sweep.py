@@ -37,6 +37,7 @@ from stepbus_tools.sweep.spec import (
 )
 from stepbus_tools.sweep.sweep_page import PAGE_FILE, extremes, write_page
 from stepbus_tools.sweep.trial import write_run
+from stepbus_tools.whole_file import replaced
 
 _TABLE_EVERY_S = 30.0
 _LOCK = ".lock"
@@ -186,7 +187,12 @@ class _Sweep:
                 self._run_missing(interrupt)
         write_table(journal, self._paths, self._home)
         extreme_rows = extremes(journal, self._plan.spec)
-        write_page(journal, self._plan, self._paths, self._home)
+        pictures = {
+            f"{name} run: {row.run}": self._home / f"{name}.png"
+            for name, row in extreme_rows.items()
+            if (self._home / f"{name}.png").exists()
+        }
+        write_page(journal, self._plan, self._paths, self._home, pictures)
         if interrupt.is_set():
             raise Interrupted(
                 f"interrupted after {len(journal)} of {self._total} runs; run the same "
@@ -215,6 +221,15 @@ class _Sweep:
                 return
             if optimizer is not None:
                 optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
+        # The best and the worst run are made again, since they may not have stayed.
+        chosen = extremes(self._journal, self._plan.spec)
+        if chosen:
+            self._report(f"plotting the {' and the '.join(chosen)} run")
+            points = [Point(row.run, row.values) for row in chosen.values()]
+            for name, content in zip(chosen, self._pool.pictures(points), strict=True):
+                if content:
+                    with replaced(self._home / f"{name}.png") as part:
+                        part.write_bytes(content)
 
     def _run_points(self, points: Iterable[Point], interrupt: threading.Event) -> None:
         journal = self._journal

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -15,6 +15,7 @@ from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
+from stepbus_tools.viewing.page.svg import png_figure
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
@@ -25,10 +26,16 @@ _UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 """Of the metrics that ship; that of an error depends on its joint."""
 
 
-def write_page(journal: Journal, plan: Plan, paths: Sequence[str], folder: Path) -> None:
+def write_page(
+    journal: Journal,
+    plan: Plan,
+    paths: Sequence[str],
+    folder: Path,
+    pictures: Mapping[str, Path],
+) -> None:
     """Write the page of all rows so far.
 
-    A sweep of more than 20,000 rows shows every n-th. paths: of the axes.
+    A sweep of more than 20,000 rows shows every n-th. paths: of the axes. pictures: title → PNG.
 
     Raises RecordingFailed when it cannot be written.
     """
@@ -47,6 +54,7 @@ def write_page(journal: Journal, plan: Plan, paths: Sequence[str], folder: Path)
         mark=MARK + "stepbus",
         verdict=_verdict(len(journal), failed),
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
+        pictures="".join(png_figure(path.read_bytes(), title) for title, path in pictures.items()),
         failures=_failures(journal),
         again=(
             f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>repeats run {number} "

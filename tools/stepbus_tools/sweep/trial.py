@@ -1,5 +1,6 @@
 """One run of a sweep, in the process of a worker."""
 
+import contextlib
 import math
 import shutil
 import tempfile
@@ -18,12 +19,14 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.report import write_report
 from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
 from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
 from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
 
+REPORT_FILE = "report.png"
 Files = Mapping[str, bytes]
 """Name → content of the files of a run."""
 
@@ -31,13 +34,16 @@ Files = Mapping[str, bytes]
 class Trials:
     """Runs points of one sweep, one after the other, in a folder of its own.
 
-    keep: which runs stay; their files are returned. temporary: where the folder is; None: where
-    temporary ones are.
+    keep: which runs' folders stay. home: the sweep's folder, where it is within reach; else what
+    stays is returned by content. temporary: where the folder is; None: where temporary ones are.
     """
 
-    def __init__(self, bundle: Bundle, *, keep: str, temporary: str | None = None) -> None:
+    def __init__(
+        self, bundle: Bundle, *, keep: str, home: Path | None, temporary: str | None = None
+    ) -> None:
         self._settings = bundle.settings
         self._keep = keep
+        self._home = home
         self._folder = Path(tempfile.mkdtemp(prefix="stepbus-sweep-", dir=temporary))
         source = self._folder / "source"
         self._scenario = bundle.unpack(source)
@@ -48,7 +54,7 @@ class Trials:
         shutil.rmtree(self._folder, ignore_errors=True)
 
     def run(self, point: Point) -> tuple[ResultRow, Files]:
-        """Run a point; return its row, and the files of a run that stays."""
+        """Run a point; return its row, and the files of a run that stays where none is in reach."""
         out, began = self._folder / "run", time.monotonic()
         try:
             row = self._row(point, self._run(point, out))
@@ -57,6 +63,17 @@ class Trials:
         except (RunFailure, StepbusError) as exc:
             code = exc.code if isinstance(exc, RunFailure) else ExitCode.SCENARIO
             return failed_row(point, "failed", str(exc), code), {}
+        finally:
+            shutil.rmtree(out, ignore_errors=True)
+
+    def picture(self, point: Point) -> bytes:
+        """Run a point once more, and return the plots of its report as PNG; empty: it has none."""
+        out = self._folder / "picture"
+        try:
+            result = self._run(point, out)
+            if result.steps and result.recording.exists():
+                write_report(result.recording)
+            return (out / REPORT_FILE).read_bytes() if (out / REPORT_FILE).exists() else b""
         finally:
             shutil.rmtree(out, ignore_errors=True)
 
@@ -98,6 +115,9 @@ class Trials:
         if not is_kept or not out.exists():
             return row, {}
         row = msgspec.structs.replace(row, kept=True)
+        if self._home is not None:
+            move_run(out, self._home, row)
+            return row, {}
         paths = (path for path in sorted(out.rglob("*")) if path.is_file())
         return row, {str(path.relative_to(out)): path.read_bytes() for path in paths}
 
@@ -111,20 +131,39 @@ def _can_share(scenario: Scenario) -> bool:
     return True
 
 
-def write_run(files: Files, home: Path, row: ResultRow) -> None:
-    """Write the files of a run that stays into the sweep's folder; no reader sees half of it.
+def move_run(out: Path, home: Path, row: ResultRow) -> None:
+    """Move the folder of a run to that of its sweep; no reader sees half of it.
 
     Raises RecordingFailed where it cannot be written.
     """
     target = home / str(row.folder)
     part = target.with_name(f".{target.name}.part")
     try:
+        make_folder(target.parent)
         for old in (part, target):
             shutil.rmtree(old, ignore_errors=True)
-        for name, content in files.items():
-            make_folder((part / name).parent)
-            (part / name).write_bytes(content)
+        shutil.move(out, part)
         part.rename(target)
     except OSError as exc:
-        shutil.rmtree(part, ignore_errors=True)
+        with contextlib.suppress(OSError):
+            shutil.rmtree(part)
+        # Of a folder, shutil has a list of what it could not copy, each with its reason.
+        why = exc.args[0][0][-1] if isinstance(exc, shutil.Error) else exc.strerror
+        raise RecordingFailed(f"{target} cannot be written: {why or exc}") from exc
+
+
+def write_run(files: Files, home: Path, row: ResultRow) -> None:
+    """Write the files of a run that came from another machine; raises as `move_run`."""
+    try:
+        with tempfile.TemporaryDirectory(dir=home, prefix=".fetched-") as folder:
+            out = Path(folder) / "run"
+            for name, content in files.items():
+                path = out / name
+                path.parent.mkdir(parents=True, exist_ok=True)
+                path.write_bytes(content)
+            move_run(out, home, row)
+    except RecordingFailed:
+        raise
+    except OSError as exc:
+        target = home / str(row.folder)
         raise RecordingFailed(f"{target} cannot be written: {exc.strerror or exc}") from exc
