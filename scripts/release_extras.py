@@ -110,7 +110,7 @@ def use_export(environment: Environment, folder: Path) -> str:
         environment.run("stepbus", "export", "run.mcap", option, target, cwd=folder)
     said = environment.run("python", "-c", FRAME, cwd=folder).split()
     assert_equal("Recording.frame", said, ["pandas", "True"])
-    environment.run("python", "-c", "import av", cwd=folder)
+    environment.run("python", "-c", "import av, websockets", cwd=folder)
     return _written(folder, *targets.values())
 
 

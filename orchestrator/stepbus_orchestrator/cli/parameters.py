@@ -334,6 +334,6 @@ FoxglovePort = Annotated[
         "nargs": "?",
         "const": 0,
         "metavar": "PORT",
-        "help": "stream to Foxglove over a WebSocket (default: any free port)",
+        "help": "stream to Foxglove or Lichtblick over a WebSocket (default: any free port)",
     },
 ]

@@ -1,4 +1,4 @@
-"""The WebSocket for Foxglove, read by a client that knows only the protocol."""
+"""The WebSocket for Foxglove and Lichtblick, read by a client that knows only the protocol."""
 
 import base64
 import contextlib
@@ -12,10 +12,11 @@ import threading
 import time
 
 import pytest
+from foxglove.messages import CompressedImage
 from google.protobuf import descriptor_pb2, descriptor_pool, message_factory
 from support.messages.recordings import write
 from support.paused import Paused
-from websockets.exceptions import ConnectionClosed
+from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
 
 import stepbus
@@ -23,18 +24,19 @@ from stepbus_orchestrator.cli import main
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import Event, JointState, StepbusError
-from stepbus_tools.viewing import foxglove
-from stepbus_tools.viewing.foxglove import Server, follow, play
+from stepbus_tools.viewing import foxglove_feed
+from stepbus_tools.viewing.foxglove_feed import follow, play
+from stepbus_tools.viewing.foxglove_server import open_server
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
+LATEST = "foxglove.sdk.v1"
 
 
 class Client:
     """Subscribes to all that is advertised. times: that it was told. found: topic → (time, what)."""
 
-    def __init__(self, address):
-        protocols = ["foxglove.sdk.v1"]
-        self.socket = connect(address, subprotocols=protocols, max_size=None, open_timeout=60)
+    def __init__(self, address, protocol=LATEST):
+        self.socket = connect(address, subprotocols=[protocol], max_size=None, open_timeout=60)
         self.types, self.topics, self.found, self.times, self.info = {}, {}, {}, [], None
 
     def read(self, until):
@@ -74,7 +76,7 @@ class Client:
 
 @pytest.fixture
 def server():
-    server = Server("test")
+    server = open_server("test")
     yield server
     server.close()
 
@@ -106,12 +108,15 @@ def watched(work):
     return end
 
 
+@pytest.mark.parametrize(
+    "protocol", [pytest.param("foxglove.websocket.v1", marks=pytest.mark.slow), LATEST]
+)
 def test_a_run_is_advertised_and_its_messages_are_those_that_it_records(
-    tmp_path, server, plain, starts_a_process
+    tmp_path, server, plain, protocol, starts_a_process
 ):
     paused = Paused(tmp_path / "run", load("two_link", ["duration=1s"]))
     end = watched(lambda is_over: follow(server, paused.out, is_over))
-    client = Client(server.address)
+    client = Client(server.address, protocol)
     while "/plant/joint_state" not in client.found:
         paused.pace.step()
         client.read(lambda c: c.times)
@@ -120,7 +125,7 @@ def test_a_run_is_advertised_and_its_messages_are_those_that_it_records(
     client.read(lambda c: c.times and c.times[-1] == 1_000_000_000)
     end()
     assert result.sha256 == plain
-    assert "time" in client.info["capabilities"]
+    assert client.info["capabilities"] == ["time"]
     assert {"/scene", "/tf", "/plant/joint_state", "/mission/reference"} <= client.found.keys()
     recorded = dict(Recording(result.recording)["plant/joint_state"].messages())
     for t_ns, state in client.found["/plant/joint_state"]:
@@ -147,10 +152,8 @@ def test_a_recording_is_played_with_its_events_and_from_its_start_to_the_next(
     server, recording, monkeypatch
 ):
     clock = Clock()
-    monkeypatch.setattr(foxglove, "time", clock)
+    monkeypatch.setattr(foxglove_feed, "time", clock)
     end = watched(lambda is_over: play(server, Recording(recording), is_over))
-    while "/plant/joint_state" not in server.channels.topics:
-        time.sleep(0.01)
     for _ in range(2):
         clock.goes = False
         client = Client(server.address).read(lambda c: "/plant/joint_state" in c.found)
@@ -168,6 +171,60 @@ def test_a_recording_is_played_with_its_events_and_from_its_start_to_the_next(
         while server.has_clients:
             time.sleep(0.01)
     end()
+
+
+def picture(byte):
+    return CompressedImage(data=byte * 1_000_000, format="jpeg")
+
+
+def test_a_client_that_stops_reading_holds_nobody_and_gets_the_newest_later(server):
+    sleeper, reader = Client(server.address), Client(server.address)
+    server.publish(0, [("/picture", picture(b"0"), 0)])
+    for client in (sleeper, reader):
+        client.read(lambda c: c.found)
+    # Far more than the buffers of its socket hold.
+    for number in range(1, 100):
+        server.publish(number, [("/picture", picture(b"0"), number)])
+    server.publish(100, [("/picture", picture(b"1"), 100)])
+    for client in (reader, sleeper):
+        client.read(lambda c: c.found["/picture"][-1][0] == 100)
+    assert len(sleeper.found["/picture"]) < 100
+    assert sleeper.found["/picture"][-1][1].data[:1] == b"1"
+
+
+def test_a_server_ends_though_a_client_does_not_read():
+    server = open_server("test")
+    client = Client(server.address)
+    server.publish(0, [("/picture", picture(b"0"), 0)])
+    client.read(lambda c: c.found)
+    for number in range(1, 100):
+        server.publish(number, [("/picture", picture(b"0"), number)])
+    server.close()
+    with pytest.raises(OSError, match="refused"):
+        Client(server.address)
+    # Who goes on has no server to talk to.
+    server.publish(100, [("/picture", picture(b"1"), 100)])
+    client.socket.close_socket()
+
+
+def test_nobody_is_let_in_without_the_token_or_the_protocol(server):
+    bare = server.address.rsplit("/", 2)[0]
+    with pytest.raises(InvalidStatus, match="403"):
+        Client(f"{bare}/guess/")
+    with pytest.raises(InvalidStatus, match="400"):
+        Client(server.address, "chat")
+    assert not server.has_clients
+
+
+@pytest.mark.parametrize(
+    "text", ["no JSON", "[]", '{"op": "subscribe"}', '{"op": "subscribe", "subscriptions": [1]}',
+             '{"op": "subscribe", "subscriptions": [{"id": -1, "channelId": 1}]}', "{}"],
+)  # fmt: skip
+def test_what_a_client_asks_wrongly_is_ignored(server, text):
+    client = Client(server.address)
+    client.socket.send(text)
+    server.publish(0, [("/picture", picture(b"0"), 0)])
+    assert client.read(lambda c: c.found).found["/picture"][0][0] == 0
 
 
 def test_a_port_that_is_taken_is_one_sentence(recording, capsys):

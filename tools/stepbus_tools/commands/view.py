@@ -31,8 +31,8 @@ class Place:
     """Where a recording is shown.
 
     port: port to listen on (default: any free port). host: address to listen on (default: this
-    machine only). no_open: do not open a browser. foxglove: serve Foxglove over a WebSocket
-    instead of the page (default: any free port).
+    machine only). no_open: do not open a browser. foxglove: serve Foxglove and Lichtblick over a
+    WebSocket instead of the page (default: any free port).
     """
 
     port: PortNumber = None
@@ -146,25 +146,26 @@ class _Page:
 
 
 class _Foxglove:
-    """A server for Foxglove."""
+    """A server for Foxglove and Lichtblick."""
 
     def __init__(self, label: str, place: Place) -> None:
-        from stepbus_tools.viewing.foxglove import Server  # noqa: PLC0415
+        from stepbus_tools.viewing.foxglove_server import open_server  # noqa: PLC0415
 
-        self._server = Server(label, host=place.host, port=place.foxglove or place.port or 0)
+        port = place.foxglove or place.port or 0
+        self._server = open_server(label, host=place.host, port=port)
         say(f"foxglove: {self._server.address}\nCtrl-C closes it")
 
     def follow(self, folder: Path, is_over: IsOver) -> bool:
         """Send a live run; return whether it has ended."""
-        from stepbus_tools.viewing.foxglove import follow  # noqa: PLC0415
+        from stepbus_tools.viewing.foxglove_feed import follow  # noqa: PLC0415
 
         return follow(self._server, folder, is_over)
 
-    def play(self, recordings: Sequence[Recording], is_over: IsOver, **_: bool) -> None:
-        """Send a recording."""
-        from stepbus_tools.viewing.foxglove import play  # noqa: PLC0415
+    def play(self, recordings: Sequence[Recording], is_over: IsOver, *, from_end: bool) -> None:
+        """Send a recording; from_end: after the live run."""
+        from stepbus_tools.viewing.foxglove_feed import play  # noqa: PLC0415
 
-        play(self._server, recordings[0], is_over)
+        play(self._server, recordings[0], is_over, from_end=from_end)
 
     def close(self) -> None:
         """Close the server."""

@@ -107,14 +107,10 @@ class Door:
 
     def guard(self, process: Process) -> Process:
         """Return what refuses strangers, and passes on other requests without their first name."""
+        guarded = _guarded(process, self._answer)
 
         def process_request(connection: Any, request: Any) -> Any:
-            given, _, rest = request.path.removeprefix("/").partition("/")
-            name, mark, query = given.partition("?")
-            response = self._answer(connection, request.headers, name)
-            if response is None:
-                request.path = f"/{rest}{mark}{query}"
-                response = process(connection, request)
+            response = guarded(connection, request)
             if response is not None:
                 response.headers.update(_HEADERS)
             return response
@@ -172,6 +168,35 @@ class Door:
     def _has_cookie(self, headers: Any) -> bool:
         pairs = [pair.strip() for line in headers.get_all("Cookie") for pair in line.split(";")]
         return any(_is_one_of(pair, [f"{_COOKIE}={self._cookie}"]) for pair in pairs)
+
+
+def only_with(token: str, process: Process) -> Process:
+    """Return what refuses each request without the token, and passes on the rest without it."""
+
+    def answer(connection: Any, _headers: Any, name: str) -> Any:
+        if _is_one_of(name, [token]):
+            return None
+        return connection.respond(HTTPStatus.FORBIDDEN, "Open the URL with its token.\n")
+
+    return _guarded(process, answer)
+
+
+def _guarded(process: Process, answer: Callable[[Any, Any, str], Any]) -> Process:
+    """Return what passes on requests that have no answer yet, without the first name of the path.
+
+    answer: takes connection, headers and that name.
+    """
+
+    def process_request(connection: Any, request: Any) -> Any:
+        given, _, rest = request.path.removeprefix("/").partition("/")
+        name, mark, query = given.partition("?")
+        response = answer(connection, request.headers, name)
+        if response is None:
+            request.path = f"/{rest}{mark}{query}"
+            response = process(connection, request)
+        return response
+
+    return process_request
 
 
 def _is_one_of(text: str, secrets_: list[str]) -> bool:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
+from stepbus_participant import need
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.foxglove import PER_S, SHOWN, Channels, Conversion
+from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.whole_file import replaced
@@ -23,8 +25,8 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
     rate, latest, due_ns = Rate(PER_S), dict[str, Latest](), 0
-    with replaced(target) as path, _opened(path, target) as channels:
-        conversion = Conversion(scene, channels)
+    with replaced(target) as path, _opened(path, target) as log:
+        conversion = Conversion(scene, log)
         conversion.place({frame.name: frame.pose for frame in scene.frames}, 0)
         conversion.bodies()
         for t_ns, group in instants(recording, wanted, lost, reached):
@@ -44,12 +46,24 @@ FOXGLOVE = Exporter(write=_export, help="an .mcap for Foxglove and Lichtblick, a
 
 
 @contextmanager
-def _opened(path: Path, target: Path) -> Iterator[Channels]:
-    """Open a file, and yield what writes into it. The library says at its end whether it could."""
-    channels = Channels()
-    writer = channels.foxglove.open_mcap(path, allow_overwrite=True, context=channels.context)
+def _opened(path: Path, target: Path) -> Iterator[Any]:
+    """Open a file, and yield what writes a message of a topic at a time [ns] into it.
+
+    The library says at its end whether it could be written.
+    """
+    foxglove, channels = need("the export for Foxglove", "foxglove", "foxglove.channels")
+    context = foxglove.Context()
+    writer = foxglove.open_mcap(path, allow_overwrite=True, context=context)
+    opened: dict[str, Any] = {}
+
+    def log(topic: str, message: Any, t_ns: int) -> None:
+        if topic not in opened:
+            channel = getattr(channels, f"{type(message).__name__}Channel")
+            opened[topic] = channel(topic, context=context)
+        opened[topic].log(message, log_time=t_ns)
+
     try:
-        yield channels
+        yield log
     except BaseException:
         with suppress(RuntimeError):
             writer.close()

@@ -1,0 +1,137 @@
+"""What is shown of a run or a recording, thirty times a second, as foxglove.* messages."""
+
+import heapq
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from pathlib import Path
+
+from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
+from stepbus_schemas import Event
+from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
+from stepbus_tools.viewing.foxglove_server import Row, Server
+from stepbus_tools.viewing.history import History, timed_messages
+from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
+from stepbus_tools.viewing.scene.bodies import Messages
+from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.scene import Scene
+
+Happened = tuple[int, PortInfo, Event]
+"""Time [ns], port and event."""
+
+
+class Feed:
+    """Converts what is new and publishes it; nothing while no client is connected.
+
+    topics: of the ports that it shows, but for events.
+    """
+
+    def __init__(self, server: Server, scene: Scene, ports: Mapping[str, PortInfo]) -> None:
+        self._server = server
+        self._scene = scene
+        self._shown = {p.topic: p for p in ports.values() if p.type in SHOWN}
+        self._rows: list[Row] = []
+        self._conversion = Conversion(scene, lambda *row: self._rows.append(row))
+        self._poses = {frame.name: frame.pose for frame in scene.frames}
+        self._steps: dict[str, int] = {}
+        self._arrivals = 0
+        events = {p.topic for p in self._shown.values() if p.type == "Event/1"}
+        self.topics = scene.topics | (self._shown.keys() - events)
+
+    def show(self, t_ns: int, step_ns: int, messages: Messages, events: Sequence[Happened]) -> None:
+        """Publish what is new; all of it when a new client is connected.
+
+        t_ns: simulation time [ns]. step_ns: length of a step [ns].
+        """
+        if not self._server.has_clients:
+            return
+        arrivals, is_first = self._server.arrivals, self._arrivals != self._server.arrivals
+        if is_first:
+            self._arrivals = arrivals
+            self._steps.clear()
+            self._conversion.bodies(t_ns)
+        fresh = {t for t, latest in messages.items() if self._steps.get(t) != latest.step}
+        self._steps |= {topic: messages[topic].step for topic in fresh}
+        if is_first or fresh & self._scene.topics:
+            self._poses |= self._scene.poses(messages)
+            self._conversion.place(self._poses, t_ns)
+        for topic in sorted(fresh & self._shown.keys()):
+            latest = messages[topic]
+            self._conversion.take(self._shown[topic], latest.message, latest.step * step_ns)
+        for event_ns, port, event in events:
+            self._conversion.take(port, event, event_ns)
+        if self._rows:
+            rows, self._rows = self._rows, []
+            self._server.publish(t_ns, rows)
+
+
+def follow(server: Server, folder: Path, is_over: Callable[[], bool]) -> bool:
+    """Publish a run until it has ended, or the user ends this; returns whether the run has.
+
+    folder, and what is raised: as of `follow_run`.
+    """
+
+    def begin(tail: Tail, _: RunClient) -> Turn:
+        feed = Feed(server, build_scene(tail), tail.ports)
+        ports = [port for port in tail.ports.values() if port.type == "Event/1"]
+        tail.keep(port.topic for port in ports)
+
+        def turn(_: bool) -> None:
+            events = [row for port in ports for row in _happened(tail, port)]
+            feed.show(tail.t_ns, tail.step_ns, latest_of(tail, feed.topics), events)
+
+        return turn
+
+    return follow_run(folder, is_over, begin)
+
+
+def _happened(tail: Tail, port: PortInfo) -> Iterator[Happened]:
+    for step, data in tail.take_kept(port.topic):
+        message = tail.decode(port.topic, data)
+        if isinstance(message, Event):
+            yield step * tail.step_ns, port, message
+
+
+def play(
+    server: Server, recording: Recording, is_over: Callable[[], bool], *, from_end: bool = False
+) -> None:
+    """Play a recording in real time to each new client, from its start; stay at its end.
+
+    from_end: whether the connected clients have seen it.
+    """
+    history = History(recording)
+    feed = Feed(server, build_scene(recording), recording.ports)
+    server.forgets = True
+    session = server.sessions if from_end else 0
+    began_at, events = -history.end_ns * 1e-9, _Events(recording)
+    while not is_over():
+        now = time.monotonic()
+        if server.sessions != session:
+            session, began_at = server.sessions, now
+            events = _Events(recording)
+        if server.has_clients:
+            t_ns = min(round((now - began_at) * 1e9), history.end_ns)
+            messages = history.at(feed.topics, t_ns)
+            feed.show(t_ns, history.step_ns, messages, events.until(t_ns))
+        time.sleep(max(0.0, FRAME_S - (time.monotonic() - now)))
+
+
+class _Events:
+    """The events of a recording in the order of time, read as far as they are asked for."""
+
+    def __init__(self, recording: Recording) -> None:
+        rows = (_events(port) for port in recording.of_type("Event/1"))
+        self._rows = heapq.merge(*rows, key=lambda row: row[0])
+        self._next = next(self._rows, None)
+
+    def until(self, t_ns: int) -> list[Happened]:
+        """Return what has happened since the last time, up to a time [ns]."""
+        events = []
+        while self._next is not None and self._next[0] <= t_ns:
+            events.append(self._next)
+            self._next = next(self._rows, None)
+        return events
+
+
+def _events(port: Port) -> Iterator[Happened]:
+    for t_ns, message in timed_messages(port):
+        yield t_ns, port, message
