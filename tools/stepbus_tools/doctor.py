@@ -1,4 +1,4 @@
-"""Checks this machine for what stepbus needs: packages, the bus, ports, disk, extras."""
+"""Checks this machine for what stepbus needs: packages, the bus, disk, extras."""
 
 import contextlib
 import os
@@ -41,19 +41,13 @@ EXTRAS = {
 _NATIVE = {"pin": "pinocchio", "pybullet": "pybullet", "mujoco": "mujoco"}
 """Package → its module, of those that only participants load."""
 
-_OLDEST_PYTHON = (3, 11)
 _REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
 _PYTHON = re.compile(r'python_version (<|>=) "(\d+)\.(\d+)"')
 _LOAD_DEADLINE_S = 30.0
 _KILL_S = 5.0
 _BUS_DEADLINE_S = 15.0
 _AGAIN_S = 0.01
-_DISK_WARN_BYTES = 1 << 30
-_DISK_FAIL_BYTES = 16 << 20
-# As the folder of a run and its longest socket: `stepbus-` and eight random letters.
-_SOCKET_NAME = "stepbus-01234567/10.sock"
-_SOCKET_PATH_BYTES = 107
-_PORTS = 8
+_DISK_BYTES = 1 << 30
 
 
 class Finding(msgspec.Struct, frozen=True):
@@ -72,10 +66,7 @@ def examine() -> list[Finding]:
     return [
         *versions(),
         *loads(),
-        cores(),
         *disk(),
-        socket_path(),
-        ports(),
         link("unix"),
         link("tcp"),
         *extras(),
@@ -111,11 +102,7 @@ def _applies(marker: str, extra: str) -> bool:
 
 def versions() -> Iterator[Finding]:
     """Check Python, stepbus and its dependencies."""
-    python = ".".join(map(str, sys.version_info[:3]))
-    if sys.version_info < _OLDEST_PYTHON:
-        yield Finding("python", "fail", f"{python}; stepbus needs 3.11 or newer")
-    else:
-        yield Finding("python", "ok", python)
+    yield Finding("python", "ok", ".".join(map(str, sys.version_info[:3])))
     try:
         yield Finding("stepbus", "ok", version("stepbus"))
         yield from (_package(*row) for row in (*needed(), *needed("run")))
@@ -189,14 +176,6 @@ def extras() -> Iterator[Finding]:
 # --- the machine -------------------------------------------------------------------------------
 
 
-def cores() -> Finding:
-    """Count the cores this process may use."""
-    count = len(os.sched_getaffinity(0))
-    if count > 1:
-        return Finding("cores", "ok", f"{count}")
-    return Finding("cores", "warn", "1: 1: processes share one core; at least 2 are recommended")
-
-
 def disk() -> Iterator[Finding]:
     """Check the free space for runs and sockets."""
     for what, find in (("here", os.getcwd), ("temp", tempfile.gettempdir)):
@@ -206,39 +185,11 @@ def disk() -> Iterator[Finding]:
             text = f"cannot be used: {exc.strerror}; change to another folder, or set TMPDIR"
             yield Finding(f"disk, {what}", "fail", text)
         else:
-            yield Finding(f"disk, {what}", enough(free), f"{free / 1e9:.1f} GB free in {folder}")
-
-
-def enough(free: int) -> Verdict:
-    """Judge free space [bytes]."""
-    if free < _DISK_FAIL_BYTES:
-        return "fail"
-    return "ok" if free >= _DISK_WARN_BYTES else "warn"
-
-
-def socket_path() -> Finding:
-    """Check that the path of a Unix socket is short enough."""
-    try:
-        path = Path(tempfile.gettempdir()) / _SOCKET_NAME
-    except OSError as exc:
-        text = f"no folder for temporary files: {exc.strerror}; set TMPDIR"
-        return Finding("socket path", "fail", text)
-    length = len(str(path).encode())
-    text = f"{length} of at most {_SOCKET_PATH_BYTES} bytes"
-    if length <= _SOCKET_PATH_BYTES:
-        return Finding("socket path", "ok", text)
-    remedy = "set TMPDIR to a shorter folder, or use `--set bus.transport=tcp`"
-    return Finding("socket path", "fail", f"{text}; {remedy}")
-
-
-def ports() -> Finding:
-    """Check for free TCP ports."""
-    try:
-        free = _free_ports(_PORTS)
-    except OSError as exc:
-        text = f"not {_PORTS} free on loopback: {exc.strerror}; runs over Unix sockets still work"
-        return Finding("ports", "warn", text)
-    return Finding("ports", "ok", f"free on loopback, e.g. {free[0]}")
+            yield Finding(
+                f"disk, {what}",
+                "ok" if free >= _DISK_BYTES else "warn",
+                f"{free / 1e9:.1f} GB free in {folder}",
+            )
 
 
 def _free_ports(count: int) -> list[int]:

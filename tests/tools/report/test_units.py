@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_tools.report.units import engineering, told_apart
+from stepbus_tools.report.units import engineering
 
 
 @pytest.mark.parametrize(
@@ -28,16 +28,3 @@ from stepbus_tools.report.units import engineering, told_apart
 )
 def test_a_number_gets_the_prefix_of_its_size(value, unit, text):
     assert engineering(value, unit) == text
-
-
-@pytest.mark.parametrize(
-    ("first", "second", "unit", "texts"),
-    [
-        (22.749310079715613, 22.35167685325915, "N·m", ("22.75 N·m", "22.35 N·m")),
-        (0.001, 0.0010000123, "rad", ("1 mrad", "1.000012 mrad")),
-        (1.0, -1.0, "", ("1", "-1")),
-        (1.0, float("nan"), "m", ("1.0 m", "nan m")),
-    ],
-)
-def test_two_numbers_have_the_digits_that_tell_them_apart(first, second, unit, texts):
-    assert told_apart(first, second, unit) == texts

@@ -72,8 +72,8 @@ def test_the_divergence_from_a_second_recording_is_marked(recording, other, page
     playback = player(page, recording, other)
     while not any("divergence" in event for event in playback.events):
         playback.turn(0.01)
-    text = r"0\.005 s divergence: first at step 1: controller/command values\.joint1: "
-    assert re.match(text + r"run -?\d+\.?\d{,3}, other -?\d+\.?\d{,3} \(", playback.events[0])
+    text = r"0\.005 s divergence: step 1: controller/command"
+    assert re.match(text, playback.events[0])
 
 
 def test_runs_are_named_by_as_much_of_their_folders_as_tells_them_apart(tmp_path):

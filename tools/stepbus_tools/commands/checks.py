@@ -105,9 +105,9 @@ def _verdict(report: Report) -> str:
 
 @command(group="test")
 def doctor_command() -> Answer:
-    """Check this machine: versions, bus, ports, disk, extras.
+    """Check this machine: versions, bus, disk, extras.
 
-    Checks versions, native libraries, the bus (with a message), free ports, disk space and missing
+    Checks versions, native libraries, the bus (with a message), disk space and missing
     extras. Exit code 1: something is broken.
 
     $ stepbus doctor

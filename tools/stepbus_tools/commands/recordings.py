@@ -17,8 +17,6 @@ from stepbus_tools.viewing.exports import damage_line, export, exporters, progre
 from stepbus_tools.viewing.page import write_page
 
 _EXPORTERS = exporters()
-_LARGE_MB = 20.0
-"""What takes more room is announced."""
 _OPTIONS = {name: row for one in _EXPORTERS.values() for name, row in one.options.items()}
 
 
@@ -74,10 +72,6 @@ def export_command(recording: RecordingPath, *, targets: Targets) -> int:
             raise WiringError(f"{_flag(name)} goes with --{' or --'.join(users)}")
     is_whole = True
     with Recording(recording) as opened:
-        for form, path in paths.items():
-            tell_size = _EXPORTERS[form].size
-            if tell_size is not None and (size := tell_size(opened, path) / 1e6) >= _LARGE_MB:
-                print_error(f"{path} will take about {size:.0f} MB; --parquet needs a tenth of it")
         for form, done in export(opened, paths, progress=progress_bar, **options):
             for line in done.problems:
                 print_error(line)

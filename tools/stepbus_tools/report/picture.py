@@ -158,7 +158,7 @@ def _draw(axis: Any, chart: Chart, *, is_named: bool) -> None:
     solid = {line.label: axis.lines[i] for i, line in enumerate(chart.drawn) if line.is_solid}
     if (
         is_named
-        and not chart.is_path
+        and not (chart.is_path and len(solid) < 2)
         and list(solid) not in ([], [chart.title.rpartition(": ")[2]])
     ):
         columns = 1 + (len(solid) - 1) // _MOST_ROWS

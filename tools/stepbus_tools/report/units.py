@@ -27,16 +27,3 @@ def engineering(value: float, unit: str) -> str:
     """Return a number of three digits with its unit."""
     factor, shown = prefixed(value, unit)
     return f"{value * factor:.3g} {shown}".strip()
-
-
-def told_apart(first: float, second: float, unit: str) -> tuple[str, str]:
-    """Return two numbers with their unit, of as many digits as it takes to tell them apart."""
-    largest, gap = max(abs(first), abs(second)), abs(first - second)
-    if not (gap > 0 and math.isfinite(largest)):
-        return f"{first!r} {unit}".strip(), f"{second!r} {unit}".strip()
-    factor, shown = prefixed(largest, unit)
-    digits = min(17, 2 + math.ceil(math.log10(largest / gap)))
-    one, other = (
-        f"{value * factor:.{max(3, digits)}g} {shown}".strip() for value in (first, second)
-    )
-    return one, other

@@ -1,6 +1,5 @@
 """The page of a sweep: one HTML file that opens without a network."""
 
-import base64
 import json
 import math
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
+from stepbus_tools.viewing.page.svg import png_figure
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
@@ -54,7 +54,7 @@ def write_page(
         mark=MARK + "stepbus",
         verdict=_verdict(len(journal), failed),
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
-        pictures="".join(_picture(title, path) for title, path in pictures.items()),
+        pictures="".join(png_figure(path.read_bytes(), title) for title, path in pictures.items()),
         failures=_failures(journal),
         again=(
             f"<pre>stepbus rerun {escape(folder.name)} {number}</pre><p>repeats run {number} "
@@ -157,12 +157,4 @@ def _failures(journal: Journal) -> str:
     return (
         "<h2>Failures by cause</h2><table tabindex=0>"
         f"<tr><th>runs</th><th>outcome</th><th>reason</th><th>which</th></tr>{cells}</table>"
-    )
-
-
-def _picture(title: str, path: Path) -> str:
-    content = base64.b64encode(path.read_bytes()).decode()
-    return (
-        f'<figure><img alt="{escape(title)}" src="data:image/png;base64,{content}">'
-        f"<figcaption>{escape(title)}</figcaption></figure>"
     )

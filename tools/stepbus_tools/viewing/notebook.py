@@ -67,7 +67,7 @@ def recording_html(recording: Recording) -> str:
     why = recording.cut_short
     damage = f"<p>The recording <b>{escape(why)}</b>.</p>" if why else ""
     scene = scene_at_end(recording)
-    still = "" if scene is None else figure(scene.still, "the scene at its end", PAPER["raised"])
+    still = "" if scene is None else figure(scene, "the scene at its end", PAPER["raised"])
     return (
         f"<div><p><b>{escape(str(recording.path))}</b>, up to step {recording.last_step}</p>"
         f"{damage}{still}<table><tr><th>port</th><th>type</th><th>names</th>"

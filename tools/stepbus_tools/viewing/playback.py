@@ -15,7 +15,6 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import StepbusError
-from stepbus_tools.viewing.divergence import divergence_text
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.bodies import Messages
@@ -107,7 +106,7 @@ class Findings:
             if divergence is not None:
                 with Recording(path) as recording:
                     t_s = divergence.step * History(recording).step_ns * 1e-9
-                    text = divergence_text(divergence, recording, runs)
+                    text = divergence.text(*runs)
                 level = "divergence"
         self._add([Mark(t_s=t_s, level=level, text=text)])
 

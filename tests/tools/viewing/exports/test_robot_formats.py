@@ -1,7 +1,6 @@
 """Exports for ROS 2 and Foxglove, read back by what did not write them."""
 
 import io
-import json
 import math
 import re
 from collections import Counter
@@ -246,38 +245,6 @@ def test_foxglove_shows_bodies_and_images(view):
     assert crate.frame_id in placed
     _, image = found["/plant/camera", "foxglove.CompressedImage"][0]
     assert Pillow.open(io.BytesIO(image.data)).size == (4, 2)
-
-
-def test_the_layout_names_topics_that_exist(view):
-    target, found = view
-    layout = json.loads(target.with_suffix(".layout.json").read_text())
-    topics = {topic for topic, _ in found}
-    panels = layout["configById"]
-    for quantity, unit in (("position", "rad"), ("velocity", "rad/s")):
-        panel = panels[f"Plot!{quantity}"]
-        assert [path["label"] for path in panel["paths"]] == ["hip", "knee"]
-        assert panel["yAxisLabel"] == unit
-        assert {path["value"].partition(".")[0] for path in panel["paths"]} <= topics
-        assert {p["value"].rpartition(".")[2] for p in panel["paths"]} == {quantity}
-        assert (
-            panel["foxglovePanelTitle"] == panel["lichtblickPanelTitle"] == f"{quantity} [{unit}]"
-        )
-    assert panels["RosOut!log"]["topicToRender"] in topics
-    assert layout["configById"]["Image!camera"]["imageMode"]["imageTopic"] in topics
-
-
-def test_the_layout_plots_and_looks_at_all_of_the_way_that_things_go(view):
-    target, _ = view
-    panels = json.loads(target.with_suffix(".layout.json").read_text())["configById"]
-    # Without it, Lichtblick draws no line.
-    assert {p["timestampMethod"] for p in panels["Plot!position"]["paths"]} == {"receiveTime"}
-    camera = panels["3D!scene"]["cameraState"]
-    (floor,) = panels["3D!scene"]["layers"].values()
-    # The crate, 0.4 m long, has moved 10 mm in each of 199 steps: all of the way is in the picture.
-    assert camera["targetOffset"] == pytest.approx([0.995, 0.0, 0.5], abs=0.02)
-    across = 2 * camera["distance"] * math.sin(math.radians(camera["fovy"] / 2))
-    assert 1.0 < across / math.dist((0, 0, 0), (2.39, 0.2, 0.2)) < 1.2
-    assert floor["size"] > 2.4
 
 
 def test_a_run_of_a_robot_brings_its_description(tmp_path):

@@ -2,7 +2,6 @@
 
 import csv
 import math
-import re
 from collections import Counter
 
 import duckdb
@@ -16,8 +15,6 @@ from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import Contacts, ControllerStatus, Description, Event, Image, JointState, Poses
-from stepbus_tools.commands import recordings
-from stepbus_tools.viewing.exports import exporters
 
 STEPS = 300
 IMAGE = Image(
@@ -107,22 +104,6 @@ def test_one_file_has_a_row_for_each_value(recording, tmp_path, form):
     assert found == (STEPS, pytest.approx(1.0, abs=1e-3), "rad")
     text = f"select text from '{path}' where signal = 'plant.events.text'"
     assert duckdb.sql(text).fetchall()[0] == ('it\'s, "slow"',)
-
-
-@pytest.mark.parametrize("target", ["all.csv", "csv"])
-def test_the_size_of_a_csv_is_foretold(recording, tmp_path, target):
-    export(recording, "--csv", tmp_path / target)
-    files = [tmp_path / target] if target == "all.csv" else (tmp_path / target).glob("plant.*")
-    written = sum(path.stat().st_size for path in files)
-    with Recording(recording) as opened:
-        assert exporters()["csv"].size(opened, tmp_path / target) == pytest.approx(written, rel=0.2)
-
-
-def test_a_large_csv_is_announced(recording, tmp_path, capsys, monkeypatch):
-    monkeypatch.setattr(recordings, "_LARGE_MB", 0.01)
-    export(recording, "--csv", tmp_path / "all.csv")
-    text = r"^stepbus: \S+all.csv will take about 0 MB; --parquet needs a tenth of it$"
-    assert re.search(text, capsys.readouterr().err, re.MULTILINE)
 
 
 def test_half_a_recording_is_exported_up_to_its_damage(tmp_path, capsys):

@@ -39,18 +39,6 @@ def test_the_file_shows_the_arm_offline(scene_file):
     assert not watched.strangers
 
 
-@pytest.mark.slow
-@needs_chromium
-@pytest.mark.timeout(900)
-def test_on_a_phone_the_file_shows_the_whole_arm(scene_file):
-    with opened(scene_file.as_uri(), 390, 844) as phone:
-        phone.wait(lambda: phone.colours() > 300, "the arm to be drawn")
-        assert "initialCameraPosition=" in phone.page.url
-    assert not phone.errors
-    with opened(scene_file.as_uri(), 1600, 800) as wide:
-        assert wide.page.url == scene_file.as_uri()
-
-
 def test_a_recording_without_messages_gives_a_sentence(recording, tmp_path, capsys):
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(recording.read_bytes()[:3000])

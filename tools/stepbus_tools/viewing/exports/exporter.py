@@ -1,14 +1,12 @@
 """Every form that a recording is exported to, found by entry points: `stepbus export`."""
 
 import sys
-import time
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import named_points
 from stepbus_orchestrator.recording import Recording
@@ -43,15 +41,13 @@ class Exporter:
 
     write: takes the recording, the target, what is told the step that is reached, and its options
     by name; returns what it wrote, and raises as `export`. help: of its option of `stepbus export`.
-    options: name of a further one → the name of its value and its help. size: takes the recording
-    and the target, and returns about how many bytes it will write; of a form that may be large.
+    options: name of a further one → the name of its value and its help.
     """
 
     write: Callable[..., Exported]
     help: str
     metavar: str = "FILE"
     options: Mapping[str, tuple[str, str]] = field(default_factory=dict)
-    size: Callable[[Recording, Path], float] | None = None
 
 
 def exporters() -> dict[str, Exporter]:
@@ -116,12 +112,9 @@ def nothing_to_export(recording: Recording, done: str = "exported") -> Recording
 
 @contextmanager
 def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
-    """Show how far an export has come, and how long it will still take.
-
-    A bar where the standard error is a terminal; else a line now and then.
-    """
+    """Show how far an export has come, where the standard error is a terminal."""
     if not sys.stderr.isatty():
-        yield _Lines(what, last_step).reached
+        yield lambda _step: None
         return
     # It takes a tenth of a second to load.
     from rich.console import Console  # noqa: PLC0415
@@ -130,23 +123,3 @@ def progress_bar(what: str, last_step: int) -> Iterator[Reached]:
     with Bar(console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task(what, total=max(1, last_step))
         yield lambda step: bar.update(task, completed=step)
-
-
-class _Lines:
-    """Says how far an export has come, every ten seconds."""
-
-    def __init__(self, what: str, last_step: int) -> None:
-        self._what = what
-        self._last = max(1, last_step)
-        self._began = self._said = time.monotonic()
-
-    def reached(self, step: int) -> None:
-        """Say it where it is due."""
-        now = time.monotonic()
-        if now - self._said >= _SAYS_EVERY_S and step > 0:
-            self._said, share = now, min(1.0, step / self._last)
-            left = (now - self._began) * (1 - share) / share
-            print_error(f"{self._what}: {share:.0%}, about {left:.0f} s left")
-
-
-_SAYS_EVERY_S = 10.0

@@ -6,9 +6,8 @@ its users, and `rerun analytics disable` forbids it.
 
 from __future__ import annotations
 
-import io
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,14 +22,11 @@ from stepbus_schemas import Event, Image, StepbusError
 from stepbus_tools.columns import LISTS, Column, Field, Table
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.history import History
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.scene.swept import swept
-from stepbus_tools.viewing.viewpoint import framed
 from stepbus_tools.whole_file import replaced
 
 from .instants import Instant, Rate, instants, readable_ports
@@ -39,13 +35,7 @@ _PER_S = 30.0
 """Poses and images a second, at most; curves and events are all there."""
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""
-_MOST_HELD = 100_000
-_MEASURED = "JointState/1"
-_JPEG_QUALITY = 85
 _DEPTH = "32FC1"
-
-Placed = tuple[int, int, Pose]
-"""Step, time [ns] and pose in the world."""
 
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -54,25 +44,21 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in ("Event/1", "Image/1") or p.topic in scene.topics]
     with replaced(target) as path:
-        images = [p.topic for p in ports if p.type == "Image/1"]
-        file = _Rrd(target, recording, scene, images)
+        file = _Rrd(target, recording, scene)
         try:
             file.open(path)
             for shown in scene.frames:
                 file.look(shown)
-            rate, latest, moves = Rate(_PER_S), dict[str, Latest](), _Moves()
+            rate, latest = Rate(_PER_S), dict[str, Latest]()
             for t_ns, group in instants(recording, wanted, lost, reached):
                 moving = [i for i in group if i.port.topic in scene.topics]
                 latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
                 if moving and rate.passes("", t_ns):
-                    moves.add(scene.world_poses(latest), group[0].step, t_ns)
-                    if moves.count >= _MOST_HELD:
-                        file.move(moves.taken())
+                    file.move(scene.world_poses(latest), group[0].step, t_ns)
                 for instant in group:
                     is_event = isinstance(instant.message, Event)
                     if is_event or rate.passes(instant.port.topic, t_ns):
                         file.take(instant)
-            file.move(moves.taken())
             lost |= file.curves(ports, lost)
             file.end()
         finally:
@@ -83,49 +69,21 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
 RERUN = Exporter(write=_export, help="an .rrd for Rerun: animated scene, curves, events, images")
 
 
-class _Moves:
-    """Poses that wait to be written. count: of them."""
-
-    def __init__(self) -> None:
-        self._rows: dict[str, list[Placed]] = {}
-        self._newest: dict[str, Pose] = {}
-        self.count = 0
-
-    def add(self, placed: Mapping[str, Pose], step: int, t_ns: int) -> None:
-        """Add the frames that have moved since their last pose."""
-        for name, pose in placed.items():
-            if self._newest.get(name) != pose:
-                self._newest[name] = pose
-                self._rows.setdefault(name, []).append((step, t_ns, pose))
-                self.count += 1
-
-    def taken(self) -> Mapping[str, Sequence[Placed]]:
-        """Return frame → its poses, which wait no longer."""
-        rows, self._rows, self.count = self._rows, {}, 0
-        return rows
-
-
 class _Rrd:
-    """The file, and where in it things are. images: topics of cameras.
+    """The file, and where in it things are.
 
     Raises ExtraMissing without Rerun or Pillow.
     """
 
     _path: Path
 
-    def __init__(
-        self, target: Path, recording: Recording, scene: Scene, images: Sequence[str]
-    ) -> None:
-        self._rr, self._views, self._reading, self._pillow = need(
-            "the export for Rerun", "rerun", "rerun.blueprint", "rerun.chunk", "PIL.Image"
-        )
+    def __init__(self, target: Path, recording: Recording, scene: Scene) -> None:
+        self._rr, self._reading = need("the export for Rerun", "rerun", "rerun.chunk")
         self._target = target
         self._recording = recording
         self._shown = {f.name for f in scene.frames if f.visuals and not f.is_ghost}
-        self._images = images
-        self._scene = scene
-        # Path → type of the port.
-        self._curves: dict[str, str] = {}
+        self._newest: dict[str, Pose] = {}
+        self._curves: set[str] = set()
         place = uuid.uuid5(uuid.NAMESPACE_URL, recording.path.resolve().as_uri())
         # Without properties, which would hold the time of the wall clock.
         self._stream = self._rr.RecordingStream(
@@ -179,17 +137,13 @@ class _Rrd:
             )
             self._stream.log(place, mesh, _transform(self._rr, visual.pose), static=True)
 
-    def move(self, poses: Mapping[str, Sequence[Placed]]) -> None:
-        """Write where the frames are that look like something."""
-        for name, rows in poses.items():
-            if name not in self._shown:
-                continue
-            columns = self._rr.Transform3D.columns(
-                translation=[pose.position for _, _, pose in rows],
-                quaternion=[_xyzw(pose) for _, _, pose in rows],
-            )
-            times = self._times([step for step, _, _ in rows], [t_ns for _, t_ns, _ in rows])
-            self._stream.send_columns(self._world(name), times, columns)
+    def move(self, poses: Mapping[str, Pose], step: int, t_ns: int) -> None:
+        """Write where the frames are that look like something and have moved."""
+        self._at(step, t_ns)
+        for name in self._shown:
+            if (pose := poses[name]) != self._newest.get(name):
+                self._newest[name] = pose
+                self._stream.log(self._world(name), _transform(self._rr, pose))
 
     def _times(self, steps: Any, t_ns: Any) -> list[Any]:
         durations = np.asarray(t_ns, dtype="timedelta64[ns]")
@@ -222,12 +176,10 @@ class _Rrd:
             if image.encoding == _DEPTH:
                 meters = np.frombuffer(image.data, "<f4").reshape(image.height, image.width)
                 return self._rr.DepthImage(meters, meter=1.0)
-            stream = io.BytesIO()
-            pixels = np.ascontiguousarray(pixels_of(image))
-            self._pillow.fromarray(pixels).save(stream, "JPEG", quality=_JPEG_QUALITY)
-        except (ValueError, SystemError):
+        except ValueError:
             return None
-        return self._rr.EncodedImage(contents=stream.getvalue(), media_type="image/jpeg")
+        data = jpeg(image)
+        return data and self._rr.EncodedImage(contents=data, media_type="image/jpeg")
 
     def curves(self, ports: Sequence[Port], lost: Mapping[str, str]) -> dict[str, str]:
         """Write all numbers; return topic → why one is not whole, of those that were not lost."""
@@ -255,49 +207,17 @@ class _Rrd:
         place = f"{port.topic}/{field.name}"
         if place not in self._curves:
             names = [_name(field.name, column) for column in field.columns]
-            self._curves[place] = port.type
+            self._curves.add(place)
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
         times = self._times(batch.steps, batch.t_ns)
         self._stream.send_columns(place, times, self._rr.Scalars.columns(scalars=numbers))
 
     def end(self) -> None:
-        """Write how the run ended, and the layout."""
+        """Write how the run ended."""
         result = result_beside(self._recording)
         if result is not None and result.exit_code:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
-        views, history = self._views, History(self._recording)
-        shown = swept(self._scene, history)
-        eye = framed(shown.box, fixed=shown.fixed, aspect=1.0)
-        column = list(self._panels())
-        self._stream.send_blueprint(
-            views.Blueprint(
-                views.Horizontal(
-                    views.Spatial3DView(
-                        origin="world",
-                        name="scene",
-                        eye_controls=views.EyeControls3D(
-                            position=eye.eye, look_target=eye.target, eye_up=(0.0, 0.0, 1.0)
-                        ),
-                    ),
-                    views.Vertical(*column),
-                    column_shares=[3, 2],
-                ),
-                collapse_panels=True,
-            ),
-            make_active=True,
-            make_default=True,
-        )
-
-    def _panels(self) -> Iterator[Any]:
-        """Yield the panels beside the scene: joints, a camera, events."""
-        views = self._views
-        wanted = [place for place, type_name in self._curves.items() if type_name == _MEASURED]
-        for place in (wanted or list(self._curves))[:2]:
-            yield views.TimeSeriesView(origin=place, name=place)
-        for topic in self._images[:1]:
-            yield views.Spatial2DView(origin=topic, name=topic)
-        yield views.TextLogView(origin="events", name="events")
 
 
 def _name(field: str, column: Column) -> str:

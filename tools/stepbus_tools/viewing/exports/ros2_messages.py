@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from stepbus_participant import need, parse_duration
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_participant import parse_duration
+from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.bodies import positions_in
 from stepbus_tools.viewing.scene.pose import about
 from stepbus_tools.viewing.scene.scene import Scene
@@ -24,7 +23,6 @@ _LEVELS = {"info": 20, "warning": 30, "error": 40}
 _TRIANGLE_LIST = 11
 _FLOAT32 = 7
 """As visualization_msgs/msg/Marker and sensor_msgs/msg/PointField have them."""
-_JPEG_QUALITY = 85
 
 Fields = Mapping[str, Any]
 """Field → its value; what is left out is zero or empty."""
@@ -240,18 +238,14 @@ def _compressed(tree: FrameTree, instant: Instant) -> Fields | None:
     image: Any = instant.message
     if image.encoding != "rgb8":
         return None
-    (pillow,) = need("the export for ROS 2", "PIL.Image")
-    stream = io.BytesIO()
-    try:
-        pixels = np.ascontiguousarray(pixels_of(image))
-        pillow.fromarray(pixels).save(stream, "JPEG", quality=_JPEG_QUALITY)
-    except (ValueError, SystemError):
+    data = jpeg(image)
+    if data is None:
         return None
     # As image_transport spells it.
     return {
         "header": _measured_by(tree, instant),
         "format": "rgb8; jpeg compressed bgr8",
-        "data": np.frombuffer(stream.getvalue(), np.uint8),
+        "data": np.frombuffer(data, np.uint8),
     }
 
 

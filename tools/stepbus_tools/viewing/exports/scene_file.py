@@ -1,6 +1,5 @@
 """A recording as one HTML file: its scene in motion, with a time slider, offline."""
 
-import json
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
@@ -15,22 +14,13 @@ from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.front import branded
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
-from stepbus_tools.viewing.viewpoint import Floats, Viewpoint, framed
+from stepbus_tools.viewing.viewpoint import framed
 from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 30.0
 _MOST_FRAMES = 1800
 _ASPECT = 1.6
-_NARROW = (1.2, 0.9, 0.65, 0.45)
-"""Of windows that the picture would not fit into: width over height."""
 _DARK = "{darkMode:matchMedia('(prefers-color-scheme: dark)').matches}"
-_CAMERA = """
-;(views => {
-    const aspect = innerWidth / innerHeight
-    const camera = aspect < ASPECT && (views.find(view => view[0] <= aspect) || views.at(-1))[1]
-    // viser reads it from the address, before the one in the scene. A frame may have none.
-    if (camera && !location.search) try { history.replaceState(null, "", camera) } catch {}
-})(VIEWS)"""
 
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -62,11 +52,8 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
         first = history.at(scene.topics, times[0])
         stage.move(scene.poses(first))
         shown, camera = swept(scene, history), page.server.initial_camera
-        wide, *narrow = (
-            framed(shown.box, fixed=shown.fixed, aspect=aspect, fov=camera.fov)
-            for aspect in (_ASPECT, *_NARROW)
-        )
-        camera.position, camera.look_at = wide.eye, wide.target
+        view = framed(shown.box, fixed=shown.fixed, aspect=_ASPECT, fov=camera.fov)
+        camera.position, camera.look_at = view.eye, view.target
         add_floor(page.server.scene, *shown.box)
         serializer = page.server.get_scene_serializer()
         for before, t_ns in pairwise(times):
@@ -74,26 +61,10 @@ def scene_html(recording: Recording, reached: Reached) -> tuple[str, Sequence[st
             stage.move(scene.poses(history.at(scene.topics, t_ns)))
             reached(round(t_ns * last / max(times[-1], 1)))
         html = branded(serializer.as_html(), name)
-        html = html.replace("{darkMode:false}", _DARK + _camera(narrow), 1)
+        html = html.replace("{darkMode:false}", _DARK, 1)
     finally:
         page.close()
     return html, scene.notes
-
-
-def _camera(narrow: Sequence[Viewpoint]) -> str:
-    """Return the script that takes the viewpoint of a narrow window, one for each of `_NARROW`."""
-    views = [
-        (
-            aspect,
-            f"?initialCameraPosition={_words(view.eye)}&initialCameraLookAt={_words(view.target)}",
-        )
-        for aspect, view in zip(_NARROW, narrow, strict=True)
-    ]
-    return _CAMERA.replace("ASPECT", str(_ASPECT)).replace("VIEWS", json.dumps(views))
-
-
-def _words(point: Floats) -> str:
-    return ",".join(f"{value:.4f}" for value in point)
 
 
 SCENE = Exporter(

@@ -9,10 +9,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import replace
 from functools import partial
-from io import StringIO
 from itertools import chain
 from pathlib import Path
-from typing import Any, Self, TextIO
+from typing import Any, Self
 
 import numpy as np
 
@@ -43,8 +42,6 @@ from stepbus_tools.whole_file import replaced
 _GROUP_ROWS = 100_000
 _GROUP_BYTES = 16 * 1024 * 1024
 """Of a row group, whichever comes first."""
-_SAMPLE_BYTES = 128 * 1024
-"""Of messages, by which the size is foretold."""
 _COLUMNS_FILE = "columns.csv"
 _LONG = (
     Column(name="step", type="int64", text="step of the message"),
@@ -98,26 +95,6 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
         written.append(_describe(tables, target))
     renamed = [] if is_file else list(chain.from_iterable(map(_renamed, tables)))
     return Exported(paths=written, problems=[*renamed, *lost.values()], lost=list(lost))
-
-
-def _csv_size(recording: Recording, target: Path) -> float:
-    """Return about how many bytes the tables will have: a first piece, written and scaled up."""
-    tables, _ = readable(recording)
-    is_file = target.suffix == ".csv"
-    piece = next(recording.batches([table.port for table in tables], _SAMPLE_BYTES), {})
-    text, last = StringIO(), 0
-    for table in tables:
-        batch = piece.get(table.port.topic)
-        if batch is None or not len(batch.steps):
-            continue
-        sink = _Csv(text, _LONG if is_file else _wide(table), {})
-        # A port that cannot be read is named when it is exported.
-        with suppress(StepbusError):
-            values = table.values(batch)
-            for rows in _long(table, values) if is_file else [values]:
-                sink.write(rows)
-        last = max(last, int(batch.steps[-1]))
-    return text.tell() * (recording.last_step + 1) / (last + 1)
 
 
 def _files(tables: Sequence[Table], folder: Path, form: str) -> dict[Table, Path]:
@@ -208,12 +185,8 @@ def _describe(tables: Sequence[Table], folder: Path) -> Path:
 class _Csv:
     """A CSV file. Absent: empty; vectors: JSON; bytes: how many there are."""
 
-    def __init__(
-        self, place: Path | TextIO, columns: Sequence[Column], _about: Mapping[str, str]
-    ) -> None:
-        self._file = (
-            place.open("w", newline="", encoding="utf-8") if isinstance(place, Path) else place
-        )
+    def __init__(self, path: Path, columns: Sequence[Column], _about: Mapping[str, str]) -> None:
+        self._file = path.open("w", newline="", encoding="utf-8")
         self._types = [column.type for column in columns]
         self._writer = csv.writer(self._file)
         self._writer.writerow(column.name for column in columns)
@@ -317,7 +290,5 @@ class _Parquet:
 _Sink = _Csv | _Parquet
 
 _HELP = "tables: a folder with one file per port, or a .{} file with one row per value"
-CSV = Exporter(
-    write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH", size=_csv_size
-)
+CSV = Exporter(write=partial(_export, "csv"), help=_HELP.format("csv"), metavar="PATH")
 PARQUET = Exporter(write=partial(_export, "parquet"), help=_HELP.format("parquet"), metavar="PATH")

@@ -12,10 +12,9 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_tools.look import line_style
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
-from stepbus_tools.report.units import engineering
+from stepbus_tools.report.units import engineering, prefixed
 
 from .content import Group, RunPage
-from .small import classes_of, scale_of, small_chart
 from .svg import line_sample, run_sample
 
 _MOST_POINTS = 2000
@@ -97,12 +96,13 @@ class Curves:
         return f'<details class="group" data-name="{name}">{head}{matrix}</details>'
 
     def _cell(self, place: str, group: str, chart: Chart) -> str:
-        name, (_, unit) = escape(f"{group} {chart.title}"), scale_of(chart)
+        name, (_, unit) = escape(f"{group} {chart.title}"), prefixed(chart.largest, chart.unit)
         return (
             f'<details class="cell" data-chart="{place}" data-name="{name}"><summary>'
             f'<span class="name">{escape(chart.title)}{f" [{escape(unit)}]" if unit else ""}</span>'
             f'<span class="most">{escape(_said(chart))}</span>'
-            f"{small_chart(chart, self.marks, self.end_s)}{self._legend(chart)}</summary>"
+            f'<div class="thumb" role="img" aria-label="{name} over time"></div>'
+            f"{self._legend(chart)}</summary>"
             f'<div class="chart"></div></details>'
         )
 
@@ -114,10 +114,16 @@ class Curves:
         if len(names) < 2 or joints.issuperset(names):
             return ""
         shown = "".join(
-            f"<span>{line_sample(classes_of(line))}{escape(name)}</span>"
+            f"<span>{line_sample(_class_of(line))}{escape(name)}</span>"
             for line, name in zip(lines, names, strict=True)
         )
         return f'<span class="legend">{shown}</span>'
+
+
+def _class_of(line: ChartLine) -> str:
+    """Return the class of a line in a legend, which says how it is drawn."""
+    style = line_style(line.number)
+    return f"l{style.color}{' broken' if style.is_broken else ''}"
 
 
 def _said(chart: Chart) -> str:
@@ -168,7 +174,7 @@ class _Arrays:
         return {
             "title": chart.title,
             "unit": chart.unit,
-            "scale": scale_of(chart),
+            "scale": prefixed(chart.largest, chart.unit),
             "limits": chart.limits,
             "near": chart.is_near_limit,
             "lines": [self._line(line) for line in chart.drawn],

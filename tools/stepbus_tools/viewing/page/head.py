@@ -9,7 +9,6 @@ from stepbus_tools.report.units import engineering
 from .again import short
 from .content import RunPage
 from .failure import failure_html
-from .mission import summary_html
 
 _MOST_WARNINGS = 10
 
@@ -30,10 +29,16 @@ def head(run: RunPage) -> str:
         f'<header class="{escape(verdict)}"><h1>{name} '
         f'<span class="verdict {escape(verdict)}">{escape(verdict)}</span></h1>'
         f"{_why(run)}{shown}{figures_shown}{f'<ul>{lines}</ul>' if lines else ''}"
-        f"{summary_html(run.events)}"
+        f"{_last_words(run)}"
         f"<details><summary>More about this run</summary><dl>{_cells(_facts(run))}</dl></details>"
         "</header>"
     )
+
+
+def _last_words(run: RunPage) -> str:
+    """Return the last text of several lines of each source, such as a mission's table."""
+    last = {one.source: one.text for one in run.events if "\n" in one.text}
+    return "".join(f"<pre tabindex=0>{escape(text)}</pre>" for text in last.values())
 
 
 def _why(run: RunPage) -> str:
@@ -73,8 +78,8 @@ def figures(run: RunPage) -> Iterator[tuple[str, str]]:
         share, what, joint = max(used)
         yield "nearest to a limit", f"{100 * share:.0f} %, {joint} {what}"
     if run.times:
-        slow = max(run.times, key=lambda name: run.times[name].longest)
-        yield "longest step", f"{in_units(run.times[slow].longest * 1e-3)}, {slow}"
+        longest, name = max((float(t.compute.max()), name) for name, t in run.times.items())
+        yield "longest step", f"{in_units(longest)}, {name}"
     if result is not None:
         counts = ((result.warning_count, "warning"), (len(result.faults), "fault"))
         rows = [f"{count} {word}{'s' * (count > 1)}" for count, word in counts if count]

@@ -12,12 +12,11 @@ from string import Template
 from typing import NamedTuple
 from urllib.parse import quote
 
-import numpy as np
-
 from stepbus_participant import ExtraMissing, lacks
 from stepbus_tools.columns import dotted
 from stepbus_tools.look import MARK, style_sheet
-from stepbus_tools.report.charts import path_of
+from stepbus_tools.report.charts import Chart, ChartLine, path_of
+from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
@@ -26,11 +25,9 @@ from .comparison import comparison_html
 from .content import RunPage
 from .curves_html import Curves
 from .head import head
-from .mission import is_summary
-from .plan import path_from_above
 from .run_scene import REPLAY_POLICY, packed_replay, replay_html
 from .step_times import lateness_html, times_html
-from .svg import figure
+from .svg import figure, png_figure
 
 PAGE_FILE = "report.html"
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"
@@ -58,7 +55,9 @@ def write_page(
     lost = [f"{run.path}: {text}" for run in runs for text in run.problems]
     replays: list[str] = []
     try:
-        replays = [packed_replay(run.path) if has_replay and run.scene else "" for run in runs]
+        replays = [
+            packed_replay(run.path) if has_replay and run.scene is not None else "" for run in runs
+        ]
     except ExtraMissing as exc:
         lost.append(f"the page has no animated scene: {exc}")
     if problems is not None:
@@ -141,7 +140,7 @@ class Section(NamedTuple):
 
 def _scenes(runs: Sequence[RunPage], replays: Sequence[str]) -> str:
     rows = [
-        figure(run.scene.still, f"{run.label} t = {run.end_s:.2f} s".strip()) + replay_html(packed)
+        figure(run.scene, f"{run.label} t = {run.end_s:.2f} s".strip()) + replay_html(packed)
         for run, packed in zip_longest(runs, replays, fillvalue="")
         if isinstance(run, RunPage) and run.scene is not None
     ]
@@ -162,14 +161,16 @@ def _camera_stills(run: RunPage) -> str:
 
 
 def _path(runs: Sequence[RunPage]) -> str:
-    paths = {
-        f"{run.label} {port.name}".strip(): np.column_stack(path)
-        for run in runs
-        for port in run.ports
+    ports = [(run.label, port) for run in runs for port in run.ports]
+    lines = [
+        ChartLine(f"{label} {port.name}".strip(), path, number=number)
+        for number, (label, port) in enumerate(ports)
         if (path := path_of(port)) is not None
-    }
-    things = next((run.scene.things for run in runs if run.scene is not None), ())
-    return path_from_above(paths, things)
+    ]
+    if not lines:
+        return ""
+    picture = draw("", [Chart("path from above", "m", lines, is_path=True)])
+    return png_figure(picture, "the path of the base from above")
 
 
 def _events(runs: Sequence[RunPage]) -> str:
@@ -179,7 +180,7 @@ def _events(runs: Sequence[RunPage]) -> str:
         f"<td>{escape(one.text)}</td></tr>"
         for run in runs
         for one in run.events
-        if not is_summary(one)
+        if "\n" not in one.text
     )
     left = sum(run.events_left for run in runs)
     more = f"<p>{left} more are in the recording.</p>" if left else ""

@@ -1,12 +1,9 @@
-"""The scene of a run on its page: at its end, what stands in its world, and in motion."""
+"""The scene of a run on its page: at its end, and in motion."""
 
 import base64
 import gzip
-from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-from stepbus_orchestrator.analysis.signals import Array
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.exports.scene_file import scene_html
@@ -16,25 +13,11 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.viewpoint import framed
 
-from .plan import outlines
-
 _SIZE = (720, 480)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SceneAtEnd:
-    """What a recording shows at its end.
-
-    still: shape (480, 720, 4), without a background. things: outlines of what stands in the world
-    [m], from above.
-    """
-
-    still: Pixels
-    things: Sequence[Array]
-
-
-def scene_at_end(recording: Recording) -> SceneAtEnd | None:
-    """Return what a recording shows at its end; None where it has no scene."""
+def scene_at_end(recording: Recording) -> Pixels | None:
+    """Return what a recording shows at its end, shape (480, 720, 4); None without a scene."""
     try:
         scene, history = build_scene(recording), History(recording)
     except (StepbusError, OSError, ValueError):
@@ -44,8 +27,7 @@ def scene_at_end(recording: Recording) -> SceneAtEnd | None:
     messages = history.at(scene.topics, history.end_ns)
     painter = Painter(scene, _SIZE, smooth=True)
     shown = swept(scene, history)
-    still = painter.cut_out(messages, framed(shown.box, fixed=shown.fixed))
-    return SceneAtEnd(still=still, things=outlines(scene, messages))
+    return painter.cut_out(messages, framed(shown.box, fixed=shown.fixed))
 
 
 REPLAY_POLICY = (

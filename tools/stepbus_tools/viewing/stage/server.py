@@ -5,7 +5,6 @@ import io
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from queue import Empty, SimpleQueue
 from typing import Any
 
 from stepbus_participant import need
@@ -14,7 +13,6 @@ from stepbus_tools.viewing.access import LOOPBACK, Door, Process, listening
 
 from .front import with_front
 
-_START_S = 60.0
 _starting = threading.Lock()
 
 
@@ -61,7 +59,7 @@ def open_page(
     listening(host, port).close()
     # It prints a box.
     with _starting, _guarded(door, label), contextlib.redirect_stdout(io.StringIO()):
-        server = _started(lambda: Server(host=host, port=port, verbose=False))
+        server = Server(host=host, port=port, verbose=False)
     door.port = server.get_port()
     page = Page(server=server, door=door, address=door.new_address())
     if port and door.port != port:
@@ -76,33 +74,6 @@ def open_page(
     )
     server.gui.set_panel_label(label)
     return page
-
-
-def _started(make: Callable[[], Any]) -> Any:
-    """Return the server that is made; raises WiringError where it cannot start.
-
-    viser waits for a thread of its own, without end where that thread has failed.
-    """
-    inbox: SimpleQueue[Any] = SimpleQueue()
-
-    def take(failed: threading.ExceptHookArgs) -> None:
-        if failed.thread in others:
-            before(failed)
-        else:
-            inbox.put(failed.exc_value)
-
-    others, before = set(threading.enumerate()), threading.excepthook
-    threading.excepthook = take
-    try:
-        threading.Thread(target=lambda: inbox.put(make()), name="page", daemon=True).start()
-        server = inbox.get(timeout=_START_S)
-    except Empty:
-        server = TimeoutError(f"nothing for {_START_S:.0f} s")
-    finally:
-        threading.excepthook = before
-    if isinstance(server, BaseException):
-        raise WiringError(f"the page cannot be started: {server}") from server
-    return server
 
 
 @contextlib.contextmanager

@@ -1,7 +1,8 @@
 "use strict";
 // Draws the charts of a report. All of them share one time axis.
 const decoded = new Map();
-const charts = new Map(); // element -> uPlot
+const charts = new Map(); // element -> uPlot, of what is open
+const thumbs = new Map(); // the same, of what is folded
 let range = null; // [from, to] of all charts, null: the whole run
 let degrees = false;
 
@@ -42,7 +43,7 @@ function ticksOf(ticks, step) {
 
 const serious = { failure: "--bad", error: "--bad", fault: "--warn", warning: "--warn" };
 
-function marks(chart, factor) {
+function marks(chart, factor, small) {
   const draw = (u) => {
     const { ctx } = u;
     const { left, top, width, height } = u.bbox;
@@ -69,7 +70,7 @@ function marks(chart, factor) {
         const isLeft = x < left + width / 2;
         ctx.textAlign = isLeft ? "left" : "right";
         const room = (isLeft ? left + width - x : x - left) - 8 * dot;
-        let text = `${one.level}: ${one.text}`.replace(/^(.{50,}?) .*/, "$1 …");
+        let text = (small ? one.level : `${one.level}: ${one.text}`).replace(/^(.{50,}?) .*/, "$1 …");
         while (text.length > 2 && ctx.measureText(text).width > room)
           text = text.replace(/ ?.( …|…)?$/u, "…");
         ctx.fillText(text, x + (isLeft ? 4 : -4) * dot, top + (12 + 13 * (row++ % 4)) * dot);
@@ -138,14 +139,14 @@ function reach(chart, factor) {
   };
 }
 
-function draw(element, chart) {
+function draw(element, chart, small = false) {
   const [factor, unit] = scale(chart);
   const label = unit ? `${chart.title} [${unit}]` : chart.title;
   const axis = {
     stroke: () => color("--soft"),
     grid: { stroke: () => color("--line"), width: 1 },
     ticks: { stroke: () => color("--line"), width: 1 },
-    font: "12px sans-serif",
+    font: small ? "10px sans-serif" : "12px sans-serif",
     labelFont: "12px sans-serif",
     labelSize: 18,
   };
@@ -156,18 +157,19 @@ function draw(element, chart) {
   const end = report.end || 1;
   const options = {
     width: element.clientWidth,
-    height: 280,
-    cursor: {
+    height: small ? 130 : 280,
+    cursor: small ? { show: false } : {
       sync: { key: "t", setSeries: false, filters: { pub: pointed, sub: pointed } },
       drag: { x: true, y: false, setScale: false },
     },
     scales: { x: { time: false, min: 0, max: end }, y: { range: reach(chart, factor) } },
     axes: [
-      { ...axis, label: "time [s]" },
+      { ...axis, label: small ? undefined : "time [s]", size: small ? 26 : 50 },
       {
         ...axis,
-        label,
-        size: (_, texts) => Math.max(58, 20 + 7 * Math.max(...(texts || [""]).map((t) => String(t).length))),
+        label: small ? undefined : label,
+        space: small ? 20 : 30,
+        size: (_, texts) => Math.max(small ? 36 : 58, (small ? 12 : 20) + (small ? 6 : 7) * Math.max(...(texts || [""]).map((t) => String(t).length))),
         values: (u, ticks, axis, space, step) => ticksOf(ticks, step),
       },
     ],
@@ -175,13 +177,14 @@ function draw(element, chart) {
       { label: "t", value: (_, x) => (x === null ? "–" : x.toFixed(3) + " s") },
       ...chart.lines.map(look),
     ],
-    legend: { markers: { width: (_, i) => (i && chart.lines[i - 1].wide ? 5 : 2), dash } },
-    plugins: [marks(chart, factor)],
-    hooks: { setSelect: [selected] },
+    legend: { show: !small, markers: { width: (_, i) => (i && chart.lines[i - 1].wide ? 5 : 2), dash } },
+    plugins: [marks(chart, factor, small)],
+    hooks: small ? {} : { setSelect: [selected] },
   };
   const plot = new uPlot(options, tables(chart.lines, factor), element);
-  const [from, to] = range || [0, end];
+  const [from, to] = (!small && range) || [0, end];
   plot.setScale("x", { min: from, max: to });
+  if (small) return thumbs.set(element, plot);
   plot.over.addEventListener("dblclick", () => zoom(0, end));
   charts.set(element, plot);
 }
@@ -195,13 +198,30 @@ function redraw() {
   for (const [element, plot] of [...charts]) {
     plot.destroy();
     charts.delete(element);
-    draw(element, chartOf(element.parentNode));
+    draw(element, chartOf(element.closest(".cell")));
+  }
+  for (const [element, plot] of [...thumbs]) {
+    plot.destroy();
+    thumbs.delete(element);
+    thumb(element);
   }
 }
+
+function thumb(element) {
+  if (!thumbs.has(element) && element.clientWidth)
+    draw(element, chartOf(element.closest(".cell")), true);
+}
+
+// Drawn when it comes near: a robot may have a hundred.
+const near = new IntersectionObserver(
+  (entries) => entries.forEach((one) => one.isIntersecting && thumb(one.target)),
+  { rootMargin: "600px" },
+);
 
 const cells = [...document.querySelectorAll(".cell")];
 for (const cell of cells) {
   const element = cell.querySelector(".chart");
+  near.observe(cell.querySelector(".thumb"));
   cell.addEventListener("toggle", () => {
     const plot = charts.get(element);
     if (cell.open && !plot) draw(element, chartOf(cell));
@@ -264,11 +284,12 @@ for (const box of document.querySelectorAll(".replay"))
     box.append(frame);
   });
 
-// What is folded is not printed; small curves need no script.
+// What is folded is not printed.
 let opened = [];
 addEventListener("beforeprint", () => {
   opened = [...document.querySelectorAll("details:is(.group, header *):not([open])")];
   for (const details of opened) details.open = true;
+  document.querySelectorAll(".thumb").forEach(thumb);
 });
 addEventListener("afterprint", () => {
   for (const details of opened) details.open = false;
