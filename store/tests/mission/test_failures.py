@@ -246,12 +246,6 @@ def test_an_item_that_others_move_fails_no_sale(column, by):
     assert "other items moved up to 0.0 mm" in result.summary
 
 
-def test_the_run_fails_one_step_after_the_sentence_is_out():
-    result = sell(FakeStore(shelf_a(*GOODS), dark=DARK))
-    assert result.events[-1].level == "error"
-    assert result.events[-1].text == result.error
-
-
 def test_a_short_loss_of_the_grip_is_no_failure():
     store = FakeStore(shelf_a(*GOODS))
     gripper, calls = store.gripper, itertools.count()

@@ -33,13 +33,6 @@ def test_a_sale_passes_through_the_states_of_the_main_flow():
     assert path(sell(FakeStore(shelf_a(*GOODS)))) == f"{ONE_SALE}>order>park"
 
 
-def test_the_item_stands_in_the_outlet_in_the_end():
-    store = FakeStore(shelf_a(*GOODS))
-    assert sell(store).end == "1 of 1 sales are done"
-    thing = store.things["cola_a1_2"]
-    assert (thing.x, thing.y, thing.z) == pytest.approx((0.15, 0.65, 0.35 + 0.0575))
-
-
 def test_several_orders_stand_in_a_row():
     store = FakeStore(shelf_a(*GOODS))
     result = sell(store, orders=["water", {"type": "cola"}, {"item": "juice_a1_5"}])
@@ -226,12 +219,6 @@ def test_a_grasp_that_fails_is_told_and_tried_again_with_another_look():
     assert result.errors == [told]
     assert result.summary.splitlines()[1].split()[2] == "2"
     assert result.end == "1 of 1 sales are done"
-
-
-def test_an_item_that_slips_once_is_fetched_at_the_second_attempt():
-    result = sell(FakeStore(shelf_a(*GOODS), slips=1))
-    assert "check_lift>retry>release>back_off>inspect" in path(result)
-    assert result.end
 
 
 def test_a_missing_item_is_told_and_the_next_of_its_kind_is_taken():

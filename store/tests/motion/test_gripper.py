@@ -130,13 +130,6 @@ def test_a_contact_that_flickers_is_not_lost():
         assert hand.grip.lost(hand.t + k * DT) == ""
 
 
-def test_letting_go_on_purpose_is_no_loss():
-    hand = Hand(thing=0.066)
-    hand.go(0.0)
-    assert hand.go(0.1).text == "99.6 mm wide, holds nothing"
-    assert not any(hand.step()[1] for _ in range(50))
-
-
 def test_a_stop_leaves_the_fingers_where_they_are_but_keeps_what_is_held():
     hand = Hand()
     hand.go(0.0, seconds=0.4)

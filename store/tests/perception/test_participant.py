@@ -29,7 +29,6 @@ from stepbus_schemas import (
     Poses,
     RunError,
     WiringError,
-    encode,
 )
 from stepbus_store.perception.images import rotation
 from stepbus_store.perception.item_catalog import read_catalog
@@ -135,12 +134,6 @@ def test_truth_is_told_once_a_period(tmp_path, seen):
     stand = start(config(tmp_path, ["poses"], source="truth", period=0.04), described)
     told = [k for k in range(12) if stand.update(k, poses=messages["poses"])]
     assert told == [0, 5, 10]
-
-
-def test_equal_images_give_equal_bytes(tmp_path, seen):
-    messages, described = seen
-    rows = [start(config(tmp_path), described).update(0, **messages) for _ in range(2)]
-    assert encode(rows[0]["detections"]) == encode(rows[1]["detections"])
 
 
 def test_nothing_is_published_without_a_new_pair_of_images(tmp_path, seen):
@@ -343,18 +336,3 @@ def test_a_joint_that_is_not_sensed_is_named(tmp_path, seen):
 def test_a_frame_that_the_plant_lacks_is_named(tmp_path, seen):
     (row,) = problems(config(tmp_path, ["poses"], source="truth", frame="chasis"), seen[1])
     assert row == "perception: input 'poses' has no link 'chasis'; did you mean 'chassis'?"
-
-
-def test_versions_name_what_shapes_the_result(tmp_path):
-    assert list(Perception(config(tmp_path)).versions()) == ["numpy", "pin", "opencv"]
-    truth = Perception(config(tmp_path, ["poses"], source="truth"))
-    assert list(truth.versions()) == ["numpy", "pin"]
-
-
-def test_a_model_that_cannot_be_expanded_says_why(tmp_path, monkeypatch):
-    def refuse(path):
-        raise WiringError(f"{path} needs xacro; run `make robots`")
-
-    monkeypatch.setattr("stepbus_kinematics.model.read_urdf_text", refuse)
-    with pytest.raises(WiringError, match=r"robot\.urdf needs xacro; run `make robots`"):
-        Perception(config(tmp_path))

@@ -118,8 +118,3 @@ def test_odometry_that_has_drifted_does_not_move_the_obstacles():
     one = plan((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.8, 0.1))
     other = plan((0.5, -0.2, 0.0), (2.5, -0.2, 0.0), (0.8, 0.1), at=(0.0, 0.0))
     assert np.allclose(np.add(one.route, (0.5, -0.2, 0.0)), other.route)
-
-
-def test_the_same_request_gives_the_same_route():
-    rows = [plan((0.0, 0.0, 0.0), (2.0, 0.0, 0.0), (0.8, 0.0)) for _ in range(2)]
-    assert rows[0] == rows[1]

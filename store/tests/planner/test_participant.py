@@ -266,11 +266,6 @@ def test_things_of_unknown_shape_are_told_once(tmp_path):
     assert (first["event"].level, second) == ("warning", {})
 
 
-def test_the_libraries_that_shape_a_plan_are_named_with_their_versions(planner):
-    stand, _ = planner()
-    assert list(stand.participant.versions()) == ["numpy", "pin", "coal", "ompl", "toppra"]
-
-
 def test_an_srdf_names_neighbours_and_links_that_never_meet(tmp_path):
     text = srdf_text(write_arm(tmp_path), JOINTS, samples=200)
     assert 'link1="link_0" link2="link_1" reason="Adjacent"' in text

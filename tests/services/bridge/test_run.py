@@ -98,11 +98,6 @@ def test_a_program_that_ends_before_it_is_ready_is_blamed(tmp_path):
     )
 
 
-def test_the_program_can_ask_for_the_end(tmp_path):
-    result = run_bridged(tmp_path, "msgpack", "end")
-    assert (result.exit_code, result.steps, result.reason) == (0, 8, "controller: enough")
-
-
 def test_an_exit_code_after_the_stop_is_an_error(tmp_path):
     result = run_bridged(tmp_path, "json", "code")
     assert (result.exit_code, result.participant) == (ExitCode.DIED, "controller")

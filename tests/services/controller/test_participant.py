@@ -50,12 +50,6 @@ def test_saturation_warns_once_per_spell() -> None:
     assert (status.saturated, status.warnings) == ([True, False], [])
 
 
-def test_status_tells_the_tracking_error() -> None:
-    controller = make_controller(controller_config(**PD))
-    published = controller.update(0, joint_state=AT_ZERO, reference=reference(0.1, -0.2))
-    assert published["status"].error == [0.1, -0.2]
-
-
 @pytest.mark.parametrize("names", [["joint1", "joint2", "other"], ["other", "joint2", "joint1"]])
 def test_joints_are_mapped_by_name(names: list[str]) -> None:
     controller = make_controller(controller_config(**PD), names)
@@ -77,11 +71,6 @@ def test_its_own_joint_order_is_that_of_params() -> None:
 def test_a_missing_joint_is_named_with_its_nearest() -> None:
     with pytest.raises(WiringError, match=r"'joint_state' has no joint 'joint2'.*'joint_2'"):
         make_controller(controller_config(**PD), ["joint1", "joint_2"])
-
-
-def test_its_description_has_names_and_limits() -> None:
-    command = Controller(controller_config(**PD, effort_limit=[50, 20])).describe()["command"]
-    assert (command.names, command.limits) == (JOINTS, {"effort": [50.0, 20.0]})
 
 
 def test_velocity_that_is_not_sensed_is_asked_for() -> None:

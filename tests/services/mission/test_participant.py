@@ -13,10 +13,6 @@ MOVE = {
 }
 
 
-def test_it_describes_its_joints() -> None:
-    assert Mission(mission_config(**MOVE)).describe()["reference"].names == ["a", "b"]
-
-
 def test_it_tells_when_it_begins_and_when_it_is_done() -> None:
     mission = make_mission(mission_config(**MOVE))
     events = [mission.update(index).get("event") for index in range(5)]

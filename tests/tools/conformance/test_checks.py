@@ -144,33 +144,6 @@ def test_nothing_is_left_of_a_program_that_hangs(hurried_inputs, tmp_path):
     assert leftovers(tmp_path) == []
 
 
-@pytest.mark.slow
-def test_the_program_written_from_the_page_passes(inputs, tmp_path):
-    names = [
-        "wrong-replies", "refused", "peers-last", "steps", "log", "determinism", "triggers", "late-input",
-        "wrong-message", "control-noise", "stop-overtakes",
-    ]  # fmt: skip
-    results = outcomes(inputs, program("by_the_page.py"), tmp_path, names)
-    assert {result.outcome for result in results.values()} == {"pass"}, results
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("participant", "names"),
-    [
-        ("controller", ["wrong-replies", "steps", "nothing-due", "joint-order"]),
-        ("mission", ["steps", "stop-at-end"]),
-        ("plant", ["late-input", "nothing-due", "stop-at-end"]),
-    ],
-)
-def test_our_own_participants_pass(two_link_recording, tmp_path, participant, names):
-    inputs = material(two_link_recording, participant)
-    results = outcomes(inputs, ours(participant), tmp_path, names)
-    assert {name: result.outcome for name, result in results.items()} == dict.fromkeys(
-        names, "pass"
-    )
-
-
 def test_checks_of_inputs_are_skipped_for_a_participant_without_any(two_link_recording, tmp_path):
     inputs = material(two_link_recording, "mission")
     results = outcomes(inputs, ("/bin/false",), tmp_path, ["late-input", "joint-order"])

@@ -13,17 +13,6 @@ from stepbus_tools.report import write_report
 from stepbus_tools.report.summary import Tracked
 
 
-def test_the_summary_names_the_worst_of_many_joints():
-    steps, names = np.arange(400), [f"j{n}" for n in range(7)]
-    t, zero = steps * 0.01, np.zeros((400, 7))
-    offset = zero + 0.01 * np.arange(7)
-    state = Signal(names=names, steps=steps, t=t, fields={"position": offset})
-    reference = Signal(names=names, steps=steps, t=t, fields={"position": zero})
-    summary, tracking = Tracked(), Tracking(states={"a": state}, references={"b": reference})
-    summary.take(tracking)
-    assert summary.lines() == ["tracking RMSE after 2 s: at most 60 mrad (j6)"]
-
-
 def test_nothing_loads_matplotlib_before_it_plots():
     text = "import sys, stepbus_tools.report; sys.exit('matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", text], check=False).returncode == 0

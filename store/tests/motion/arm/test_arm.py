@@ -91,11 +91,6 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         assert part in text
 
 
-def test_a_joint_that_the_model_lacks_is_refused_with_the_nearest_name(tmp_path):
-    with pytest.raises(WiringError, match=r"model: joint 'on' is not in arm\.urdf; did you mean"):
-        ArmController(config(tmp_path, joints=["on", "two"]))
-
-
 def test_a_prefix_names_one_of_two_robots_of_one_urdf(tmp_path):
     names = [f"{side}/{joint}" for joint in JOINTS for side in ("left", "right")]
     arm = make_arm(config(tmp_path, prefix="right/"), names=names)

@@ -32,14 +32,6 @@ def test_what_is_held_is_weighed_and_the_planner_hears_of_it(tmp_path):
     assert robot.requests[-1].load == 0.0
 
 
-def test_a_plan_that_is_none_fails_the_goal_with_its_cause(tmp_path):
-    robot = Robot(config(tmp_path, plans=True))
-    robot.start(0, "move_joints", joints=["pan"], values=[0.3])
-    robot.step(plan=Plan(id=robot.requests[0].id, cause="no_path", text="all paths are blocked"))
-    robot.run(0.1)
-    assert (robot.news[-1].cause, robot.news[-1].text) == ("no_path", "all paths are blocked")
-
-
 def answered(request):
     """Return a plan that goes straight to what is asked for in a second."""
     times = np.linspace(0.0, 1.0, 51)
@@ -321,15 +313,6 @@ def test_a_pose_is_gone_to_along_the_planners_route(tmp_path):
     assert robot.news[-1].state == "succeeded"
     assert max(ys) == pytest.approx(0.3, abs=5e-3)
     assert (robot.x, robot.y) == pytest.approx((1.0, 0.0), abs=3e-3)
-
-
-def test_where_there_is_no_route_the_base_stays_and_says_why(tmp_path):
-    robot = Robot(config(tmp_path, plans=True))
-    robot.start(0, "go_to", base=(1.0, 0.0, 0.0))
-    robot.step(plan=Plan(id=robot.requests[-1].id, cause="no_path", text="a wall"))
-    robot.run(0.1)
-    end = robot.news[-1]
-    assert (end.state, end.cause, end.text, robot.x) == ("failed", "no_path", "a wall", 0.0)
 
 
 def test_before_something_on_its_route_the_base_stops_and_asks_for_another(tmp_path):

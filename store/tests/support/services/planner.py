@@ -131,10 +131,6 @@ def scene_of(planner: Planner, start: list[float], *things: Thing, **around: Any
     return Scene(planner.planner.robot, surroundings, np.array(start), margins)
 
 
-def looked_at(planner: Planner, *things: Thing) -> list[str]:
-    """Return the names of the things that a plan heeds."""
-    links = scene_of(planner, START, *things).links
-    return [name for name, _, _ in things if name in links]
 
 
 def touched(planner: Planner, plan: Plan, *things: Thing, **around: Any) -> list[str]:

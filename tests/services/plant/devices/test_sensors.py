@@ -71,26 +71,6 @@ def test_a_falling_imu_feels_nothing(tmp_path):
     np.testing.assert_allclose(found.linear_acceleration, 0, atol=1e-6)
 
 
-def test_a_wrench_is_the_weight_beyond_the_joint_about_its_origin(tmp_path):
-    scene(tmp_path, "wrenches: {ft: {joint: hinge}}")
-    world = (tmp_path / "world.yaml").read_text()
-    (tmp_path / "world.yaml").write_text(world.replace("{velocity: 2.0}", "{velocity: 0.0}"))
-    found = readings(tmp_path, "ft", "Wrench/1", steps=3)
-    assert found[0].force == (0.0, 0.0, 0.0)
-    np.testing.assert_allclose(found[-1].force, [0, 0, -20], atol=1e-3)
-    np.testing.assert_allclose(found[-1].torque, [0, 0.3 * 20, 0], atol=1e-3)
-
-
-def test_a_lidar_measures_a_wall_and_sees_nothing_beyond_its_range(tmp_path):
-    lidar = "{link: post, rays: 5, angle_min: -1, angle_max: 1, range_max: 3, range_min: 0.4}"
-    scene(tmp_path, f"lidars: {{front: {lidar}}}")
-    scan = readings(tmp_path, "front", "LaserScan/1")[0]
-    angles = scan.angle_min + scan.angle_increment * np.arange(5)
-    expected = np.where(1.95 / np.cos(angles) < 3, 1.95 / np.cos(angles), np.inf)
-    assert np.isinf(expected).sum() == 2
-    np.testing.assert_allclose(scan.ranges, expected, atol=1e-4)
-
-
 def test_the_description_of_a_lidar_has_its_link_and_number_of_rays(tmp_path):
     scene(tmp_path, "lidars: {front: {link: post, rays: 7}}")
     description = make_plant(tmp_path, {"front": "LaserScan/1"}).describe()["front"]

@@ -69,11 +69,6 @@ def test_a_cause_is_told_once_per_joint(tmp_path):
     assert [line.split(":")[0] for line in lines] == ["joint joint1", "joint joint2"]
 
 
-def test_what_takes_effect_is_not_complained_of(tmp_path):
-    plant = make_plant(tmp_path, POSITION)
-    assert told(plant, position(1.0, -6.2832)) == []
-
-
 def test_a_joint_without_a_motor_swings_and_is_called_passive(tmp_path):
     plant = make_plant(tmp_path, body("arm", "two_link", "{motor: false}"))
     told(plant, position(0.0, 0.0))
@@ -93,11 +88,6 @@ def test_a_fixed_joint_cannot_be_commanded(tmp_path):
 def test_params_override_the_effort_of_a_joint(tmp_path):
     plant = make_plant(tmp_path, effort={"joint2": 0.5})
     assert plant.joints.description.limits["effort"] == [50.0, 0.5]
-
-
-def test_an_effort_of_an_unknown_joint_is_refused(tmp_path):
-    with pytest.raises(WiringError, match=r"params.effort: joint 'joint3' is unknown; did you"):
-        make_plant(tmp_path, effort={"joint3": 1.0})
 
 
 def test_a_target_moves_on_at_its_velocity_until_the_next_command_is_due(tmp_path):

@@ -62,13 +62,6 @@ def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(
     assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
 
 
-def test_a_complete_urdf_is_loaded_as_it_is(tmp_path):
-    path = tmp_path / "whole.urdf"
-    path.write_text(f'<robot name="whole"><link name="only">{INERTIAL}</link></robot>')
-    with loadable(path) as given:
-        assert given == path
-
-
 def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
     path = tmp_path / "half.urdf"
     mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'

@@ -255,12 +255,6 @@ def test_mistakes_in_a_script_are_all_listed_before_the_run(tmp_path):
     )
 
 
-def test_a_script_that_is_no_list_is_refused(tmp_path):
-    write_scene(tmp_path)
-    with pytest.raises(WiringError, match=r"params\.script: must be a list, not a map"):
-        make_plant(tmp_path, IMAGES, script={"at": "1s"})
-
-
 def test_a_script_stops_the_plant_and_releases_it(tmp_path):
     actions = [{"at": "100ms", "emergency_stop": True}, {"at": "200ms", "emergency_stop": False}]
     outputs = {**OUTPUTS, "stop": "EmergencyStop/1"}
@@ -334,13 +328,3 @@ def test_a_body_that_is_put_into_another_one_is_told(tmp_path):
     assert re.fullmatch(
         r"at 0\.5 s: crate was put at 0\.45, 0\.05, 0\.05 m, \d+ mm into can/crate", said
     )
-
-
-def test_a_run_with_a_body_that_moves_repeats_to_the_byte(tmp_path):
-    send = {"at": "100ms", "body": "crate", "to": [0.6, 0.05, 0.05], "over": "300ms"}
-    ends = []
-    for name in ("one", "two"):
-        (tmp_path / name).mkdir()
-        stand = make_stand(tmp_path / name, send, world=WORLD + CAN)
-        ends.append([row["truth"] for row in run(stand, 120)])
-    assert ends[0] == ends[1]

@@ -18,7 +18,6 @@ from rosbags.interfaces import QosDurability as Qos
 from rosbags.rosbag2 import Reader
 from support.messages.recordings import write
 
-import stepbus
 from stepbus_orchestrator.cli.entry import main
 from stepbus_schemas import (
     BaseState,
@@ -278,19 +277,6 @@ def test_the_layout_plots_and_looks_at_all_of_the_way_that_things_go(view):
     across = 2 * camera["distance"] * math.sin(math.radians(camera["fovy"] / 2))
     assert 1.0 < across / math.dist((0, 0, 0), (2.39, 0.2, 0.2)) < 1.2
     assert floor["size"] > 2.4
-
-
-def test_a_run_of_a_robot_brings_its_description(tmp_path):
-    result = stepbus.run("two_link", set=["duration=100ms"], out=tmp_path / "run", in_process=True)
-    target = tmp_path / "arm.mcap"
-    assert main(["export", str(result.recording), "--ros2", str(target)]) == 0
-    with AnyReader([target]) as reader:
-        kept = {}
-        for connection, _, data in reader.messages():
-            kept[connection.topic] = reader.deserialize(data, connection.msgtype)
-    assert kept["/robot_description"].data.lstrip().startswith("<")
-    assert 'name="joint1"' in kept["/robot_description"].data
-    assert [row.child_frame_id for row in kept["/tf"].transforms] == ["link1", "link2"]
 
 
 @pytest.mark.parametrize("form", ["ros2", "foxglove"])

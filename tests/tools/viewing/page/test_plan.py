@@ -39,7 +39,3 @@ def test_what_is_far_larger_than_the_path_fades_and_what_is_beyond_is_left_out()
     html = path_from_above(PATH, [box(-20.0, 0.4, 40.0, 0.2), box(50.0, 50.0, 1.0, 1.0)])
     assert [fades for fades, _ in polygons(html)] == [True]
     assert 'id="fade"' in html
-
-
-def test_a_path_alone_has_no_mask():
-    assert "fade" not in path_from_above(PATH)

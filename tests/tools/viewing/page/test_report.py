@@ -6,7 +6,6 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from support.messages.recordings import write
 
@@ -18,7 +17,6 @@ from stepbus_orchestrator.run.reports import Lateness
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
-from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
 from stepbus_tools.viewing.page.step_times import StepTimes, times_html
 
@@ -61,20 +59,6 @@ def test_events_stills_and_the_path_are_there_and_texts_stay_texts(recording):
     assert '<svg class="path"' in text
     assert "<script>alert" not in text
     assert content(recording.with_name("report.html"))["marks"][0]["t"] == 1.0
-
-
-def test_thinning_keeps_every_peak_in_order():
-    t = np.arange(100_000) * 0.01
-    values = np.zeros(100_000)
-    values[[7, 50_001, 99_998]] = 5.0, -7.0, 9.0
-    values[30] = np.nan
-    curve = Curve(2000)
-    curve.add(t, values[:, None])
-    few_t, few = curve.line(0)
-    assert len(few) <= 2000
-    assert (np.diff(few_t) >= 0).all()
-    peaks = {float(x): float(y) for x, y in zip(few_t, few, strict=True) if y}
-    assert peaks == {0.07: 5.0, 500.01: -7.0, 999.98: 9.0}
 
 
 def test_a_reference_may_name_some_of_the_joints(tmp_path):
@@ -300,36 +284,6 @@ def test_a_run_that_was_killed_ends_where_its_result_says(tmp_path):
     with Recording(tmp_path / "run") as recorded:
         assert recorded.last_whole_step == 100 < recorded.last_step
     assert "<figcaption>t = 0.50 s" in write_page([tmp_path / "run"]).read_text()
-
-
-def test_the_charts_reach_to_what_ended_the_run(tmp_path):
-    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 20))
-    Result(
-        scenario="arm", outcome="failed", exit_code=4, reason="it raised", participant="plant",
-        at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
-        wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
-    ).save()  # fmt: skip
-    write_page([path])
-    found = content(tmp_path / "report.html")
-    assert found["marks"][-1]["t"] == pytest.approx(0.2)
-    assert found["end"] > found["marks"][-1]["t"]
-
-
-def test_half_a_recording_is_shown_and_its_page_says_so(recording, tmp_path):
-    data = recording.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(data[: len(data) // 2])
-    assert main(["report", str(cut)]) == 0
-    text = (tmp_path / "report.html").read_text()
-    assert "the recording is damaged: " in text
-    assert content(tmp_path / "report.html")["groups"]
-
-
-def test_what_is_no_recording_is_one_sentence(tmp_path, capsys):
-    (tmp_path / "text.mcap").write_text("no recording")
-    assert main(["report", str(tmp_path / "text.mcap")]) != 0
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not (tmp_path / "report.html").exists()
 
 
 def test_a_page_that_cannot_be_written_changes_no_exit_code(tmp_path, capsys, monkeypatch):
