@@ -8,7 +8,7 @@ from contextlib import closing
 import msgspec
 import numpy as np
 import pytest
-from support.services.control import Stand
+from support.services.control import Stand, make_config
 from support.services.perception import (
     JOINTS,
     TOPS,
@@ -19,13 +19,10 @@ from support.services.perception import (
     write_robot,
 )
 
-from stepbus_participant import Config
 from stepbus_schemas import (
     Description,
     Image,
-    InputConfig,
     JointState,
-    OutputConfig,
     Poses,
     RunError,
     WiringError,
@@ -45,15 +42,10 @@ YAW = 0.6
 
 def config(folder, inputs=tuple(TYPES), **params):
     write_robot(folder)
-    return Config(
-        name="perception", step_ns=8 * MS, every=1, seed=0, folder=folder,
-        inputs={
-            name: InputConfig(source="plant", port=name, type=TYPES[name], bulk=name in "rgb depth")
-            for name in inputs
-        },
-        outputs={"detections": OutputConfig(type="Detections/1")},
-        params={"model": "robot.urdf", "joints": JOINTS, **params},
-    )  # fmt: skip
+    params = {"model": "robot.urdf", "joints": JOINTS, **params}
+    ports = {name: TYPES[name] for name in inputs}
+    outputs = {"detections": "Detections/1"}
+    return make_config("perception", ports, outputs, folder, params=params, step_ns=8 * MS)
 
 
 def camera_pose(folder):

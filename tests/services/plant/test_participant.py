@@ -2,26 +2,20 @@ import math
 import re
 
 import pytest
-from support.services.control import TWO_LINK, Stand
+from support.services.control import TWO_LINK, Stand, make_config
 from support.tools import needs_pybullet
 
-from stepbus_participant import CallError, Config
+from stepbus_participant import CallError
 from stepbus_plant import Plant
 from stepbus_plant.commander import CommandError
-from stepbus_schemas import Description, InputConfig, JointCommand, OutputConfig, WiringError
+from stepbus_schemas import Description, JointCommand, WiringError
 
 
 def config(takes="JointCommand/1", gives="JointState/1", every=1, **params):
-    return Config(
-        name="plant",
-        step_ns=5_000_000,
-        every=every,
-        seed=0,
-        folder=TWO_LINK,
-        inputs={"command": InputConfig(source="controller", port="command", type=takes)},
-        outputs={"joint_state": OutputConfig(type=gives), "copy": OutputConfig(type=gives)},
-        params={"world": "world.yaml", **params},
-        publishes="first",
+    outputs = {"joint_state": gives, "copy": gives}
+    params = {"world": "world.yaml", **params}
+    return make_config(
+        "plant", {"command": takes}, outputs, params=params, every=every, publishes="first"
     )
 
 

@@ -1,5 +1,6 @@
 import pytest
-from support.services.devices import STEP_NS, make_stand, write_can, write_ground
+from support.services.control import STEP_NS
+from support.services.devices import make_stand, write_can, write_ground
 
 from stepbus_schemas import WiringError
 

@@ -5,7 +5,8 @@ import math
 import numpy as np
 import pytest
 from support.services.camera import make_plant, write_scene
-from support.services.devices import STEP_NS, box, joint, link, write_urdf
+from support.services.control import STEP_NS
+from support.services.devices import box, joint, link, write_urdf
 
 from stepbus_participant import SettingsError
 from stepbus_schemas import WiringError
