@@ -120,7 +120,7 @@ def test_a_jammed_wheel_is_named_with_numbers():
     base.jam = (0, 1.5)
     outcome = base.go(type="drive", by=1.5)
     assert (outcome.state, outcome.cause) == ("failed", "jammed")
-    assert "the left wheel rolls at 0.00 m/s instead of" in outcome.text
+    assert "left wheel rolls at 0.00 m/s instead" in outcome.text
     assert "of 1.500 m" in outcome.text
     assert base.t < 2.5
     assert base.motion.command().vx == 0.0

@@ -88,7 +88,7 @@ def test_closing_on_nothing_ends_at_the_width_and_says_so():
 def test_a_hand_that_does_not_move_is_stuck():
     outcome = Hand(is_dead=True).go(0.0)
     assert (outcome.state, outcome.cause) == ("failed", "stuck")
-    assert "have not moved: 100.0 mm wide instead of 0.0 mm" in outcome.text
+    assert "moved: 100.0 mm wide instead of 0.0 mm" in outcome.text
 
 
 def test_a_hand_that_something_blocks_without_being_held_is_stuck():

@@ -52,5 +52,5 @@ def test_a_joint_with_several_degrees_of_freedom_is_refused(tmp_path) -> None:
 def test_an_effort_limit_the_model_leaves_at_zero_has_to_be_given(tmp_path) -> None:
     (tmp_path / "weak.urdf").write_text(URDF.read_text().replace('effort="50"', 'effort="0"'))
     config = controller_config(tmp_path, law="pd", kp=1, kd=1, model="weak.urdf")
-    with pytest.raises(WiringError, match="effort_limit: is 0 N·m for joint 'joint2' in the model"):
+    with pytest.raises(WiringError, match="0 N·m for joint 'joint2' in the model"):
         Controller(config)

@@ -71,7 +71,7 @@ def test_a_plant_that_fires_every_second_step_advances_by_two():
 
 
 def test_a_command_that_cannot_be_carried_out_names_its_input():
-    with pytest.raises(CommandError, match=r"^input 'command': values has 1 entries for 2 joints"):
+    with pytest.raises(CommandError, match="'command': values has 1 entries"):
         started().update(0, command=torque(1.0))
 
 

@@ -29,7 +29,7 @@ def test_a_program_that_conforms_exits_with_zero(capsys):
     assert main(["conformance", "--only", "no-ticket", "--participant", "mission"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "pass     no-ticket (P1.1): exited with code 2 without a ticket"
-    assert lines[-1].startswith("mission conforms to protocol 2: 1 passed, 0 failed, 0 skipped")
+    assert lines[-1].startswith("mission conforms to protocol 2")
 
 
 @pytest.mark.parametrize(

@@ -68,7 +68,7 @@ def test_nothing_is_commanded_before_the_joints_are_measured(tmp_path):
 
 
 def test_a_joint_that_the_plant_lacks_is_named(tmp_path):
-    with pytest.raises(WiringError, match="controller: input 'joint_state' has no joint 'two'"):
+    with pytest.raises(WiringError, match="input 'joint_state' has no joint 'two'"):
         make_arm(config(tmp_path), names=["three", "one"])
 
 

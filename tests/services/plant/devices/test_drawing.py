@@ -115,7 +115,7 @@ def test_an_error_in_a_copy_is_one_error(tmp_path, monkeypatch):
     with standing(tmp_path, SLOW, **COPIED) as stand:
         for step in range(3):
             stand.update(step)
-        with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError: division by zero"):
+        with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError"):
             stand.update(3)
 
 

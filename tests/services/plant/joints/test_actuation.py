@@ -14,15 +14,10 @@ def test_mode_velocity_saturates_at_the_velocity_limit(tmp_path):
     assert states[-1, 1, 0] == pytest.approx(-0.5, rel=1e-6)
 
 
-def test_mode_velocity_accelerates_with_no_more_than_the_commands_effort_limit(tmp_path):
-    plant = wheel(tmp_path, "{mode: velocity}")
-    states = drive(plant, JointCommand(mode="velocity", values=[3.0], effort_limit=[2.0]), 50)
-    assert states[-1, 1, 0] == pytest.approx(2.0 / 0.5 * 0.05, rel=1e-6)
-
-
-def test_an_effort_limit_above_the_joints_own_gives_no_more_torque(tmp_path):
-    plant = wheel(tmp_path, "{mode: velocity, effort: 2}")
-    states = drive(plant, JointCommand(mode="velocity", values=[3.0], effort_limit=[99.0]), 50)
+@pytest.mark.parametrize(("settings", "limit"), [("", 2.0), (", effort: 2", 99.0)])
+def test_mode_velocity_accelerates_with_no_more_than_either_effort_limit(tmp_path, settings, limit):
+    plant = wheel(tmp_path, f"{{mode: velocity{settings}}}")
+    states = drive(plant, JointCommand(mode="velocity", values=[3.0], effort_limit=[limit]), 50)
     assert states[-1, 1, 0] == pytest.approx(2.0 / 0.5 * 0.05, rel=1e-6)
 
 

@@ -59,7 +59,7 @@ def test_a_wrong_mode_is_refused_after_a_right_one_too(tmp_path):
     plant = make_plant(tmp_path)
     commander = plant.commander("command", plant.names)
     commander.apply(command(1.0, 2.0))
-    with pytest.raises(CommandError, match="joint1 has mode torque"):
+    with pytest.raises(CommandError, match="joint1 has mode torque, but"):
         commander.apply(command(1.0, 2.0, mode="velocity"))
 
 
@@ -113,9 +113,7 @@ def test_a_joint_is_driven_by_one_input_only(tmp_path):
     plant = make_plant(tmp_path)
     first, second = (plant.commander(port, plant.names) for port in ("first", "second"))
     first.apply(command(1.0, 1.0))
-    with pytest.raises(
-        CommandError, match=r"'second': joint joint1 is already driven by .*'first'"
-    ):
+    with pytest.raises(CommandError, match=r"joint1 is already driven by .*'first'"):
         second.apply(command(1.0, 1.0))
 
 

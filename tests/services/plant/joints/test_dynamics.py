@@ -113,7 +113,7 @@ def test_nothing_cuts_a_velocity_behind_the_users_back(tmp_path):
 def test_a_diverging_simulation_is_reported_with_the_joint(tmp_path):
     settings = "{velocity: 1, damping: 1.0e+5}"
     plant = idle(free_wheel(tmp_path, settings, world="engine: pybullet"), 500)
-    with pytest.raises(PhysicsError, match=r"diverged \(joints axle\); use a shorter physics_step"):
+    with pytest.raises(PhysicsError, match=r"axle\); use a shorter physics_step"):
         plant.sense()
 
 

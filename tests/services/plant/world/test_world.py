@@ -3,7 +3,15 @@ from support.paths import DOCS
 from support.services.plant import body, make_plant, write_world
 
 from stepbus_plant import Params, load_world
-from stepbus_plant.world import Body, Friction, JointSettings, WorldFile
+from stepbus_plant.world import (
+    BaseSettings,
+    Body,
+    ContactSensorSettings,
+    Friction,
+    GripperSettings,
+    JointSettings,
+    WorldFile,
+)
 from stepbus_schemas import WiringError
 
 FIVE_MISTAKES = """gravity: [0, 0]
@@ -56,27 +64,22 @@ def test_all_mistakes_that_the_urdfs_show_are_listed_with_their_lines(tmp_path):
         body("free", "free_wheel", "{upper: 1}"),
         body("crossed", "wheel", "{lower: 3}"),
     )
-    assert (
-        lines[0]
-        == "world.yaml:3: bodies.arm.joints.jont1: unknown joint 'jont1'; did you mean 'joint1'?"
-    )
-    assert lines[1].endswith(
-        "joint joint2: start position 9.0 is outside its limits [-6.2832, 6.2832]"
-    )
-    assert lines[2].startswith(
-        "world.yaml:4: bodies.wheel.joint_defaults: joint axle: friction needs mode torque"
-    )
-    assert lines[3].startswith(
-        "world.yaml:5: bodies.free.joint_defaults: joint axle: has no limits in its URDF"
-    )
-    assert lines[4].endswith("joint axle: lower 3.0 is above upper 1.0")
+    words = [
+        "'jont1'",
+        "[-6.2832, 6.2832]",
+        "mode torque",
+        "no limits",
+        "lower 3.0 is above upper 1.0",
+    ]
+    assert [line.split(":")[1] for line in lines] == ["3", "3", "4", "5", "6"]
+    assert [word in line for word, line in zip(words, lines, strict=True)] == [True] * 5
 
 
 def test_a_model_that_cannot_be_read_is_refused_with_both_lines(tmp_path):
     (tmp_path / "broken.urdf").write_text("<robot>\n<link")
     (line,) = refusal(tmp_path, body("junk", "broken"))
     assert line.startswith("world.yaml:3: bodies.junk.urdf: ")
-    assert "broken.urdf:2: is not XML: unclosed token" in line
+    assert "broken.urdf:2: is not XML" in line
 
 
 @pytest.mark.parametrize(
@@ -122,7 +125,13 @@ def test_an_arm_in_free_fall_does_not_bend_and_a_fixed_one_does(tmp_path):
     assert bends[1] == pytest.approx(0.0, abs=1e-9)
 
 
-@pytest.mark.parametrize("rows", [WorldFile, Body, JointSettings, Friction, Params])
+@pytest.mark.parametrize(
+    "rows",
+    [
+        *(WorldFile, Body, JointSettings, Friction, Params),
+        *(BaseSettings, ContactSensorSettings, GripperSettings),
+    ],
+)
 def test_every_key_is_documented(rows):
     text = (DOCS / "reference/world.md").read_text(encoding="utf-8")
     assert [key for key in rows.__struct_encode_fields__ if f"`{key}`" not in text] == []
