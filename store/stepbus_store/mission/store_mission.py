@@ -39,12 +39,12 @@ from stepbus_schemas import (
 )
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import CURABLE, PLANNABLE, check_of
+from stepbus_store.mission.geometry import TrueBase
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
-from stepbus_store.mission.port_names import find_ports
+from stepbus_store.mission.port_names import PortNames
 from stepbus_store.mission.report import WITNESSES, summary
-from stepbus_store.mission.rest import overturned
+from stepbus_store.mission.rest import Interruption, overturned
 from stepbus_store.mission.state import (
     ASIDES,
     Inputs,
@@ -56,7 +56,6 @@ from stepbus_store.mission.state import (
 )
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
-from stepbus_store.mission.true_base import TrueBase
 from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
 
@@ -83,7 +82,7 @@ class StoreMission(Participant):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         ports = Ports(config)
-        self._ports = find_ports(ports)
+        self._ports = PortNames(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
         self._images = 0

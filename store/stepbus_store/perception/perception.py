@@ -50,7 +50,9 @@ class CameraSource:
 
         self._frame = frame
         self._mount = settings.mount
-        self._detector = Detector(catalog, settings.min_confidence, settings.depth_noise)
+        self._detector = Detector(
+            catalog, settings.params.min_confidence, settings.params.depth_noise
+        )
         self._port = settings.joint_state
         joints = [prefix + joint for joint in settings.mount.joints]
         self._order = JointOrder(self._port, described.names, joints)
@@ -109,8 +111,8 @@ class Perception(Participant):
         try:
             catalog = read_catalog(settings.poses, described)
             if isinstance(settings.source, CameraSettings):
-                if name := settings.source.landmark:
-                    radius = settings.source.landmark_radius
+                if name := settings.source.params.landmark:
+                    radius = settings.source.params.landmark_radius
                     catalog = with_landmarks(catalog, settings.poses, described, name, radius)
                 joints = inputs[settings.source.joint_state]
                 late = inputs[settings.source.images[0]].details.get("latency")
@@ -162,7 +164,11 @@ class Perception(Participant):
         return self._camera.detections(make_view(images), state, request)
 
     def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
-        if not self._is_periodic or self._warned or step.t - self._last_image_t < source.timeout:
+        if (
+            not self._is_periodic
+            or self._warned
+            or step.t - self._last_image_t < source.params.timeout
+        ):
             return
         self._warned = True
         _log.warning(
@@ -170,7 +176,7 @@ class Perception(Participant):
             self.config.name,
             step.index,
             " and ".join(source.images),
-            source.timeout,
+            source.params.timeout,
         )
 
     def versions(self) -> Mapping[str, str]:

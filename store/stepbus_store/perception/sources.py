@@ -117,20 +117,14 @@ class CameraSettings:
     """How to find items in images.
 
     images: the two input ports. joint_state: input port; request: that of requests, None: there is
-    none. mount: where the camera is. timeout: simulation time without images after which a warning
-    is due [s]. min_confidence: finds below it are dropped. depth_noise: at 1 m [m]. landmark: type
-    of landmarks; empty: there are none. landmark_radius: [m].
+    none. mount: where the camera is.
     """
 
     images: tuple[str, str]
     joint_state: str
     request: str | None
     mount: CameraMount
-    timeout: float
-    min_confidence: float
-    depth_noise: float
-    landmark: str
-    landmark_radius: float
+    params: Params
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -173,11 +167,7 @@ def read_settings(config: Config) -> PerceptionSettings:
             joint_state=joint_state,
             request=request,
             mount=_mount(config, params),
-            timeout=params.timeout,
-            min_confidence=params.min_confidence,
-            depth_noise=params.depth_noise,
-            landmark=params.landmark,
-            landmark_radius=params.landmark_radius,
+            params=params,
         )
     else:
         period_ns = config.step_ns * config.every

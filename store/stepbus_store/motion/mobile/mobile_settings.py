@@ -17,52 +17,33 @@ from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
 
-@dataclass(frozen=True, kw_only=True)
 class MobilePorts:
-    """Names of the ports; those that may be None are left out by some scenarios."""
+    """Names of the ports, found by their types; some scenarios leave out those that may be None.
 
-    joint_state: str
-    odometry: str
-    gripper_state: str
-    goal: str
-    contacts: str | None
-    stop: str | None
-    plan: str | None
-    arm: str
-    base: str
-    gripper: str
-    goal_status: str
-    plan_request: str | None
-    status: str | None
+    Problems are added to `ports`.
+    """
 
-
-def find_ports(ports: Ports) -> MobilePorts:
-    """Return the names of the ports, found by their types; problems are added to `ports`."""
-    plan = ports.optional_input_of("Plan/1")
-    request = ports.optional_output_of("PlanRequest/1")
-    if (plan is None) != (request is None):
-        text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
-        ports.problems.add((), f"{text}; connect both or neither")
-    mobile_ports = MobilePorts(
-        joint_state=ports.input_of("JointState/1"),
-        odometry=ports.input_of("BaseState/1"),
-        gripper_state=ports.input_of("GripperState/1"),
-        goal=ports.input_of("Goal/1"),
-        contacts=ports.optional_input_of("Contacts/1"),
-        stop=ports.optional_input_of("EmergencyStop/1"),
-        plan=plan,
-        arm=ports.output_of("JointCommand/1"),
-        base=ports.output_of("BaseCommand/1"),
-        gripper=ports.output_of("GripperCommand/1"),
-        goal_status=ports.output_of("GoalStatus/1"),
-        plan_request=request,
-        status=ports.optional_output_of("ControllerStatus/1"),
-    )
-    ports.outputs_are(
-        "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
-        "ControllerStatus/1",
-    )  # fmt: skip
-    return mobile_ports
+    def __init__(self, ports: Ports) -> None:
+        self.plan = ports.optional_input_of("Plan/1")
+        self.plan_request = ports.optional_output_of("PlanRequest/1")
+        if (self.plan is None) != (self.plan_request is None):
+            text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
+            ports.problems.add((), f"{text}; connect both or neither")
+        self.joint_state = ports.input_of("JointState/1")
+        self.odometry = ports.input_of("BaseState/1")
+        self.gripper_state = ports.input_of("GripperState/1")
+        self.goal = ports.input_of("Goal/1")
+        self.contacts = ports.optional_input_of("Contacts/1")
+        self.stop = ports.optional_input_of("EmergencyStop/1")
+        self.arm = ports.output_of("JointCommand/1")
+        self.base = ports.output_of("BaseCommand/1")
+        self.gripper = ports.output_of("GripperCommand/1")
+        self.goal_status = ports.output_of("GoalStatus/1")
+        self.status = ports.optional_output_of("ControllerStatus/1")
+        ports.outputs_are(
+            "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
+            "ControllerStatus/1",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +85,7 @@ def read_mobile_settings(config: Config) -> MobileSettings:
     Raises SettingsError with all that is wrong.
     """
     given = Ports(config)
-    ports = find_ports(given)
+    ports = MobilePorts(given)
     params = config.read(Params, given.problems)
     problems = config.problems().below(("params",))
     robot = make_robot(params, problems, params.posture)

@@ -9,7 +9,6 @@ from support.store_paths import SCENARIOS
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.braking import stop_on_path
 from stepbus_store.motion.branches import BranchSettings, BranchSolver
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
 from stepbus_store.motion.manipulator.candidates import BranchCandidates
@@ -17,7 +16,7 @@ from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import Refused
-from stepbus_store.motion.player import MotionPlayer
+from stepbus_store.motion.player import MotionPlayer, stop_on_path
 from stepbus_store.motion.spiral import SpiralPlanner, SpiralSettings
 
 STORE = SCENARIOS / "store"
