@@ -10,9 +10,8 @@ import cv2
 import numpy as np
 
 from stepbus_schemas import WiringError
-from stepbus_store.perception.detection import Detection
 from stepbus_store.perception.faces import Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, Vector, View, rotation, turn_about_z
+from stepbus_store.perception.images import Pose, Quaternion, Vector, View, rotation, turn_about_z
 from stepbus_store.perception.item_catalog import MARGIN, Catalog, Face, ItemType
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share
@@ -28,6 +27,29 @@ _AROUND = np.array(
 """Where a spot is looked at, around its middle [m]."""
 _SHARES = (0.05, 1.3)
 """A face is fitted to a patch if the visible area is between these shares of its own."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Detection:
+    """A detected item.
+
+    position: of its centre [m]. yaw: of its link, or where it lies, of its axis [rad]. Both are in
+    the frame of the scene. confidence: 0 to 1.
+    """
+
+    type: str
+    position: tuple[float, float, float]
+    yaw: float
+    confidence: float
+    lies: bool = False
+
+    @property
+    def orientation(self) -> Quaternion:
+        """Return its orientation, x, y, z, w; where it lies, its axis z is horizontal."""
+        if not self.lies:
+            return turn_about_z(self.yaw)
+        half = math.sqrt(0.5)
+        return (-half * math.sin(self.yaw), half * math.cos(self.yaw), 0.0, half)
 
 
 @dataclass(frozen=True, kw_only=True)

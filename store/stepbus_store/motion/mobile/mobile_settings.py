@@ -1,6 +1,6 @@
 """The ports and the settings of a controller of a mobile manipulator."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import Config, Ports, Problems, suggest
@@ -12,7 +12,6 @@ from stepbus_store.motion.gripper import GripperSettings
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
@@ -46,30 +45,6 @@ class MobilePorts:
         )  # fmt: skip
 
 
-@dataclass(frozen=True, kw_only=True)
-class MobileSettings:
-    """What a `MobileController` works with.
-
-    prefix: what the plant puts before the robot's names.
-    limits: of the arm's joints. base_step: of a planned route [m]. collisions: with itself; None:
-    not checked. monitor: None: nothing senses contacts.
-    """
-
-    ports: MobilePorts
-    prefix: str
-    robot: RobotModel
-    collisions: SelfCollisions | None
-    limits: MotionLimits
-    settling: Settling
-    arm: ManipulatorOptions
-    base: BaseSettings
-    base_step: float
-    gripper: GripperSettings
-    stow: StowCondition
-    monitor: MonitorSettings | None
-    avoidance: AvoidanceSettings
-
-
 _PLANNED_JERK = 0.9
 """Share of the jerk limit that a motion uses: slowed down near things, it has 1.1 times as much."""
 
@@ -79,51 +54,51 @@ def planned(limits: MotionLimits) -> MotionLimits:
     return replace(limits, jerk=_PLANNED_JERK * limits.jerk)
 
 
-def read_mobile_settings(config: Config) -> MobileSettings:
-    """Return what the scenario's ports and params describe.
+class MobileSettings:
+    """What a `MobileController` works with: what the scenario's ports and params describe.
 
     Raises SettingsError with all that is wrong.
     """
-    given = Ports(config)
-    ports = MobilePorts(given)
-    params = config.read(Params, given.problems)
-    problems = config.problems().below(("params",))
-    robot = make_robot(params, problems, params.posture)
-    _check_frame(params.tip, robot, problems)
-    monitor = _monitor(params, robot, problems)
-    collisions, srdf, margin = None, params.srdf, params.collision_margin
-    if srdf is not None:
-        collisions = problems.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
-    problems.refuse()
-    return MobileSettings(
-        ports=ports,
-        prefix=params.prefix,
-        robot=robot,
-        collisions=collisions,
-        limits=planned(make_limits(params, robot, params.acceleration_limit, params.jerk_limit)),
-        settling=make_settling(params),
-        arm=_arm(params, config),
-        base=_base(params),
-        base_step=params.base_step,
-        gripper=GripperSettings(
+
+    def __init__(self, config: Config) -> None:
+        ports = Ports(config)
+        self.ports = MobilePorts(ports)
+        self.params = params = config.read(Params, ports.problems)
+        problems = config.problems().below(("params",))
+        self.robot = robot = make_robot(params, problems, params.posture)
+        _check_frame(params.tip, robot, problems)
+        monitor = _monitor(params, robot, problems)
+        self.monitor = monitor if self.ports.contacts is not None else None
+        self.collisions: SelfCollisions | None = None
+        srdf, margin = params.srdf, params.collision_margin
+        if srdf is not None:
+            self.collisions = problems.attempt(
+                ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
+            )
+        problems.refuse()
+        self.limits = planned(
+            make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
+        )
+        self.settling = make_settling(params)
+        self.arm = _arm(params, config)
+        self.base = _base(params)
+        self.gripper = GripperSettings(
             widest=params.gripper_widest,
             tolerance=params.gripper_tolerance,
             hold_force=params.gripper_force,
             first_force=params.first_force,
             slip=params.slip,
             friction=params.pad_friction,
-        ),
-        stow=StowCondition(
+        )
+        self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
-        ),
-        monitor=monitor if ports.contacts is not None else None,
-        avoidance=AvoidanceSettings(
+        )
+        self.avoidance = AvoidanceSettings(
             back_off=params.back_off,
             stop_within=params.stop_within,
             replans=params.replans,
             range=params.contact_range,
-        ),
-    )
+        )
 
 
 def _arm(params: Params, config: Config) -> ManipulatorOptions:
