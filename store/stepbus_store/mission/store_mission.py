@@ -1,7 +1,7 @@
 """Sells items: fetches each order from the shelves and puts it into the outlet.
 
 `state_table.py` has the table of states, `goals.py` the goal
-of each state, `checks.py` and `detection.py` decide when a state ends.
+of each state, `checks.py` and `verification.py` decide when a state ends.
 """
 
 import math
@@ -175,16 +175,18 @@ class StoreMission(Participant):
 
     def _observe(self, step: Step) -> StoreState:
         """Update the state with the inputs of this step; take inventory at the first one."""
-        inputs = self._read(step)
+        inputs, settings = self._read(step), self._settings
         self._stock.check(inputs.poses)
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)
             self._store = StoreState(
-                settings=self._settings,
-                planned=len(self._settings.orders) - len(self._further),
+                settings=settings,
+                planned=len(settings.orders) - len(self._further),
                 stock=self._stock,
-                witness=self._witness_of(inputs.poses),
+                witness=Witness(self._stock, inputs.poses, settings.tolerances.moved)
+                if settings.verification == "truth"
+                else None,
                 visit=visit,
                 inputs=inputs,
             )
@@ -195,12 +197,6 @@ class StoreMission(Participant):
         if witness is not None and step.is_new(self._ports.poses):
             self._watch(self._store, witness)
         return self._store
-
-    def _witness_of(self, poses: Poses) -> Witness | None:
-        """Return the witness of all items; None: it needs the truth."""
-        if self._settings.verification != "truth":
-            return None
-        return Witness(self._stock, poses, self._settings.tolerances.moved)
 
     def _watch(self, store: StoreState, witness: Witness) -> None:
         """Report items that others move."""

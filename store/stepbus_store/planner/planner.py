@@ -41,6 +41,7 @@ _LONGEST_SAMPLE_NS = 20_000_000
 
 
 def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> PlanningSettings:
+    step_ns = config.every * config.step_ns
     limits = Limits(
         velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
         acceleration=np.array(params.acceleration_limit.of(robot.joints)),
@@ -52,13 +53,9 @@ def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> Plann
         margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
         limits=limits,
         max_checks=params.max_checks,
-        period=_sample_period(config.every * config.step_ns),
+        # Whole steps, if they are below 20 ms.
+        period=max(_LONGEST_SAMPLE_NS // step_ns, 1) * min(step_ns, _LONGEST_SAMPLE_NS) * 1e-9,
     )
-
-
-def _sample_period(period_ns: int) -> float:
-    """Return the distance of the samples of a plan [s]: whole steps, if they are below 20 ms."""
-    return max(_LONGEST_SAMPLE_NS // period_ns, 1) * min(period_ns, _LONGEST_SAMPLE_NS) * 1e-9
 
 
 def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
