@@ -1,5 +1,3 @@
-import itertools
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -106,17 +104,6 @@ def test_a_pose_that_only_a_joint_beyond_its_limits_reaches_names_it(robot):
     assert refused.cause == "limits"
     assert "rad, its limits are [-0.300, 0.300]" in str(refused)
     assert "closest pose" in str(refused)
-
-
-def test_is_reachable_agrees_with_solve(robot):
-    one = solver(robot)
-    for x, z in itertools.product((0.1, 0.4, 0.7, 0.9), (-0.2, 0.2, 0.6)):
-        target = above(x, 0.1, z)
-        try:
-            solved = bool(one.solve("tool0", target, HOME))
-        except Refused:
-            solved = False
-        assert one.is_reachable("tool0", target, HOME) == solved
 
 
 def test_a_chain_of_seven_joints_is_searched_instead():

@@ -2,20 +2,9 @@
 
 import numpy as np
 import pytest
-from support.services.mobile import DT, READY, Robot, config
+from support.services.mobile import DT, Robot, config
 
 from stepbus_schemas import Plan
-
-
-def test_with_a_planner_the_arm_moves_by_its_plan(tmp_path):
-    robot = Robot(config(tmp_path, plans=True))
-    robot.start(0, "move_joints", joints=["pan"], values=[0.3], touches=["can"])
-    request = robot.requests[0]
-    assert (request.start, request.touches) == (pytest.approx(READY), ["can"])
-    robot.step(plan=answered(request))
-    robot.run(2.0)
-    assert robot.states(0) == ["accepted", "running", "succeeded"]
-    assert robot.q[0] == pytest.approx(0.3, abs=1e-3)
 
 
 def test_what_is_held_is_weighed_and_the_planner_hears_of_it(tmp_path):

@@ -7,7 +7,6 @@ from importlib import resources
 import numpy as np
 import pytest
 from support.store_paths import SCENARIOS
-from support.tools import needs_pybullet
 
 from stepbus_orchestrator.analysis.signals import read_tracking
 from stepbus_orchestrator.cli import main
@@ -90,18 +89,6 @@ def test_it_is_the_same_to_the_byte_in_whatever_window_and_processes(tmp_path):
 def test_what_the_mission_begins_is_recorded_as_an_event(result):
     ((step, event),) = Recording(result.recording).messages("mission/events")
     assert (step, event.level, event.text.split(" of ")[0]) == (0, "info", "sine")
-
-
-@needs_pybullet
-def test_the_srdf_rules_398_pairs_out(monkeypatch):
-    bullet = pytest.importorskip("pybullet")
-    ruled_out, real = [], bullet.setCollisionFilterPair
-    monkeypatch.setattr(
-        bullet, "setCollisionFilterPair", lambda *a, **k: (ruled_out.append(a), real(*a, **k))
-    )
-    params = Params(world=WORLD.name, engine="pybullet")
-    SimulatedPlant(load_world(WORLD), params, 50_000_000, 0).close()
-    assert len(ruled_out) == 398
 
 
 def test_nothing_touches_at_rest():

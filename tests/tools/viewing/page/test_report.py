@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 from support.messages.recordings import write
+from support.pages import save_result
 
 import stepbus
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording, TimingRecorder
 from stepbus_orchestrator.recording.timing import StepTiming
 from stepbus_orchestrator.run.reports import Lateness
-from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
 from stepbus_tools.viewing.page import report_page, write_page
@@ -181,12 +181,14 @@ def test_a_comparison_says_what_each_run_was_given(tmp_path):
         paths.append(
             write(tmp_path / name / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
         )
-        Result(
-            scenario="arm", outcome="finished", exit_code=0, reason="", participant="", at_step=9,
-            steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
-            wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path / name),
+        save_result(
+            tmp_path / name,
+            outcome="finished",
+            exit_code=0,
+            reason="",
+            participant="",
             overrides=sets,
-        ).save()  # fmt: skip
+        )
     text = write_page(paths, tmp_path / "both.html").read_text()
     assert "<th>settings, faults</th><td>–</td><td>kp=&lt;60&gt;</td>" in text
 
@@ -206,11 +208,7 @@ def test_a_participant_has_the_same_colour_in_every_run():
 @pytest.mark.parametrize("code", [99, -1, "5"])
 def test_a_result_with_a_code_that_no_run_has_is_none(tmp_path, code):
     path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
-    Result(
-        scenario="arm", outcome="failed", exit_code=5, reason="died", participant="plant", at_step=9,
-        steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1, wall_s=1.0,
-        real_time_factor=1.2, sha256="", folder=str(tmp_path),
-    ).save()  # fmt: skip
+    save_result(tmp_path, exit_code=5, reason="died")
     assert 'class="failure"' in write_page([path]).read_text()
     written = json.loads((tmp_path / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**written, "exit_code": code}))
@@ -220,13 +218,17 @@ def test_a_result_with_a_code_that_no_run_has_is_none(tmp_path, code):
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
-    Result(
-        scenario="arm", outcome="failed", exit_code=4, reason="controller: silent for 1 s & more",
-        participant="controller", at_step=120, steps=120, step_ns=10_000_000, seed=0, window=8,
-        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
-        faults=["freeze controller at 110"], file="arm.yaml", overrides=["a.b=1 2"],
+    save_result(
+        tmp_path,
+        reason="controller: silent for 1 s & more",
+        participant="controller",
+        at_step=120,
+        steps=120,
+        faults=["freeze controller at 110"],
+        file="arm.yaml",
+        overrides=["a.b=1 2"],
         real_time=LATE,
-    ).save()  # fmt: skip
+    )
     timing = TimingRecorder(tmp_path / "timing.mcap", time)
     timing.steps(
         "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
@@ -261,12 +263,15 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
 def test_a_run_that_was_interrupted_says_so_and_is_no_ones_fault(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
-    Result(
-        scenario="arm", outcome="failed", exit_code=130, reason="interrupted by the user",
-        participant=None, at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8,
-        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="",
-        folder=str(tmp_path), file="arm.yaml",
-    ).save()  # fmt: skip
+    save_result(
+        tmp_path,
+        exit_code=130,
+        reason="interrupted by the user",
+        participant=None,
+        at_step=20,
+        steps=20,
+        file="arm.yaml",
+    )
     head = write_page([path]).read_text().partition("<nav")[0]
     assert '<p class="where">Interrupted at step 20, t = 0.200 s</p>' in head
     assert "--pause-at" not in head
