@@ -115,32 +115,27 @@ def test_what_python_itself_prints_is_no_traceback_of_ours(box):
     assert broken(box) == []
 
 
-def test_another_one_is_blamed_than_was_hit(box):
-    end(box, 5, participant="plant")
-    box.notes["hit"] = "mission"
-    assert broken(box, blames="hit") == ["wrong blame: not mission but plant: finished"]
-
-
-def test_nobody_is_blamed_though_one_was_hit(box):
-    end(box, 5)
-    box.notes["hit"] = "mission"
-    assert broken(box, blames="hit") == ["wrong blame: not mission but None: finished"]
-
-
-def test_somebody_is_blamed_though_nobody_was_hit(box):
-    end(box, 5, participant="plant")
-    assert broken(box) == ["wrong blame: no participant was hit, but it says plant: finished"]
-
-
-def test_somebody_is_blamed_who_does_not_exist(box):
-    end(box, 5, participant="gripper")
-    assert broken(box, blames="any") == ["wrong blame: there is no participant gripper: finished"]
-
-
-def test_somebody_is_blamed_whose_step_is_in_the_log(box):
-    end(box, 6, participant="plant", at_step=30)
-    box.notes["hit"] = "plant"
-    assert broken(box, blames="hit") == ["wrong blame: the log has step 60 of plant: finished"]
+@pytest.mark.parametrize(
+    ("code", "ending", "hit", "blames", "text"),
+    [
+        (5, {"participant": "plant"}, "mission", "hit", "not mission but plant"),
+        (5, {}, "mission", "hit", "not mission but None"),
+        (5, {"participant": "plant"}, None, None, "no participant was hit, but it says plant"),
+        (5, {"participant": "gripper"}, None, "any", "there is no participant gripper"),
+        (
+            6,
+            {"participant": "plant", "at_step": 30},
+            "plant",
+            "hit",
+            "the log has step 60 of plant",
+        ),
+    ],
+)
+def test_a_wrong_blame(box, code, ending, hit, blames, text):
+    end(box, code, **ending)
+    box.notes |= {"hit": hit} if hit else {}
+    (line,) = broken(box, **({"blames": blames} if blames else {}))
+    assert line.startswith(f"wrong blame: {text}")
 
 
 def test_what_was_published_on_behalf_of_a_participant_is_not_its_own(tmp_path):
@@ -159,7 +154,7 @@ def test_what_was_published_on_behalf_of_a_participant_is_not_its_own(tmp_path):
 
 def test_a_hash_that_is_not_that_of_the_recording(box):
     end(box, sha256="0")
-    assert broken(box) == ["result.json gives another SHA-256 than the recording has"]
+    assert "result.json gives another SHA-256" in broken(box)[0]
 
 
 def test_more_steps_than_the_log_has(box):
@@ -170,7 +165,7 @@ def test_more_steps_than_the_log_has(box):
 def test_another_recording_than_undisturbed(box):
     end(box)
     box.notes["reference"] = "0"
-    assert broken(box) == ["another recording than that of an undisturbed run"]
+    assert broken(box)[0].startswith("another recording than")
 
 
 @pytest.mark.parametrize("mutation", [message_dropped, message_changed])
@@ -290,6 +285,4 @@ def test_a_run_that_ended_before_the_fault_is_judged_as_undisturbed(box):
     box.notes["missed"] = True
     assert broken(box, codes=frozenset({8})) == []
     box.notes["reference"] = "0"
-    assert broken(box, codes=frozenset({8})) == [
-        "another recording than that of an undisturbed run"
-    ]
+    assert broken(box, codes=frozenset({8}))[0].startswith("another recording than")

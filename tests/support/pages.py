@@ -4,6 +4,7 @@ import math
 
 from support.messages.recordings import write
 
+from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import BaseState, Description, Event, Image, JointState, Scalars
 
 LIMITS = {"lower": [-1.0, -2.0], "upper": [1.0, 2.0], "velocity": [3.0, 3.0], "effort": [50.0, 9.0]}
@@ -40,3 +41,14 @@ def write_recording(path):
         camera=("Image/1", [], [image(step) for step in steps]),
         events=("Event/1", [], [None] * 100 + [hostile]),
     )
+
+
+def save_result(folder, **fields):
+    """Write the result of a run that the plant has failed at step 9, but for some fields."""
+    result = {
+        "scenario": "arm", "outcome": "failed", "exit_code": 4, "reason": "it raised",
+        "participant": "plant", "at_step": 9, "steps": 9, "step_ns": 10_000_000, "seed": 0,
+        "window": 8, "transport": "unix", "start_s": 0.1, "wall_s": 1.0, "real_time_factor": 1.2,
+        "sha256": "", "folder": str(folder),
+    }  # fmt: skip
+    Result(**(result | fields)).save()

@@ -87,7 +87,7 @@ def test_a_package_that_cannot_be_loaded_fails_with_its_last_line(monkeypatch):
     monkeypatch.setattr(doctor, "_NATIVE", {"numpy": "no_such_module"})
     (found,) = doctor.loads()
     assert found.verdict == "fail"
-    assert found.text.startswith("ModuleNotFoundError: No module named 'no_such_module'")
+    assert "'no_such_module'" in found.text
 
 
 def test_a_current_folder_that_is_gone_fails(tmp_path, monkeypatch):

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
-from stepbus_schemas import BaseState, Point, Quaternion
+from stepbus_schemas import BaseState, Point, Poses, Quaternion
 
 _QUARTER = math.pi / 2
 
@@ -30,10 +29,6 @@ class Spot:
         """Return how far a point is ahead and to the left [m]."""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         return c * (x - self.x) + s * (y - self.y), c * (y - self.y) - s * (x - self.x)
-
-    def left_of(self, x: float, y: float) -> float:
-        """Return how far a point lies to the left of the line ahead [m]."""
-        return math.cos(self.yaw) * (y - self.y) - math.sin(self.yaw) * (x - self.x)
 
 
 def spot_of(base: BaseState) -> Spot:
@@ -69,11 +64,6 @@ def nearest_quarter(yaw: float, towards: float) -> float:
     return yaw - _QUARTER * round((yaw - towards) / _QUARTER)
 
 
-def distance(a: Sequence[float], b: Sequence[float]) -> float:
-    """Return the distance of two points [m]."""
-    return math.dist(a, b)
-
-
 def extents(size: Point, q: Quaternion) -> Point:
     """Return the extents of a rotated box along x, y and z [m]."""
     rows = _rotation(q)
@@ -88,3 +78,32 @@ def _rotation(q: Quaternion) -> tuple[Point, Point, Point]:
         (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
         (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
     )
+
+
+class TrueBase:
+    """Follows the pose of the base from one true pose to the next by odometry.
+
+    index: of its link among the poses.
+    """
+
+    def __init__(self, index: int) -> None:
+        self._index = index
+        self._turn = 0.0
+        self._offset = (0.0, 0.0)
+
+    def see(self, poses: Poses, odometry: BaseState) -> None:
+        """Take a true pose, and odometry of the same step."""
+        x, y, _ = poses.position[self._index]
+        self._turn = yaw_of(poses.orientation[self._index]) - odometry.yaw
+        u, v = self._turned(odometry.x, odometry.y)
+        self._offset = (x - u, y - v)
+
+    def pose(self, odometry: BaseState) -> BaseState:
+        """Return where the base is in the world."""
+        (dx, dy), (u, v) = self._offset, self._turned(odometry.x, odometry.y)
+        yaw = odometry.yaw + self._turn
+        return BaseState(x=dx + u, y=dy + v, yaw=yaw, vx=odometry.vx, wz=odometry.wz)
+
+    def _turned(self, x: float, y: float) -> tuple[float, float]:
+        cos, sin = math.cos(self._turn), math.sin(self._turn)
+        return cos * x - sin * y, sin * x + cos * y

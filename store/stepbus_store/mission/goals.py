@@ -27,7 +27,7 @@ def drive(store: StoreState) -> Goal:
     """Drive in front of the item's column."""
     sale, item = store.now
     shelf = store.shelf(item)
-    column = shelf.left_of(item.position[0], item.position[1]) + sale.aside
+    column = shelf.sees(item.position[0], item.position[1])[1] + sale.aside
     return _go_to(store, store.in_odometry(shelf.ahead(-store.settings.stand, left=column)))
 
 

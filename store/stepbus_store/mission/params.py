@@ -201,7 +201,7 @@ class Params(Settings):
             if items.count(name) > 1:
                 yield ("orders",), f"item {name!r} is ordered twice"
         outlet = self.outlet
-        count = self._in_a_row
+        count = -(-len(self.orders) // outlet.rows)
         if count * outlet.pitch > outlet.length + 1e-9:
             text = f"{count} orders, {outlet.pitch:g} m apart, do not fit into {outlet.length:g} m"
             if outlet.rows > 1:
@@ -225,11 +225,6 @@ class Params(Settings):
         """Return where the base stands before the outlet."""
         x, y, yaw = self.home
         return Spot(x=x, y=y, yaw=yaw)
-
-    @property
-    def _in_a_row(self) -> int:
-        """Return the largest number of orders in a row of the outlet."""
-        return -(-len(self.orders) // self.outlet.rows)
 
     def outlet_spot(self, number: int, planned: int) -> Spot:
         """Return the spot of an order in the outlet; number: counted from 0.

@@ -1,7 +1,7 @@
 """Sells items: fetches each order from the shelves and puts it into the outlet.
 
 `state_table.py` has the table of states, `goals.py` the goal
-of each state, `checks.py` and `detection.py` decide when a state ends.
+of each state, `checks.py` and `verification.py` decide when a state ends.
 """
 
 import math
@@ -39,12 +39,12 @@ from stepbus_schemas import (
 )
 from stepbus_store.cause import Cause
 from stepbus_store.mission.checks import CURABLE, PLANNABLE, check_of
+from stepbus_store.mission.geometry import TrueBase
 from stepbus_store.mission.goals import GOALS
-from stepbus_store.mission.interruption import Interruption
 from stepbus_store.mission.params import Params, unknown_type
-from stepbus_store.mission.port_names import find_ports
+from stepbus_store.mission.port_names import PortNames
 from stepbus_store.mission.report import WITNESSES, summary
-from stepbus_store.mission.rest import overturned
+from stepbus_store.mission.rest import Interruption, overturned
 from stepbus_store.mission.state import (
     ASIDES,
     Inputs,
@@ -56,7 +56,6 @@ from stepbus_store.mission.state import (
 )
 from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
-from stepbus_store.mission.true_base import TrueBase
 from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
 
@@ -83,7 +82,7 @@ class StoreMission(Participant):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         ports = Ports(config)
-        self._ports = find_ports(ports)
+        self._ports = PortNames(ports)
         self._settings = config.read(Params, ports.problems)
         self._goals = 0
         self._images = 0
@@ -176,16 +175,18 @@ class StoreMission(Participant):
 
     def _observe(self, step: Step) -> StoreState:
         """Update the state with the inputs of this step; take inventory at the first one."""
-        inputs = self._read(step)
+        inputs, settings = self._read(step), self._settings
         self._stock.check(inputs.poses)
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)
             self._store = StoreState(
-                settings=self._settings,
-                planned=len(self._settings.orders) - len(self._further),
+                settings=settings,
+                planned=len(settings.orders) - len(self._further),
                 stock=self._stock,
-                witness=self._witness_of(inputs.poses),
+                witness=Witness(self._stock, inputs.poses, settings.tolerances.moved)
+                if settings.verification == "truth"
+                else None,
                 visit=visit,
                 inputs=inputs,
             )
@@ -196,12 +197,6 @@ class StoreMission(Participant):
         if witness is not None and step.is_new(self._ports.poses):
             self._watch(self._store, witness)
         return self._store
-
-    def _witness_of(self, poses: Poses) -> Witness | None:
-        """Return the witness of all items; None: it needs the truth."""
-        if self._settings.verification != "truth":
-            return None
-        return Witness(self._stock, poses, self._settings.tolerances.moved)
 
     def _watch(self, store: StoreState, witness: Witness) -> None:
         """Report items that others move."""

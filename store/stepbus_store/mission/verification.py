@@ -251,15 +251,7 @@ def _verify_by_camera(store: StoreState) -> Outcome | None:
             text += f"; something hides {detections.hidden:.0%} of that"
         return Outcome(name="misplaced", cause=Cause.MISPLACED, text=f"misplaced, {text}")
     at, height = seen
-    result = SaleResult(
-        number=sale.number,
-        item=item.name,
-        attempts=sale.attempts,
-        detection_error=sale.detection_error,
-        place_error=math.hypot(at.x - spot.x, at.y - spot.y),
-        moved=None,
-        duration=store.since(sale.start_ns),
-    )
+    result = _result(store, _distance(at, spot), None)
     raised = height - (item.top - item.bottom) / 2 - settings.outlet.position[2]
     return _conclude(store, result, _off(store, result.place_error, raised))
 
@@ -285,13 +277,19 @@ def _measure(store: StoreState) -> SaleResult:
     sale, item = store.now
     x, y, _ = store.stock.pose(item.name, store.inputs.poses)[0]
     spot = store.settings.outlet_spot(sale.number - 1, store.planned)
+    moved, _ = _witness(store).largest(store.inputs.poses, item.name)
+    return _result(store, math.hypot(x - spot.x, y - spot.y), moved)
+
+
+def _result(store: StoreState, place_error: float, moved: float | None) -> SaleResult:
+    sale, item = store.now
     return SaleResult(
         number=sale.number,
         item=item.name,
         attempts=sale.attempts,
         detection_error=sale.detection_error,
-        place_error=math.hypot(x - spot.x, y - spot.y),
-        moved=_witness(store).largest(store.inputs.poses, item.name)[0],
+        place_error=place_error,
+        moved=moved,
         duration=store.since(sale.start_ns),
     )
 

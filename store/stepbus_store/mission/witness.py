@@ -5,7 +5,6 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 from stepbus_schemas import Contacts, Point, Poses
-from stepbus_store.mission.geometry import distance
 from stepbus_store.mission.stock import Measures, Stock
 
 _FASTEST = 1.0
@@ -68,7 +67,7 @@ class Witness:
         where = {name: self._stock.pose(name, poses)[0] for name in self._rest}
         moves = {n: now for n, now in where.items() if now != self._last[n]}
         starts = [n for n, now in moves.items() if n != besides and self._starts(n, now)]
-        jumps = {n for n in starts if distance(self._last[n], moves[n]) > farthest}
+        jumps = {n for n in starts if math.dist(self._last[n], moves[n]) > farthest}
         self._by_robot |= dict.fromkeys(starts, False)
         self._by_robot |= {n: True for n in starts if n not in jumps and self._is_felt(n, near)}
         while pushed := [
@@ -78,19 +77,19 @@ class Witness:
         for name, now in where.items():
             before, self._last[name] = self._last[name], now
             by_others = self._by_robot.get(name) is False and name not in starts
-            if by_others and distance(before, now) < _STILL:
+            if by_others and math.dist(before, now) < _STILL:
                 self.settle(name, poses)
         return [
-            Moved(item=name, distance=distance(self._rest[name], where[name]))
+            Moved(item=name, distance=math.dist(self._rest[name], where[name]))
             for name in starts
             if not self._by_robot[name]
         ]
 
     def _starts(self, name: str, now: Point) -> bool:
-        return name not in self._by_robot and distance(self._rest[name], now) > self._tolerance
+        return name not in self._by_robot and math.dist(self._rest[name], now) > self._tolerance
 
     def _is_felt(self, name: str, near: Sequence[Point]) -> bool:
-        if any(distance(self._rest[name], at) < _NEAR for at in near):
+        if any(math.dist(self._rest[name], at) < _NEAR for at in near):
             return True
         return name in self._felt and self._at - self._felt[name] <= _FELT_FOR
 
@@ -101,7 +100,8 @@ class Witness:
         """
         pushers = (n for n in moves if n != name and (n == besides or self._by_robot.get(n)))
         return not self._by_robot[name] and any(
-            self._gap(name, n, moves[n]) < distance(self._last[n], moves[n]) + _GAP for n in pushers
+            self._gap(name, n, moves[n]) < math.dist(self._last[n], moves[n]) + _GAP
+            for n in pushers
         )
 
     def _gap(self, name: str, other: str, now: Point) -> float:
@@ -124,7 +124,7 @@ class Witness:
         besides: the item that it is meant to move. An empty name: there is no other item.
         """
         moves = (
-            (distance(rest, self._stock.pose(name, poses)[0]), name)
+            (math.dist(rest, self._stock.pose(name, poses)[0]), name)
             for name, rest in self._rest.items()
             if name != besides and self._by_robot.get(name, True)
         )

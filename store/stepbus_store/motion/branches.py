@@ -3,7 +3,6 @@
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -120,33 +119,27 @@ def _wrapped(angle: Vector) -> Vector:
     return wrapped
 
 
-@dataclass(frozen=True, kw_only=True)
-class BranchSettings:
-    """Which branches are accepted, and which comes first.
-
-    singular_below: smallest singular value of the tip's Jacobian, lengths in [m]. weights: of the
-    joints in the distance from where they are, shape (n,) [s/rad]; None: 1 / largest velocity,
-    so that it is a time. effort_share: of the effort limits that holding still may take.
-    """
-
-    singular_below: float = 0.01
-    weights: Vector | None = None
-    effort_share: float = 1.0
-
-
 class BranchSolver:
     """Finds the solutions for a pose of a frame, the nearest first.
 
     Where a chain has no analytic solution, damped least squares finds one. seed: of the search.
+    singular_below: smallest singular value of the tip's Jacobian, lengths in [m]. effort_share: of
+    the effort limits that holding still may take.
     """
 
-    def __init__(self, robot: RobotModel, settings: BranchSettings, *, seed: int) -> None:
+    def __init__(
+        self,
+        robot: RobotModel,
+        *,
+        seed: int,
+        singular_below: float = 0.01,
+        effort_share: float = 1.0,
+    ) -> None:
         self._robot = robot
-        self._settings = settings
+        self._least, self._effort_share = singular_below, effort_share
+        # Weighted so, a distance is a time.
         self._weights = 1.0 / robot.velocity_limit
-        if settings.weights is not None:
-            self._weights = settings.weights
-        search = IkSettings(singular_below=settings.singular_below)
+        search = IkSettings(singular_below=singular_below)
         self._search = InverseKinematics(robot, search, seed=seed)
         self._chains: dict[str, AnalyticChain] = {}
 
@@ -170,13 +163,21 @@ class BranchSolver:
         """
         branches = self._branches(tip, target, q)
         if not branches:
-            return [self._searched(tip, target, q)]
+            solution = self._search.solve(tip, target, q)
+            if solution.verdict != "reached":
+                raise Refused(Cause(solution.verdict), str(solution))
+            return [solution.q]
         inside = [turns for branch in branches if (turns := self._turns(branch, q))]
         if not inside:
             raise Refused(Cause.LIMITS, self._limits_text(tip, target, q, branches))
         regular = [turns for turns in inside if self.smallest(tip, turns[0]) >= self._least]
         if not regular:
-            raise Refused(Cause.SINGULAR, self._singular_text(tip, inside))
+            best = max(self.smallest(tip, turns[0]) for turns in inside)
+            raise Refused(
+                Cause.SINGULAR,
+                f"singular: the best of {len(inside)} solutions has a smallest singular value of "
+                f"{best:.4f}; at least {self._least:.4f} is needed",
+            )
         holdable = [turns for turns in regular if self.overload(tip, turns[0]) is None]
         if not holdable:
             loads = [
@@ -205,19 +206,9 @@ class BranchSolver:
         last = np.floor((self._robot.upper - branch) / TURN).astype(np.intp)
         return first, last
 
-    @property
-    def _least(self) -> float:
-        return self._settings.singular_below
-
     def _branches(self, tip: str, target: Any, q: Vector) -> list[Vector]:
         chain = self.chain(tip)
         return chain.branches(target, q) if chain.solves else []
-
-    def _searched(self, tip: str, target: Any, q: Vector) -> Vector:
-        solution = self._search.solve(tip, target, q)
-        if solution.verdict != "reached":
-            raise Refused(Cause(solution.verdict), str(solution))
-        return solution.q
 
     def _turns(self, branch: Vector, q: Vector) -> list[Vector]:
         """Return a branch with full turns of its joints within their limits, the nearest first."""
@@ -240,7 +231,7 @@ class BranchSolver:
     def overload(self, tip: str, q: Vector) -> Overload | None:
         """Return the joint that cannot hold the arm at q with its share of the effort limit."""
         robot = self._robot
-        return robot.overload(q, robot.chain(tip), self._settings.effort_share)
+        return robot.overload(q, robot.chain(tip), self._effort_share)
 
     def _limits_text(self, tip: str, target: Any, q: Vector, branches: Sequence[Vector]) -> str:
         robot = self._robot
@@ -258,18 +249,7 @@ class BranchSolver:
 
     def _excess(self, branch: Vector) -> Vector:
         """Return by how much each joint is beyond its limits at best, shape (n,) [rad]."""
-        rows: list[Vector] = []
-        for turns in (-1, 0, 1):
-            angle = branch + turns * TURN
-            rows.append(
-                np.maximum(np.maximum(self._robot.lower - angle, angle - self._robot.upper), 0)
-            )
-        least: Vector = np.min(rows, axis=0)
+        angles = branch + TURN * np.array([[-1.0], [0.0], [1.0]])
+        beyond = np.maximum(self._robot.lower - angles, angles - self._robot.upper)
+        least: Vector = np.maximum(beyond, 0.0).min(axis=0)
         return least
-
-    def _singular_text(self, tip: str, inside: Sequence[Sequence[Vector]]) -> str:
-        best = max(self.smallest(tip, turns[0]) for turns in inside)
-        return (
-            f"singular: the best of {len(inside)} solutions has a smallest singular value of "
-            f"{best:.4f}; at least {self._least:.4f} is needed"
-        )

@@ -73,17 +73,23 @@ class MonitorSettings:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Collision:
-    """A forbidden touch; ours: the robot's link, or what it holds. force: [N]."""
+class Pair:
+    """Two links; ours: the robot's, or what it holds."""
 
     ours: str
     other: str
-    force: float
 
     @property
     def pair(self) -> tuple[str, str]:
         """Return the names of both links."""
         return self.ours, self.other
+
+
+@dataclass(frozen=True, kw_only=True)
+class Collision(Pair):
+    """A forbidden touch; force: [N]."""
+
+    force: float
 
     def __str__(self) -> str:
         return self.with_force(self.force)
@@ -94,17 +100,10 @@ class Collision:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Approach:
+class Approach(Pair):
     """Two links that are close; gap: [m]."""
 
-    ours: str
-    other: str
     gap: float
-
-    @property
-    def pair(self) -> tuple[str, str]:
-        """Return the names of both links."""
-        return self.ours, self.other
 
     def __str__(self) -> str:
         return f"{self.ours} is {self.gap * 1e3:.1f} mm from {self.other}"

@@ -13,6 +13,7 @@ from stepbus_schemas import Goal
 from stepbus_store.cause import Cause
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.follow import EVERY_M, JointPath, Lost, TipPose, follow, line
+from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.outcome import FARTHEST, Refused
 
 
@@ -90,20 +91,6 @@ _MOST_STARTS = 16
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpiralSettings:
-    """How points out of reach are raised.
-
-    raise_by: height that is added at a time [m]. most_raises: of one point. singular_below: see
-    `BranchSettings`. turn_radius: see `line`.
-    """
-
-    raise_by: float = 0.05
-    most_raises: int = 10
-    singular_below: float = 0.01
-    turn_radius: float = 0.25
-
-
-@dataclass(frozen=True, kw_only=True)
 class SpiralPath:
     """Joints along a spiral: from its first point to its last, then straight to the end.
 
@@ -118,10 +105,12 @@ class SpiralPath:
 class SpiralPlanner:
     """Finds joints along spirals, for each solution at the first point."""
 
-    def __init__(self, robot: RobotModel, solver: BranchSolver, settings: SpiralSettings) -> None:
+    def __init__(
+        self, robot: RobotModel, solver: BranchSolver, options: ManipulatorOptions
+    ) -> None:
         self._robot = robot
         self._solver = solver
-        self._settings = settings
+        self._options = options
 
     def solve(self, goal: Goal, frame: Any, target: Any, q: Vector) -> Iterator[SpiralPath]:
         """Return paths that the joints can follow, the one nearest to q, shape (n,) [rad], first.
@@ -182,13 +171,13 @@ class SpiralPlanner:
             while not self._solver.is_reachable(tip, pose, q):
                 if raised[index] >= self._most - 1e-9:
                     self._explain(tip, spiral.at(index / gaps)[0], q, index)
-                raised[index] += self._settings.raise_by
-                pose.translation = pose.translation + np.array([0, 0, self._settings.raise_by])
+                raised[index] += self._options.raise_by
+                pose.translation = pose.translation + np.array([0, 0, self._options.raise_by])
         return replace(spiral, raised=raised)
 
     @property
     def _most(self) -> float:
-        return self._settings.raise_by * self._settings.most_raises
+        return self._options.raise_by * self._options.most_raises
 
     def _explain(self, tip: str, pose: Any, q: Vector, index: int) -> None:
         try:
@@ -203,9 +192,9 @@ class SpiralPlanner:
     def _path(self, tip: str, spiral: SpiralCurve, start: Vector, target: Any) -> SpiralPath:
         spiral, around = self._around(tip, spiral, start)
         paths = [around]
-        rest = line(spiral.at(1.0)[0], target, self._settings.turn_radius)
+        rest = line(spiral.at(1.0)[0], target, self._options.turn_radius)
         if rest:
-            least = self._settings.singular_below
+            least = self._options.singular_below
             paths.append(follow(self._robot, tip, rest, around.q[-1], least))
         count = int(np.count_nonzero(spiral.raised))
         text = f"spiral of {spiral.turns:g} turns and {float(around.u[-1]):.2f} m"
@@ -224,13 +213,13 @@ class SpiralPlanner:
         while True:
             poses = spiral.poses()
             try:
-                least = self._settings.singular_below
+                least = self._options.singular_below
                 return spiral, follow(self._robot, tip, poses, start, least)
             except Lost as exc:
                 index = min(exc.index * gaps // (len(poses) - 1), gaps - 1)
                 raised = spiral.raised.copy()
                 # The first point stays: this solution is for it.
-                raised[max(index, 1) : index + 2] += self._settings.raise_by
+                raised[max(index, 1) : index + 2] += self._options.raise_by
                 if exc.cause == Cause.LIMITS or raised.max() > self._most + 1e-9:
                     raise
                 spiral = replace(spiral, raised=raised)

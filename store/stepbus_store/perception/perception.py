@@ -21,10 +21,9 @@ from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.sources import (
     CameraSettings,
+    PerceptionSettings,
     Truth,
-    TruthSettings,
     read_angles,
-    read_settings,
 )
 
 _log = logging.getLogger("stepbus_store.perception")
@@ -33,26 +32,19 @@ _log = logging.getLogger("stepbus_store.perception")
 class CameraSource:
     """Detects items in images of a camera on a robot.
 
-    catalog: the items to detect. described: the description of the joint states. prefix: what comes
-    before the robot's joints there.
+    catalog: the items to detect. described: the description of the joint states.
     """
 
-    def __init__(
-        self,
-        settings: CameraSettings,
-        frame: str,
-        catalog: Catalog,
-        described: Description,
-        prefix: str = "",
-    ) -> None:
+    def __init__(self, settings: CameraSettings, catalog: Catalog, described: Description) -> None:
         # Source truth works without OpenCV.
         from stepbus_store.perception.detector import Detector  # noqa: PLC0415
 
-        self._frame = frame
+        params = settings.params
+        self._frame = params.frame
         self._mount = settings.mount
-        self._detector = Detector(catalog, settings.min_confidence, settings.depth_noise)
+        self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
         self._port = settings.joint_state
-        joints = [prefix + joint for joint in settings.mount.joints]
+        joints = [params.prefix + joint for joint in settings.mount.joints]
         self._order = JointOrder(self._port, described.names, joints)
 
     def detections(
@@ -88,12 +80,12 @@ class Perception(Participant):
     with the position to look at. Output: one Detections/1. Source camera: for each new pair of
     images, with the joint positions at the time of exposure, which the latency in the camera's
     description determines; the true poses are not used. Source truth: all items, once per period;
-    only needs the poses. Parameters: see `read_settings`.
+    only needs the poses. Parameters: see `Params`.
     """
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._settings = read_settings(config)
+        self._settings = PerceptionSettings(config)
         self._last_image_t = 0.0
         self._warned = False
         self._is_periodic = True
@@ -105,26 +97,24 @@ class Perception(Participant):
 
         Raises WiringError for poses without items, and for joints that are not sensed.
         """
-        settings, described = self._settings, inputs[self._settings.poses]
+        settings, params = self._settings, self._settings.params
+        described = inputs[settings.poses]
         try:
             catalog = read_catalog(settings.poses, described)
-            if isinstance(settings.source, CameraSettings):
-                if name := settings.source.landmark:
-                    radius = settings.source.landmark_radius
+            if (camera := settings.camera) is not None:
+                if name := params.landmark:
+                    radius = params.landmark_radius
                     catalog = with_landmarks(catalog, settings.poses, described, name, radius)
-                joints = inputs[settings.source.joint_state]
-                late = inputs[settings.source.images[0]].details.get("latency")
+                late = inputs[camera.images[0]].details.get("latency")
                 steps = parse_duration(late[0]) // self.config.step_ns if late else 0
                 self._since = deque(maxlen=1 + steps // self.config.every)
                 self._is_periodic = any(
-                    inputs[port].details.get("period") for port in settings.source.images
+                    inputs[port].details.get("period") for port in camera.images
                 )
-                self._camera = CameraSource(
-                    settings.source, settings.frame, catalog, joints, settings.prefix
-                )
+                self._camera = CameraSource(camera, catalog, inputs[camera.joint_state])
             else:
                 self._truth = Truth(
-                    settings.poses, described.names, catalog, settings.frame, settings.prefix
+                    settings.poses, described.names, catalog, params.frame, params.prefix
                 )
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
@@ -132,19 +122,20 @@ class Perception(Participant):
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
-        source = self._settings.source
+        settings = self._settings
         try:
-            if isinstance(source, TruthSettings):
-                detections = self._from_truth(step, source)
-            else:
-                detections = self._from_images(step, source)
+            detections = (
+                self._from_truth(step)
+                if settings.camera is None
+                else self._from_images(step, settings.camera)
+            )
         except RunError as exc:
             raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
-        return {} if detections is None else {self._settings.detections: detections}
+        return {} if detections is None else {settings.detections: detections}
 
-    def _from_truth(self, step: Step, source: TruthSettings) -> Detections | None:
+    def _from_truth(self, step: Step) -> Detections | None:
         poses = step.get(self._settings.poses, Poses)
-        due = (step.index // self.config.every) % source.every == 0
+        due = (step.index // self.config.every) % self._settings.every == 0
         return self._truth.detections(poses) if due and poses is not None else None
 
     def _from_images(self, step: Step, source: CameraSettings) -> Detections | None:
@@ -162,7 +153,11 @@ class Perception(Participant):
         return self._camera.detections(make_view(images), state, request)
 
     def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
-        if not self._is_periodic or self._warned or step.t - self._last_image_t < source.timeout:
+        if (
+            not self._is_periodic
+            or self._warned
+            or step.t - self._last_image_t < source.params.timeout
+        ):
             return
         self._warned = True
         _log.warning(
@@ -170,13 +165,13 @@ class Perception(Participant):
             self.config.name,
             step.index,
             " and ".join(source.images),
-            source.timeout,
+            source.params.timeout,
         )
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
         versions = {name: installed_version(name) for name in ("numpy", "pin")}
-        if isinstance(self._settings.source, CameraSettings):
+        if self._settings.camera is not None:
             # OpenCV comes in packages with different names.
             import cv2  # noqa: PLC0415  source truth works without it
 

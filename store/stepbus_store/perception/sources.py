@@ -117,78 +117,43 @@ class CameraSettings:
     """How to find items in images.
 
     images: the two input ports. joint_state: input port; request: that of requests, None: there is
-    none. mount: where the camera is. timeout: simulation time without images after which a warning
-    is due [s]. min_confidence: finds below it are dropped. depth_noise: at 1 m [m]. landmark: type
-    of landmarks; empty: there are none. landmark_radius: [m].
+    none. mount: where the camera is.
     """
 
     images: tuple[str, str]
     joint_state: str
     request: str | None
     mount: CameraMount
-    timeout: float
-    min_confidence: float
-    depth_noise: float
-    landmark: str
-    landmark_radius: float
+    params: Params
 
 
-@dataclass(frozen=True, kw_only=True)
-class TruthSettings:
-    """How often to publish all items: every this many steps of the participant."""
-
-    every: int
-
-
-@dataclass(frozen=True, kw_only=True)
 class PerceptionSettings:
-    """What a scenario says.
+    """What the scenario's params and ports say; raises SettingsError.
 
-    prefix: what the plant puts before the robot's names. frame: link that the detections are given
-    in, without it.
+    camera: how to find items in images; None: the truth of the simulation is published, every
+    `every` steps of the participant.
     """
 
-    poses: str
-    detections: str
-    prefix: str
-    frame: str
-    source: CameraSettings | TruthSettings
-
-
-def read_settings(config: Config) -> PerceptionSettings:
-    """Return what the scenario's params and ports say; raises SettingsError."""
-    ports = Ports(config)
-    poses = ports.input_of("Poses/1")
-    detections = ports.output_of("Detections/1")
-    ports.outputs_are("Detections/1")
-    is_camera = config.param("source", "camera") == "camera"
-    images = _images(config, ports.problems) if is_camera else ("", "")
-    joint_state = ports.input_of("JointState/1") if is_camera else ""
-    request = ports.optional_input_of("CameraTrigger/1")
-    params = config.read(Params, ports.problems)
-    source: CameraSettings | TruthSettings
-    if params.source == "camera":
-        source = CameraSettings(
-            images=images,
-            joint_state=joint_state,
-            request=request,
-            mount=_mount(config, params),
-            timeout=params.timeout,
-            min_confidence=params.min_confidence,
-            depth_noise=params.depth_noise,
-            landmark=params.landmark,
-            landmark_radius=params.landmark_radius,
-        )
-    else:
-        period_ns = config.step_ns * config.every
-        source = TruthSettings(every=max(1, round(params.period * 1e9 / period_ns)))
-    return PerceptionSettings(
-        poses=poses,
-        detections=detections,
-        prefix=params.prefix,
-        frame=params.frame,
-        source=source,
-    )
+    def __init__(self, config: Config) -> None:
+        ports = Ports(config)
+        self.poses = ports.input_of("Poses/1")
+        self.detections = ports.output_of("Detections/1")
+        ports.outputs_are("Detections/1")
+        is_camera = config.param("source", "camera") == "camera"
+        images = _images(config, ports.problems) if is_camera else ("", "")
+        joint_state = ports.input_of("JointState/1") if is_camera else ""
+        request = ports.optional_input_of("CameraTrigger/1")
+        self.params = params = config.read(Params, ports.problems)
+        self.every = max(1, round(params.period * 1e9 / (config.step_ns * config.every)))
+        self.camera: CameraSettings | None = None
+        if params.source == "camera":
+            self.camera = CameraSettings(
+                images=images,
+                joint_state=joint_state,
+                request=request,
+                mount=_mount(config, params),
+                params=params,
+            )
 
 
 def _images(config: Config, problems: Problems) -> tuple[str, str]:

@@ -41,68 +41,22 @@ _EFFORT_SHARE = 0.8
 _LONGEST_SAMPLE_NS = 20_000_000
 
 
-@dataclass(frozen=True, kw_only=True)
-class Setup:
-    """What the parameters describe.
-
-    prefix: what the plant puts before the robot's names. frame: link that identifies the robot
-    among the poses. latency_ns: of an answer [ns];
-    check_latency_ns: where a path is only checked. base_radius: that a base needs to turn,
-    base_half_width: that it needs to drive straight [m]. base_pace: how fast it is.
-    """
-
-    robot: PlannedRobot
-    planning: PlanningSettings
-    prefix: str
-    frame: str
-    latency_ns: int
-    check_latency_ns: int
-    base_radius: float
-    base_half_width: float
-    base_pace: BasePace
-
-
-def read_setup(config: Config, problems: Problems) -> Setup:
-    """Return what the scenario's params describe.
-
-    problems: of the ports. Raises SettingsError with all that is wrong.
-    """
-    params = config.read(Params, problems)
-    robot = _make_robot(params, config.problems().below(("params",)))
+def _read_planning(config: Config, params: Params, robot: PlannedRobot) -> PlanningSettings:
+    step_ns = config.every * config.step_ns
     limits = Limits(
         velocity=np.minimum(params.velocity_limit.of(robot.joints), robot.velocity_limit),
         acceleration=np.array(params.acceleration_limit.of(robot.joints)),
         jerk=np.array(params.jerk_limit.of(robot.joints)),
         effort=_EFFORT_SHARE * robot.effort_limit,
     )
-    planning = PlanningSettings(
+    return PlanningSettings(
         tip=params.tip,
         margins=Margins(robot=params.margin, held=params.held_margin, path=params.path_margin),
         limits=limits,
         max_checks=params.max_checks,
-        period=_sample_period(config.every * config.step_ns),
+        # Whole steps, if they are below 20 ms.
+        period=max(_LONGEST_SAMPLE_NS // step_ns, 1) * min(step_ns, _LONGEST_SAMPLE_NS) * 1e-9,
     )
-    return Setup(
-        robot=robot,
-        planning=planning,
-        prefix=params.prefix,
-        frame=params.prefix + params.frame,
-        latency_ns=params.latency_ns,
-        check_latency_ns=params.check_latency_ns,
-        base_radius=params.base_radius,
-        base_half_width=params.base_half_width,
-        base_pace=BasePace(
-            speed=params.base_speed,
-            acceleration=params.base_acceleration,
-            turn_speed=params.base_turn_speed,
-            turn_acceleration=params.base_turn_acceleration,
-        ),
-    )
-
-
-def _sample_period(period_ns: int) -> float:
-    """Return the distance of the samples of a plan [s]: whole steps, if they are below 20 ms."""
-    return max(_LONGEST_SAMPLE_NS // period_ns, 1) * min(period_ns, _LONGEST_SAMPLE_NS) * 1e-9
 
 
 def _make_robot(params: Params, problems: Problems) -> PlannedRobot:
@@ -164,12 +118,13 @@ class Planner(Participant):
             need("the planner", *path_search.MODULES, *timing.MODULES)
         except WiringError as exc:
             raise WiringError(f"participants.{config.name}: {exc}") from exc
-        self._setup = read_setup(config, ports.problems)
+        params = self._params = config.read(Params, ports.problems)
+        self._robot = _make_robot(params, config.problems().below(("params",)))
+        self._planning = _read_planning(config, params, self._robot)
         period_ns = config.every * config.step_ns
-        setup = self._setup
-        self._names = [setup.prefix + joint for joint in setup.robot.joints]
-        self._latency = -(-setup.latency_ns // period_ns) * config.every
-        self._check_latency = -(-setup.check_latency_ns // period_ns) * config.every
+        self._names = [params.prefix + joint for joint in self._robot.joints]
+        self._latency = -(-params.latency_ns // period_ns) * config.every
+        self._check_latency = -(-params.check_latency_ns // period_ns) * config.every
         self._worker = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._pending: _Pending | None = None
         self._monitor: PathMonitor | None = None
@@ -182,7 +137,7 @@ class Planner(Participant):
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
-        robot, limits = self._setup.robot, self._setup.planning.limits
+        robot, limits = self._robot, self._planning.limits
         described = {
             self._plan_port: Description(
                 names=self._names,
@@ -202,20 +157,27 @@ class Planner(Participant):
 
         Raises WiringError if they are not described, and for requests for other joints.
         """
-        setup, requested = self._setup, inputs[self._request_port].names
+        params, requested = self._params, inputs[self._request_port].names
         if requested and requested != self._names:
             raise WiringError(
                 f"{self.config.name}: input {self._request_port!r} has joints "
                 f"{', '.join(requested)}, params.joints are {', '.join(self._names)}"
             )
         try:
-            obstacles = Obstacles(self._map_port, inputs[self._map_port], setup.frame, setup.prefix)
+            described, frame = inputs[self._map_port], params.prefix + params.frame
+            obstacles = Obstacles(self._map_port, described, frame, params.prefix)
         except WiringError as exc:
             lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
             raise WiringError("\n".join(lines)) from exc
-        self.planner = PathPlanner(setup.robot, obstacles, setup.planning, self.config.seed)
+        self.planner = PathPlanner(self._robot, obstacles, self._planning, self.config.seed)
+        pace = BasePace(
+            speed=params.base_speed,
+            acceleration=params.base_acceleration,
+            turn_speed=params.base_turn_speed,
+            turn_acceleration=params.base_turn_acceleration,
+        )
         self._base_planner = BasePlanner(
-            obstacles, setup.base_radius, setup.base_half_width, setup.base_pace
+            obstacles, params.base_radius, params.base_half_width, pace
         )
         self._obstacles = obstacles
         self._view = LidarView({port: self._mount(port, inputs[port]) for port in self._scan_ports})
@@ -224,8 +186,8 @@ class Planner(Participant):
     def _mount(self, port: str, described: Description) -> Point:
         """Return where a lidar is in the base: x, y, yaw [m, rad]."""
         (name,) = described.names or ("",)
-        link = name.removeprefix(self._setup.prefix)
-        robot = self._setup.robot
+        link = name.removeprefix(self._params.prefix)
+        robot = self._robot
         if link not in robot.links:
             text = (
                 f"{self.config.name}: input {port!r} belongs to link {name!r}, which is not a "
@@ -301,7 +263,7 @@ class Planner(Participant):
         self._next_route = None
         if self._scan_ports and plan.route and request.base is not None:
             route = [request.base[0], *plan.route]
-            width = self._setup.base_half_width
+            width = self._params.base_half_width
             self._next_route = RouteMonitor(request.id, route, mapped, seen, width)
         return plan
 
@@ -337,8 +299,7 @@ class Planner(Participant):
                     last_step=last,
                     map_in_world=self._map,
                 )
-                robot, planning = self._setup.robot, self._setup.planning
-                self._monitor = PathMonitor(robot, self._obstacles, planning, path)
+                self._monitor = PathMonitor(self._robot, self._obstacles, self._planning, path)
 
     def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
         """Report an object that blocks the path in use."""

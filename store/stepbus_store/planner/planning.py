@@ -150,7 +150,7 @@ class _Planning:
         self._path = [self._joints(f"path point {k}", q) for k, q in enumerate(request.path)]
         scenes = self._make_scenes(poses, map_in_world)
         self._scene = scenes.pop()
-        self._beside = [scene.checker_of_world() for scene in scenes]
+        self._beside = [scene.checker_of(scene.others) for scene in scenes]
 
     def _joints(self, field: str, values: list[float]) -> Vector:
         """Return a field of the request as a vector; raises NoPlan for an invalid one."""
@@ -203,9 +203,8 @@ class _Planning:
         """Return the plan; raises NoPlan if there is none."""
         load = self._request.load
         if not (math.isfinite(load) and load >= 0.0):
-            raise NoPlan(
-                Cause.BAD_REQUEST, f"load is {load:g} kg; it must be finite and not negative"
-            )
+            text = f"load is {load:g} kg; it must be finite and not negative"
+            raise NoPlan(Cause.BAD_REQUEST, text)
         self._robot.carry(load, self._settings.tip)
         checked = self._check_path() if self._path else ""
         if is_check(self._request):

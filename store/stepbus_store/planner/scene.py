@@ -85,7 +85,7 @@ class Scene:
         self._place_fingers(around)
         own = range(len(self.links))
         held = self._add_held(around, start)
-        self._others = frozenset(around.links) - {around.held}
+        self.others = frozenset(around.links) - {around.held}
         world = self._add_world(around, held)
         self._pair(own, held, world, around.touches)
         pairs = self._geometry.collisionPairs
@@ -222,10 +222,6 @@ class Scene:
                 geometry.addCollisionPair(pin.CollisionPair(pair.first, pair.second))
                 wanted.append(self._allowed[index] * share)
         return Checker(self._robot, geometry, np.array(wanted))
-
-    def checker_of_world(self) -> Checker:
-        """Return a checker against all obstacles, whatever start and goal are."""
-        return self.checker_of(self._others)
 
 
 class Checker:

@@ -118,15 +118,16 @@ class Items:
 _Row = tuple[Point, Quaternion]
 
 
-@dataclass(frozen=True, kw_only=True)
 class _PortNames:
-    planogram: str
-    odometry: str
-    joint_state: str
-    gripper: str
-    detections: str
-    pose: str
-    poses: str
+    def __init__(self, ports: Ports) -> None:
+        ports.outputs_are("BaseState/1", "Poses/1")
+        self.planogram = ports.input_of("Poses/1")
+        self.odometry = ports.input_of("BaseState/1")
+        self.joint_state = ports.input_of("JointState/1")
+        self.gripper = ports.input_of("GripperState/1")
+        self.detections = ports.input_of("Detections/1")
+        self.pose = ports.output_of("BaseState/1")
+        self.poses = ports.output_of("Poses/1")
 
 
 class WorldModel(Participant):
@@ -142,7 +143,7 @@ class WorldModel(Participant):
     def __init__(self, config: Config) -> None:
         super().__init__(config)
         ports = Ports(config)
-        self._ports = _find_ports(ports)
+        self._ports = _PortNames(ports)
         self._params = config.read(Params, ports.problems)
         problems = config.problems().below(("params",))
         params = self._params
@@ -280,19 +281,6 @@ class WorldModel(Participant):
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
         return {name: installed_version(name) for name in ("numpy", "pin")}
-
-
-def _find_ports(ports: Ports) -> _PortNames:
-    ports.outputs_are("BaseState/1", "Poses/1")
-    return _PortNames(
-        planogram=ports.input_of("Poses/1"),
-        odometry=ports.input_of("BaseState/1"),
-        joint_state=ports.input_of("JointState/1"),
-        gripper=ports.input_of("GripperState/1"),
-        detections=ports.input_of("Detections/1"),
-        pose=ports.output_of("BaseState/1"),
-        poses=ports.output_of("Poses/1"),
-    )
 
 
 def _yaw(q: Quaternion) -> float:

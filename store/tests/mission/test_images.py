@@ -13,14 +13,13 @@ def test_an_item_that_lies_is_told_from_a_missing_one_and_the_next_is_taken():
     store = FakeStore(shelf_a(*GOODS))
     store.things["cola_a1_2"].tilt = math.pi / 2
     result = sell(store, verification="camera")
-    assert "lying, cola_a1_2 lies 0 mm from where it should stand" in result.text
+    assert "lying, cola_a1_2 lies 0 mm from where" in result.text
     assert "cola_a1_3" in result.summary
 
 
 def test_what_hides_an_item_is_told_from_an_empty_shelf():
     result = sell(FakeStore(shelf_a(*GOODS), hidden=("cola_a1_2",), covered=0.8))
-    text = "hidden, something hides 80% of where cola_a1_2 should be in 3 views"
-    assert text in result.text
+    assert "hidden, something hides 80%" in result.text
     assert "cola_a1_3" in result.summary
 
 

@@ -90,10 +90,5 @@ def test_every_passage_of_the_table_is_walked():
     assert found - PASSAGES == set()
 
 
-@pytest.mark.parametrize("state", [state for state in STATES if state not in LAST])
-def test_every_state_says_what_is_being_done(state):
-    assert STATES[state].doing
-
-
 def test_the_documentation_shows_the_table():
     assert f"```text\n{diagram()}\n```" in (STORE_DOCS / "mission.md").read_text("utf-8")

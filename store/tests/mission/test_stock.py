@@ -5,8 +5,6 @@ import math
 import pytest
 
 from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
-from stepbus_store.mission.geometry import Spot, nearest_quarter, tilt_of, yaw_of
-from stepbus_store.mission.report import SaleResult, summary
 from stepbus_store.mission.stock import Stock, measures
 from stepbus_store.mission.witness import Moved, Witness
 
@@ -50,19 +48,6 @@ def test_items_know_their_shelf_by_their_name():
 def watched(*points):
     goods = stock(*(f"cola_a1_{number}" for number, _ in enumerate(points, 1)))
     return Witness(goods, poses(*points), 0.002)
-
-
-def test_the_largest_move_leaves_out_the_item_that_is_sold():
-    witness = watched((0, 0, 0), (1, 0, 0), (2, 0, 0))
-    now = poses((0, 0.5, 0), (1, 0, 0.003), (2, 0.001, 0))
-    assert witness.watch(now, 0.1, [(1, 0, 0.1)], "cola_a1_1") == []
-    assert witness.largest(now, "cola_a1_1") == (pytest.approx(0.003), "cola_a1_2")
-
-
-def test_an_item_that_was_put_elsewhere_belongs_there():
-    witness = watched((0, 0, 0))
-    witness.settle("cola_a1_1", poses((5, 0, 0)))
-    assert witness.largest(poses((5, 0.001, 0)), "")[0] == pytest.approx(0.001)
 
 
 def test_what_the_robot_has_touched_it_has_moved():
@@ -134,47 +119,6 @@ def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later(
     pushed = poses((0.504, 0, 0))
     assert witness.watch(pushed, 0.4, here, "") == []
     assert witness.largest(pushed, "") == (pytest.approx(0.003), "cola_a1_1")
-
-
-def test_the_width_of_a_box_depends_on_the_side_that_is_gripped():
-    details = {"type": ["juice"], "shape": ["box 0.07 0.04 0.12"]}
-    goods = Stock(Description(names=["juice_a1_1"], details=details), ["a"])
-    goods.take_inventory(poses((0, 0, 0)))
-    item = goods.items["juice_a1_1"]
-    assert [item.width_along(yaw) for yaw in (0.1, math.pi / 2 - 0.1, math.pi)] == [
-        0.07,
-        0.04,
-        0.07,
-    ]
-
-
-def test_a_box_is_turned_by_whole_quarters_to_the_nearest_side():
-    assert nearest_quarter(math.radians(100), 0.0) == pytest.approx(math.radians(10))
-    assert nearest_quarter(math.radians(50), math.radians(90)) == pytest.approx(math.radians(50))
-
-
-def test_a_thing_that_lies_is_tilted_by_a_right_angle():
-    assert tilt_of((HALF, 0.0, 0.0, HALF)) == pytest.approx(math.pi / 2)
-    assert yaw_of((0.0, 0.0, HALF, HALF)) == pytest.approx(math.pi / 2)
-
-
-def test_a_spot_is_left_of_the_heading():
-    spot = Spot(x=1.0, y=2.0, yaw=math.pi / 2).ahead(0.5, left=0.1)
-    assert (spot.x, spot.y) == pytest.approx((0.9, 2.5))
-
-
-def test_the_columns_of_the_summary_are_aligned():
-    rows = [
-        SaleResult(number=n, item=item, attempts=1, detection_error=1e-3, place_error=6e-4, moved=0.0, duration=31.2)
-        for n, item in ((1, "cola_a1_3"), (2, "juice_b2_12"))
-    ]  # fmt: skip
-    assert summary(rows, 3, 80.0, failure="sale 3 failed").splitlines() == [
-        "sale  item         attempts  detection  place   others  duration",
-        "1     cola_a1_3    1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
-        "2     juice_b2_12  1         1.0 mm     0.6 mm  0.0 mm  31.2 s",
-        "2 of 3 sales in 80.0 s; placed within 0.6 mm, other items moved up to 0.0 mm",
-        "sale 3 failed",
-    ]
 
 
 @pytest.mark.parametrize(

@@ -50,26 +50,18 @@ def test_a_robot_that_stands_on_its_wheels_touches_nothing():
     assert (watch.collision, watch.near, watch.scale) == (None, None, 1.0)
 
 
-def test_a_hard_touch_names_both_links_and_the_force():
-    watch = Stand().look(FLOOR, ("elbow", "pillar", 12.34, 0.0))
-    assert str(watch.collision) == "elbow touches pillar with 12.3 N"
-
-
-def test_a_touch_below_half_a_newton_is_none():
-    assert Stand().look(("elbow", "pillar", 0.4, 0.0)).collision is None
-
-
-def test_a_wheel_may_touch_the_ground_but_nothing_else():
-    watch = Stand().look(FLOOR, ("left_wheel", "pillar", 9.0, 0.0))
-    assert watch.collision.other == "pillar"
-
-
-def test_the_elbow_may_not_touch_the_ground():
-    assert Stand().look(FLOOR, ("elbow", "floor", 9.0, 0.0)).collision.ours == "elbow"
-
-
-def test_a_touch_of_two_links_of_the_robot_is_a_collision():
-    assert Stand().look(("chassis", "elbow", 5.0, 0.0)).collision is not None
+@pytest.mark.parametrize(
+    ("touch", "collision"),
+    [
+        (("elbow", "pillar", 12.34, 0.0), "elbow touches pillar with 12.3 N"),
+        (("elbow", "pillar", 0.4, 0.0), "None"),
+        (("left_wheel", "pillar", 9.0, 0.0), "left_wheel touches pillar with 9.0 N"),
+        (("elbow", "floor", 9.0, 0.0), "elbow touches floor with 9.0 N"),
+        (("chassis", "elbow", 5.0, 0.0), "chassis touches elbow with 5.0 N"),
+    ],
+)
+def test_what_touches_harder_than_half_a_newton_is_named_with_the_force(touch, collision):
+    assert str(Stand().look(FLOOR, touch).collision) == collision
 
 
 def test_only_pads_may_touch_what_the_goal_allows():

@@ -12,7 +12,7 @@ from stepbus_store.motion.joint_motion import JointMotion, MotionLimits, motion_
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.player import planned
 from stepbus_store.motion.spiral import SpiralCurve
-from stepbus_store.motion.trajectory import AlongPath, Joined, Rest, Stretched
+from stepbus_store.motion.trajectory import AlongPath
 
 TIP = "tool0"
 
@@ -51,21 +51,6 @@ def moving(robot, goal=None):
     return motion_to(JointMotion.at_rest(HOME), goal, make_limits(robot)), goal
 
 
-def test_a_cubic_is_followed_exactly_with_both_derivatives():
-    path = cubic()
-    for u in np.linspace(0.0, 2.0, 41):
-        q, slope, curve = path.at(float(u))
-        assert np.allclose(q, [u**3, 1 - u], atol=1e-12)
-        assert np.allclose(slope, [3 * u**2, -1], atol=1e-12)
-        assert np.allclose(curve, [6 * u, 0], atol=1e-11)
-
-
-def test_beyond_its_ends_a_path_stays_there():
-    path = cubic()
-    assert np.allclose(path.at(-1.0)[0], [0, 1])
-    assert np.allclose(path.at(9.0)[0], [8, -1])
-
-
 def test_along_a_path_velocity_and_acceleration_are_derivatives_of_the_position():
     motion = AlongPath(cubic(), one())
     h = 1e-5
@@ -76,61 +61,6 @@ def test_along_a_path_velocity_and_acceleration_are_derivatives_of_the_position(
         assert np.allclose(now.acceleration, push, atol=2e-2)
 
 
-def test_a_motion_along_a_path_begins_and_ends_at_rest():
-    motion = AlongPath(cubic(), one())
-    ends = motion.at(0.0), motion.at(motion.duration)
-    assert not any(end.velocity.any() for end in ends)
-    assert np.allclose([end.position for end in ends], [[0, 1], [8, -1]])
-
-
-def test_stretched_twice_as_long_has_half_the_velocity_and_a_quarter_of_the_acceleration(robot):
-    motion, _ = moving(robot)
-    slow = Stretched(motion, 2.0)
-    was, now = motion.at(0.3), slow.at(0.6)
-    assert slow.duration == 2 * motion.duration
-    assert np.allclose(now.position, was.position)
-    assert np.allclose(now.velocity, was.velocity / 2)
-    assert np.allclose(now.acceleration, was.acceleration / 4)
-
-
-def test_joined_motions_follow_one_another(robot):
-    first, goal = moving(robot)
-    back = motion_to(JointMotion.at_rest(goal), HOME, make_limits(robot))
-    both = Joined([Rest(HOME), first, back])
-    assert both.duration == first.duration + back.duration
-    assert np.allclose(both.at(first.duration).position, goal)
-    assert np.allclose(both.at(both.duration).position, HOME)
-
-
-def test_a_motion_beyond_the_limits_is_slowed_down_to_them(robot):
-    motion, _ = moving(robot)
-    tight = MotionLimits(
-        velocity=np.full(6, 0.5), acceleration=np.full(6, 0.5), jerk=np.full(6, 5.0)
-    )
-    slow = fitted(motion, robot, tight)
-    states = [slow.at(t) for t in np.linspace(0.0, slow.duration, 500)]
-    fast = max(np.abs(s.velocity).max() for s in states)
-    hard = max(np.abs(s.acceleration).max() for s in states)
-    assert 0.48 < max(fast, hard) <= 0.5
-
-
-def test_a_motion_that_needs_too_much_torque_is_slowed_down_until_it_does_not(robot):
-    motion, _ = moving(robot)
-    static = max(
-        abs(robot.gravity_torque(motion.at(t).position)[1])
-        for t in np.linspace(0, motion.duration, 200)
-    )
-    limit = [150, static + 1.0, 150, 28, 28, 28]
-    weak = with_effort(RobotModel(UR5, robot.joints), limit)
-    slow = fitted(motion, weak, make_limits(robot))
-    torques = [
-        weak.inverse_dynamics(s.position, s.velocity, s.acceleration)
-        for s in (slow.at(t) for t in np.linspace(0, slow.duration, 500))
-    ]
-    assert slow.duration > motion.duration
-    assert np.abs(torques).max(axis=0)[1] <= limit[1]
-
-
 def test_a_motion_through_a_pose_that_cannot_be_held_is_refused(robot):
     motion, _ = moving(robot, HOME - np.array([0, 0.3, 0.9, 0, 0, 0]))
     here, there = (np.abs(robot.gravity_torque(motion.at(t).position))[2] for t in (0.0, 9.0))
@@ -138,20 +68,6 @@ def test_a_motion_through_a_pose_that_cannot_be_held_is_refused(robot):
     with pytest.raises(Refused, match="elbow_joint needs") as refused:
         fitted(motion, weak, make_limits(robot))
     assert refused.value.cause == "not_holdable"
-
-
-def test_a_least_duration_is_kept(robot):
-    motion, _ = moving(robot)
-    assert fitted(motion, robot, make_limits(robot), least_duration=7.0).duration == 7.0
-
-
-def test_a_plan_is_followed_between_its_samples(robot):
-    motion, goal = moving(robot)
-    timed = planned(make_plan(motion, 60), HOME, goal, robot)
-    times = np.linspace(0, motion.duration, 333)
-    errors = [np.abs(timed.at(t).position - motion.at(t).position).max() for t in times]
-    assert timed.duration == motion.duration
-    assert max(errors) < 1e-4
 
 
 def test_a_plan_begins_exactly_where_the_arm_is(robot):
@@ -181,29 +97,15 @@ def test_a_plan_that_is_none_is_refused_by_name(robot, changes, message):
 
 def test_a_plan_from_or_to_elsewhere_or_beyond_a_limit_is_refused(robot):
     motion, goal = moving(robot)
-    with pytest.raises(Refused, match=r"has its start at -1\.2000 rad for shoulder_lift"):
+    with pytest.raises(Refused, match=r"-1\.2000 rad for shoulder_lift"):
         planned(make_plan(motion), HOME + np.array([0, 0.1, 0, 0, 0, 0]), goal, robot)
     with pytest.raises(Refused, match="has its end at"):
         planned(make_plan(motion), HOME, goal + 0.1, robot)
     beyond = [*HOME[:2], 3.5, *HOME[3:]]
     rows = [HOME.tolist(), beyond, goal.tolist()]
     still = [[0.0] * 6] * 3
-    with pytest.raises(Refused, match=r"elbow_joint 0\.3584 rad beyond its limits"):
+    with pytest.raises(Refused, match=r"elbow_joint 0\.3584 rad beyond"):
         planned(Plan(id=0, times=[0, 1, 2], position=rows, velocity=still), HOME, goal, robot)
-
-
-def test_a_way_back_through_poses_touches_each_of_them():
-    points = [
-        np.array([0.0, 0.0]),
-        np.array([0.1, 0.0]),
-        np.array([0.1, 0.0]),
-        np.array([0.2, 0.3]),
-    ]
-    path = joint_path(points)
-    assert len(path.u) == 3
-    assert all(np.allclose(path.at(u)[0], q) for u, q in zip(path.u, path.q, strict=True))
-    with pytest.raises(Refused, match="the path has no length"):
-        joint_path(points[1:3])
 
 
 def test_the_tip_stays_on_a_straight_line_and_turns_evenly(robot):
@@ -228,24 +130,12 @@ def test_a_turn_on_the_spot_has_a_length():
     assert line(DOWN, DOWN, 0.25) == []
 
 
-@pytest.mark.parametrize(
-    ("to", "cause"), [([1.3, 0.1, 0.3], "singular"), ([-0.6, 0.1, 0.3], "singular")]
-)
-def test_a_line_out_of_reach_or_through_the_shoulder_is_lost_on_the_way(robot, to, cause):
-    start = robot.frame_pose(HOME, TIP)
-    way = line(start, pin.SE3(start.rotation, np.array(to)), 0.25)
-    with pytest.raises(Lost, match="m of the path") as lost:
-        follow(robot, TIP, way, HOME, 0.01)
-    assert lost.value.cause == cause
-    assert 0 < lost.value.index < len(way)
-
-
 def test_a_line_that_winds_a_joint_up_to_its_limit_is_lost_there(robot):
     narrow = make_robot()
     narrow.upper = HOME + 0.4
     start = robot.frame_pose(HOME, TIP)
     way = line(start, pin.SE3(start.rotation, start.translation + np.array([0, 0.4, 0])), 0.25)
-    with pytest.raises(Lost, match=r"shoulder_pan_joint would have to go to 0\.4") as lost:
+    with pytest.raises(Lost, match=r"would have to go to 0\.4") as lost:
         follow(narrow, TIP, way, HOME, 0.01)
     assert lost.value.cause == "limits"
 
@@ -265,17 +155,6 @@ def make_curve(raised=()):
     )
 
 
-def test_a_spiral_narrows_turns_and_rises_evenly():
-    poses = make_curve().poses()
-    places = np.array([pose.pose.translation for pose in poses]) - [0.45, 0.0, 0.3]
-    radius = np.hypot(places[:, 0], places[:, 1])
-    angle = np.unwrap(np.arctan2(places[:, 1], places[:, 0]))
-    assert (radius[0], radius[-1]) == pytest.approx((0.3, 0.1))
-    assert (np.diff(radius) < 0).all()
-    assert angle[-1] - angle[0] == pytest.approx(4 * np.pi)
-    assert places[-1, 2] == pytest.approx(0.2)
-
-
 def test_the_length_of_a_spiral_is_that_of_its_way():
     poses = make_curve().poses()
     fine = np.array([make_curve().at(s)[0].translation for s in np.linspace(0, 1, 20001)])
@@ -292,36 +171,6 @@ def test_a_raised_point_lifts_the_way_around_it_smoothly():
     assert lift[2400] == pytest.approx(0.05)
     assert not lift[(shares < 23 / 48) | (shares > 25 / 48)].any()
     assert np.abs(np.diff(lift, 2)).max() < 3e-5
-
-
-class Swing:
-    """A joint that moves to and fro."""
-
-    duration = 100.0
-
-    def at(self, t):
-        rows = (np.array([x]) for x in (np.sin(t), np.cos(t), -np.sin(t)))
-        return JointMotion(**dict(zip(("position", "velocity", "acceleration"), rows, strict=True)))
-
-
-def test_a_clock_that_pauses_and_goes_on_keeps_the_acceleration_limit():
-    clock, dt, limit = MotionClock(np.array([2.0]), np.array([40.0])), 0.008, 2.0
-    places = []
-    for step in range(1500):
-        clock.advance(dt, 0.0 if 300 <= step < 700 else 1.0, Swing())
-        places.append(np.sin(clock.s))
-    push = np.abs(np.diff(places, 2)) / dt**2
-    assert push.max() <= 1.01 * limit
-    assert len(set(places[500:690])) == 1
-    assert clock.rate == 1.0
-
-
-def test_a_clock_at_half_the_rate_takes_twice_as_long():
-    clock = MotionClock(np.array([2.0]), np.array([40.0]))
-    clock.restart(0.5)
-    for _ in range(100):
-        clock.advance(0.01, 0.5, Swing())
-    assert clock.s == pytest.approx(0.5)
 
 
 def test_whatever_the_scale_a_motion_keeps_its_limits_of_acceleration_and_nearly_those_of_jerk():

@@ -2,14 +2,12 @@
 
 import math
 
-import numpy as np
 import pytest
 from support.services.perception import COLORS, SHAPES, TOPS, Item, open_store
 
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import make_view
 from stepbus_store.perception.item_catalog import read_catalog
-from stepbus_store.perception.segments import Palette
 from stepbus_store.perception.sources import Truth
 
 
@@ -28,10 +26,6 @@ def find(folder, *items, eye=(0.0, 0.0, 0.4), least=0.0, yaw=0.0, tilt=(0.0, 0.0
             make_view(images), camera
         )
     return [f for f in found if f.confidence > 0.01]
-
-
-def places(found):
-    return sorted((round(f.position[0], 2), round(f.position[1], 2)) for f in found)
 
 
 @pytest.mark.parametrize("kind", ["cola", "juice", "water", "soup", "cereal"])
@@ -99,21 +93,5 @@ def test_a_thing_of_the_right_colour_and_another_size_is_not_taken_for_the_item(
         assert Detector(read_catalog("poses", described), 0.2).find(make_view(images), camera) == []
 
 
-def test_an_empty_floor_shows_no_items(tmp_path):
-    with open_store(tmp_path, stand("cola", 5.0)) as store:
-        store.board((1.0, 1.0, 0.1), (0.0, 0.0, -0.05))
-        images, camera = store.look((0.0, 0.0, 0.4))
-        detector = Detector(read_catalog("poses", store.description), 0.0)
-        assert detector.find(make_view(images), camera) == []
-
-
 def test_a_camera_that_sees_only_sky_finds_nothing(tmp_path):
     assert find(tmp_path, stand("cola"), tilt=(math.pi, 0.0)) == []
-
-
-def test_light_changes_no_class_of_colour():
-    palette = Palette([(0.8, 0.1, 0.1), (0.9, 0.75, 0.1)], [(0.6, 0.6, 0.6)])
-    red, yellow, grey = (0.8, 0.1, 0.1), (0.9, 0.75, 0.1), (1.0, 1.0, 1.0)
-    shades = np.array([[red, yellow, grey]] * 2) * [[[120]], [[250]]]
-    assert palette.classify(shades.astype(np.uint8)).tolist() == [[0, 1, -1]] * 2
-    assert palette.classify(np.zeros((1, 1, 3), dtype=np.uint8)).tolist() == [[-1]]

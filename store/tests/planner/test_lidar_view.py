@@ -39,10 +39,6 @@ def test_what_is_on_the_map_is_not_new():
     assert thing.corners[:, 1].min() > 0.7
 
 
-def test_an_empty_floor_shows_nothing():
-    assert seen() == []
-
-
 def monitor(known=()):
     route = [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (2.0, 0.0, 0.0)]
     return RouteMonitor(7, route, [], list(known), 0.36)
@@ -78,11 +74,6 @@ def test_a_person_who_walks_towards_the_route_is_told_long_before():
     # 1.5 s ahead of where the room of what stands would begin.
     assert places[number][1] > 0.36 + 0.25 + 0.15 + 0.6
     assert text.startswith(SEEN)
-
-
-def test_one_who_walks_away_from_it_is_not():
-    places = [(1.2, 0.9 + 0.6 * 0.048 * n) for n in range(60)]
-    assert walk(monitor(), places) is None
 
 
 def test_what_the_base_has_passed_hinders_it_no_more():

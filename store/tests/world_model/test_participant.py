@@ -4,18 +4,15 @@ import math
 
 import numpy as np
 import pytest
-from support.services.control import Stand
+from support.services.control import Stand, make_config
 from support.store_paths import SCENARIOS
 
-from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
     Description,
     Detections,
     GripperState,
-    InputConfig,
     JointState,
-    OutputConfig,
     Poses,
     WiringError,
 )
@@ -37,12 +34,9 @@ TYPES = {
 
 
 def config(**params):
-    return Config(
-        name="world", step_ns=16_000_000, every=1, seed=0, folder=STORE,
-        inputs={n: InputConfig(source="plant", port=n, type=t) for n, t in TYPES.items()},
-        outputs={"pose": OutputConfig(type="BaseState/1"), "poses": OutputConfig(type="Poses/1")},
-        params={"model": "robot.urdf.xacro", "joints": ARM, **params},
-    )  # fmt: skip
+    outputs = {"pose": "BaseState/1", "poses": "Poses/1"}
+    params = {"model": "robot.urdf.xacro", "joints": ARM, **params}
+    return make_config("world", TYPES, outputs, STORE, params=params, step_ns=16_000_000)
 
 
 def described(names=NAMES):

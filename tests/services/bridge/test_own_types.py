@@ -80,7 +80,7 @@ def test_a_json_program_gets_the_declarations_and_messages_of_its_types(started)
 
 def test_a_json_program_that_declares_another_type_is_refused(started):
     declared = {"types": {"Thruster/1": {"thrust": {"type": "float[n]", "unit": "kN"}}}}
-    with pytest.raises(WiringError, match=r"Thruster/1 differs: thrust is float\[n\] \[kN\] in"):
+    with pytest.raises(WiringError, match=r"thrust is float\[n\] \[kN\]"):
         started(MapBridge, "json", JSON.format(ready=json.dumps(declared)), Description())
 
 
@@ -104,5 +104,5 @@ def test_a_raw_program_gets_a_scan_whose_length_the_description_says(started):
 
 def test_a_scan_of_unknown_length_cannot_be_numbers(started):
     settings = config(source="LaserScan/1")
-    with pytest.raises(WiringError, match="format raw needs the length of input 'in'; other must"):
+    with pytest.raises(WiringError, match="needs the length of input 'in'"):
         started(RawBridge, "raw", RAW, Description(), settings)

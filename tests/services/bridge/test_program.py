@@ -140,21 +140,9 @@ def test_a_program_may_ask_for_the_end_of_the_run(bridge, form):
     assert step.end_reason == "enough"
 
 
-def test_a_program_that_publishes_first_may_ask_for_the_end_too(bridge):
-    step = step_at(1, [0.0, 1.0])
-    assert bridge("json", "end", publishes="first").update(step) == {}
-    assert step.end_reason == "enough"
-
-
 def test_one_that_publishes_first_cannot_answer_an_update_with_outputs(bridge):
     with pytest.raises(BridgeError, match="publishes first"):
         bridge("json", "right", publishes="first").update(step_at(0, [0.0, 1.0]))
-
-
-def test_a_program_that_exits_with_a_code_at_the_stop_is_an_error(bridge):
-    made = bridge("json", "code")
-    made.close()
-    assert re.search(r"exited with code 3 after the stop", made.await_end())
 
 
 def test_outputs_with_joints_are_like_the_first_input_with_joints(bridge):

@@ -86,11 +86,6 @@ def test_a_missing_joint_is_named_for_both_inputs():
     assert str(caught.value).count("has no joint 'b'") == 2
 
 
-def test_an_unknown_parameter_is_refused():
-    with pytest.raises(WiringError, match="unknown key 'kp'"):
-        controller(kp=3)
-
-
 def test_a_prefix_names_one_of_two_robots_of_one_urdf():
     names = ["right/a", "right/b", "left/b", "left/a"]
     made = controller(names=names, prefix="left/", effort_limit={"a": 1, "b": 2})

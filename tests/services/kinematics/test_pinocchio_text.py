@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from stepbus_kinematics import RobotModel, collision_geometry
-from stepbus_kinematics.pinocchio_text import pinocchio_text
 
 INERTIAL = """<inertial><mass value="3"/>
 <inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>"""
@@ -47,8 +46,3 @@ def test_a_mesh_is_beside_its_model(tmp_path):
     mesh = '<collision><geometry><mesh filename="parts/wedge.stl"/></geometry></collision>'
     (item,) = collision_geometry(robot(tmp_path, mesh)).geometryObjects
     assert item.geometry.num_points == 4
-
-
-def test_a_model_without_them_stays_as_it_is():
-    text = "<robot name='r'><link name='l'/></robot>"
-    assert pinocchio_text(text) == text

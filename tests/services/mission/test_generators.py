@@ -5,7 +5,6 @@ import math
 import pytest
 from support.services.control import SINE, make_mission, mission_config
 
-from stepbus_mission.polynomials import evaluate, quintic
 from stepbus_schemas import JointReference
 
 H = 1e-4
@@ -68,13 +67,6 @@ def test_between_waypoints_the_jerk_is_minimal() -> None:
     s = 0.5 / 2
     wanted = 10 * s**3 - 15 * s**4 + 6 * s**5
     assert at(0.5, task="waypoints", waypoints=WAYPOINTS).position[0] == pytest.approx(wanted)
-
-
-def test_a_quintic_joins_two_states_of_motion() -> None:
-    start, end = (0.3, -0.2, 1.5), (1.1, 0.7, -0.4)
-    polynomial = quintic(start, end, 0.8)
-    assert evaluate(polynomial, 0.0) == pytest.approx(start)
-    assert evaluate(polynomial, 0.8) == pytest.approx(end)
 
 
 def test_a_users_generator_is_loaded_from_the_scenarios_folder(tmp_path) -> None:

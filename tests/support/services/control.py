@@ -25,42 +25,39 @@ SINE = {
 }
 
 
+def make_config(
+    name: str,
+    inputs: dict[str, str],
+    outputs: dict[str, str],
+    folder: Path = TWO_LINK,
+    *,
+    params: dict[str, Any],
+    step_ns: int = STEP_NS,
+    **more: Any,
+) -> Config:
+    """Return the configuration of a participant; inputs, outputs: port → type."""
+    return Config(
+        name=name,
+        inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
+        outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
+        folder=folder,
+        params=params,
+        step_ns=step_ns,
+        **{"every": 1, "seed": 0, **more},
+    )
+
+
 def controller_config(folder: Path = TWO_LINK, every: int = 1, **params: Any) -> Config:
     """Return the configuration of a controller wired as in two_link."""
-    return Config(
-        name="controller",
-        step_ns=STEP_NS,
-        every=every,
-        seed=0,
-        folder=folder,
-        inputs={
-            "joint_state": InputConfig(source="plant", port="joint_state", type="JointState/1"),
-            "reference": InputConfig(source="mission", port="reference", type="JointReference/1"),
-        },
-        outputs={
-            "command": OutputConfig(type="JointCommand/1"),
-            "status": OutputConfig(type="ControllerStatus/1"),
-        },
-        params=params,
-    )
+    inputs = {"joint_state": "JointState/1", "reference": "JointReference/1"}
+    outputs = {"command": "JointCommand/1", "status": "ControllerStatus/1"}
+    return make_config("controller", inputs, outputs, folder, params=params, every=every)
 
 
 def mission_config(folder: Path = TWO_LINK, **params: Any) -> Config:
     """Return the configuration of a mission that also tells its events."""
-    outputs = {
-        "reference": OutputConfig(type="JointReference/1"),
-        "event": OutputConfig(type="Event/1"),
-    }
-    return Config(
-        name="mission",
-        step_ns=STEP_NS,
-        every=1,
-        seed=0,
-        folder=folder,
-        inputs={},
-        outputs=outputs,
-        params=params,
-    )
+    outputs = {"reference": "JointReference/1", "event": "Event/1"}
+    return make_config("mission", {}, outputs, folder, params=params)
 
 
 class Stand(Bench):

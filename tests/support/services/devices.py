@@ -2,13 +2,10 @@
 
 from pathlib import Path
 
-from support.services.control import Stand
+from support.services.control import Stand, make_config
 
-from stepbus_participant import Config
 from stepbus_plant import Plant
-from stepbus_schemas import Description, InputConfig, OutputConfig
-
-STEP_NS = 5_000_000
+from stepbus_schemas import Description
 
 
 def link(name: str, mass: float, shape: str, at: str = "0 0 0", more: str = "") -> str:
@@ -141,23 +138,14 @@ def make_stand(
 ) -> Stand:
     """Return a started plant; inputs, outputs: port → type; names: of an input's joints."""
     (folder / "world.yaml").write_text(world)
-    config = Config(
-        name="plant",
-        step_ns=STEP_NS,
-        every=1,
-        seed=0,
-        folder=folder,
-        inputs={n: InputConfig(source="other", port=n, type=t) for n, t in inputs.items()},
-        outputs={n: OutputConfig(type=t) for n, t in outputs.items()},
-        params={
-            "world": "world.yaml",
-            "dynamics": dynamics,
-            "proximity": proximity or {},
-            "odometry": odometry or {},
-            "watchdog": watchdog,
-        },
-        publishes="first",
-    )
+    params = {
+        "world": "world.yaml",
+        "dynamics": dynamics,
+        "proximity": proximity or {},
+        "odometry": odometry or {},
+        "watchdog": watchdog,
+    }
+    config = make_config("plant", inputs, outputs, folder, params=params, publishes="first")
     participant = Plant(config)
     participant.start({port: Description(names=names.get(port, [])) for port in inputs})
     return Stand(participant)

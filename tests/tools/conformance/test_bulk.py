@@ -38,16 +38,6 @@ def inputs(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_program_with_bulk_ports_passes_what_concerns_them(inputs, tmp_path):
-    names = [
-        "handshake", "content", "encodings", "duplicate", "wrong-message", "bulk-late",
-        "bulk-noise", "slots", "slot-stamp", "bulk-length", "stop-at-end",
-    ]  # fmt: skip
-    results = outcomes(inputs, program("eye.py"), tmp_path, names)
-    assert {result.outcome for result in results.values()} == {"pass"}, results
-
-
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mistake", "check", "said"),
     [

@@ -127,7 +127,7 @@ def test_a_program_that_joins_no_run_is_killed_in_time(two_link_recording, tmp_p
     quick = ("controller.spawn_timeout=300ms", "controller.join_timeout=300ms")
     inputs = material(two_link_recording, "controller", *quick)
     results = outcomes(inputs, ("/bin/sleep", "1000"), tmp_path, ["join"])
-    assert "a request to join did not arrive within 0.6 s" in results["join"].observed
+    assert "join did not arrive within 0.6 s" in results["join"].observed
 
 
 def test_a_check_alone_fails_for_a_program_that_does_not_start(two_link_recording, tmp_path):
@@ -142,33 +142,6 @@ def test_nothing_is_left_of_a_program_that_hangs(hurried_inputs, tmp_path):
     words = program("wrong_controller.py", "HangsAtGarbage")
     outcomes(hurried_inputs, words, tmp_path, ["garbage"])
     assert leftovers(tmp_path) == []
-
-
-@pytest.mark.slow
-def test_the_program_written_from_the_page_passes(inputs, tmp_path):
-    names = [
-        "wrong-replies", "refused", "peers-last", "steps", "log", "determinism", "triggers", "late-input",
-        "wrong-message", "control-noise", "stop-overtakes",
-    ]  # fmt: skip
-    results = outcomes(inputs, program("by_the_page.py"), tmp_path, names)
-    assert {result.outcome for result in results.values()} == {"pass"}, results
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize(
-    ("participant", "names"),
-    [
-        ("controller", ["wrong-replies", "steps", "nothing-due", "joint-order"]),
-        ("mission", ["steps", "stop-at-end"]),
-        ("plant", ["late-input", "nothing-due", "stop-at-end"]),
-    ],
-)
-def test_our_own_participants_pass(two_link_recording, tmp_path, participant, names):
-    inputs = material(two_link_recording, participant)
-    results = outcomes(inputs, ours(participant), tmp_path, names)
-    assert {name: result.outcome for name, result in results.items()} == dict.fromkeys(
-        names, "pass"
-    )
 
 
 def test_checks_of_inputs_are_skipped_for_a_participant_without_any(two_link_recording, tmp_path):

@@ -8,10 +8,8 @@ import pytest
 from support.paths import DOCS
 
 from stepbus_orchestrator.cli import main
-from stepbus_schemas import JointCommand, encode
 from stepbus_tools.commands.checks import conformance_command
 from stepbus_tools.conformance import CHECKS
-from stepbus_tools.conformance.feeds import repeated, reverse, shifted
 
 
 def test_a_check_that_fails_is_in_the_json_the_junit_file_and_the_exit_code(tmp_path, capsys):
@@ -31,7 +29,7 @@ def test_a_program_that_conforms_exits_with_zero(capsys):
     assert main(["conformance", "--only", "no-ticket", "--participant", "mission"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "pass     no-ticket (P1.1): exited with code 2 without a ticket"
-    assert lines[-1].startswith("mission conforms to protocol 2: 1 passed, 0 failed, 0 skipped")
+    assert lines[-1].startswith("mission conforms to protocol 2")
 
 
 @pytest.mark.parametrize(
@@ -64,23 +62,3 @@ def test_the_page_has_the_checks_of_the_list(capsys):
     page = (DOCS / "guide/testing/conformance.md").read_text()
     rows = re.findall(r"^\| `([a-z-]+)` \| (P[\d.]+) \| (.*) \|$", page, re.MULTILINE)
     assert rows == listed
-
-
-def test_a_shifted_port_comes_later_and_is_absent_at_first():
-    feed = {"plant": {0: {"a": b"0", "b": b"0"}, 1: {"a": b"1", "b": b"1"}}}
-    assert shifted(feed, {("plant", "a")}, 1) == {
-        "plant": {0: {"b": b"0"}, 1: {"a": b"0", "b": b"1"}}
-    }
-
-
-def test_a_repeated_message_fills_the_steps_that_leave_it_out():
-    assert repeated({"plant": {0: {"a": b"0"}, 1: {}}}) == {
-        "plant": {0: {"a": b"0"}, 1: {"a": b"0"}}
-    }
-
-
-def test_only_vectors_are_reversed():
-    command = encode(JointCommand(mode="torque", values=[1.0, 2.0]))
-    assert reverse("JointCommand/1", command) == encode(
-        JointCommand(mode="torque", values=[2.0, 1.0])
-    )

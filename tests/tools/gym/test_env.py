@@ -319,9 +319,7 @@ def test_a_program_ends_though_another_thread_keeps_its_open_environment_waiting
 def test_a_simulation_that_fails_says_why(make):
     env = make(mode="velocity")
     env.reset()
-    with pytest.raises(
-        RunFailure, match="joint1 has mode torque, but the command has mode velocity"
-    ):
+    with pytest.raises(RunFailure, match="joint1 has mode torque, but"):
         env.step(PUSH)
     with pytest.raises(gymnasium.error.ResetNeeded):
         env.step(PUSH)

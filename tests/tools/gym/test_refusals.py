@@ -97,5 +97,5 @@ def test_a_reward_that_is_none(value, sentence):
 
 
 def test_an_unknown_option_of_reset(env):
-    with pytest.raises(StepbusError, match="reset has no option 'sett'; it has `set`"):
+    with pytest.raises(StepbusError, match="option 'sett'; it has `set`"):
         env.reset(options={"sett": {}})

@@ -44,14 +44,6 @@ def test_a_long_line_keeps_its_extremes_in_their_order(count, piece):
         assert (kept.min(), kept.max()) == (values[:, index].min(), values[:, index].max())
 
 
-def test_a_single_spike_in_a_long_line_is_shown():
-    values = np.zeros((100_000, 1))
-    values[777] = 5.0
-    found = Curve()
-    found.add(np.arange(100_000.0), values)
-    assert found.line(0)[1].max() == 5.0
-
-
 def test_the_lines_of_several_pieces_are_those_of_one(record):
     recording = record(
         arm=("JointState/1", ["j"], [JointState(position=[math.sin(n)]) for n in range(50)]),

@@ -61,7 +61,7 @@ def test_ctrl_c_keeps_what_is_done(tmp_path: Path) -> None:
         process.send_signal(signal.SIGINT)
         _, errors = process.communicate(timeout=200)
     assert process.returncode == 130
-    assert "of 400 runs; run the same command again to resume" in errors
+    assert "of 400 runs; run the same command" in errors
     assert 3 <= len(rows(tmp_path)["run"]) < 400
 
 

@@ -121,10 +121,7 @@ def test_an_address_that_is_opened_again_is_told_with_a_new_one(view, tmp_path):
     let_in(own)
     assert get(address)[0] == 403
     line = view.stderr.readline()
-    assert (
-        "the URL of the view was opened a second time. To open it again yourself, use: http://"
-        in line
-    )
+    assert "was opened a second time" in line
     let_in(line.split()[-1])
 
 

@@ -12,8 +12,7 @@ from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
-from stepbus_tools.viewing.stage.curves import Signal, _curve, _rows, time_span, value_span
-from stepbus_tools.viewing.stage.marks import Mark
+from stepbus_tools.viewing.stage.curves import Signal, time_span, value_span
 from stepbus_tools.viewing.stage.server import open_page
 
 STEP_NS = 20_000_000
@@ -74,30 +73,6 @@ def test_a_chart_has_room_for_its_values_and_for_limits_that_are_near():
     low, high = value_span(values, [(-0.2, 1.2), (-9.0, np.inf)])
     assert (-0.6 < low < -0.2, 1.2 < high < 1.8) == (True, True)
     assert value_span(np.full((3, 1), np.nan))[0] < 0 < value_span(np.zeros((2, 1)))[1]
-
-
-def test_of_two_runs_the_line_tells_the_run_and_the_colour_the_joint():
-    lines = [_curve(n, f"j{n}", run, is_ghost=run == "b") for run in "ab" for n in (0, 1, 7)]
-    assert ["dash" in line for line in lines] == [False] * 3 + [True] * 3
-    assert [line["label"][0] == "\u2061" for line in lines] == [False] * 3 + [True] * 3
-    assert [line["stroke"][:7] for line in lines[:3]] == [line["stroke"][:7] for line in lines[3:]]
-    assert lines[0]["stroke"] == lines[2]["stroke"] != lines[1]["stroke"]
-    assert lines[0]["width"] > lines[2]["width"]
-    alone = _curve(7, "j7", "", is_ghost=False)
-    assert (alone["label"], "dash" in alone) == ("\u2061j7", True)
-
-
-def test_a_chart_gets_no_nan_and_its_rules_go_up_once_for_each_mark():
-    data = np.array([0.0, 1.0, 2.0]), np.array([[0.0, 0.5], [1.0, np.nan], [2.0, np.nan]])
-    marks = [Mark(t_s=0.5, level="fault", text=""), Mark(t_s=9.0, level="fault", text="")]
-    x, rows = _rows(data, [(-np.inf, 5.0), (0.0, 1.0)], marks, 1.5, (0.0, 2.0))
-    assert np.isfinite(rows).all()
-    assert rows[0].tolist() == x.tolist()
-    *_, bad, _, now = rows
-    assert [x[row > 2.0].tolist() for row in (bad, now)] == [[0.5], [1.5]]
-    failure = [Mark(t_s=2.1, level="failure", text="")]
-    x, (*_, bad, _, _) = _rows(data, [], failure, None, (0.0, 2.0))
-    assert x[bad > 2.0].tolist() == [2.0]
 
 
 def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):

@@ -95,7 +95,7 @@ def test_a_recording_of_another_system_has_no_page(recording, tmp_path, capsys, 
     capsys.readouterr()
     assert main([words[0], str(foreign), *words[1:]]) == 8
     said = capsys.readouterr()
-    assert "ros2.mcap is not from stepbus, or from a newer version: " in said.err
+    assert "is not from stepbus" in said.err
     assert said.err.count("\n") == 1
     assert [path.name for path in tmp_path.iterdir()] == ["ros2.mcap"]
 
@@ -160,9 +160,7 @@ def test_a_view_that_does_not_begin_is_not_waited_for(tmp_path, capsys, monkeypa
     monkeypatch.setattr(f"{VIEWER}._COMMAND", SILENT)
     monkeypatch.setattr(f"{VIEWER}._START_S", 0.2)
     with viewed(tmp_path / "run", [[]], stays=False, interrupt=threading.Event()):
-        assert "has not started after 0 s; is its process stopped? The run starts without it" in (
-            capsys.readouterr().err
-        )
+        assert "not started after 0 s" in (capsys.readouterr().err)
 
 
 def test_a_signal_ends_the_wait_for_a_view(tmp_path, monkeypatch):
@@ -191,7 +189,7 @@ def test_a_view_that_is_stopped_at_its_start_delays_no_run_for_good(tmp_path, vi
             started.wait(10)
         started.send_signal(signal.SIGINT)
         _, errors = started.communicate(timeout=30)
-    assert "has not started after 30 s; is its process stopped?" in errors
+    assert "not started after 30 s" in errors
     assert json.loads((tmp_path / "run" / "result.json").read_text())["exit_code"] == 0
     assert started.returncode == 0
 

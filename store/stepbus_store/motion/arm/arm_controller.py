@@ -1,10 +1,9 @@
-"""From the parameters of the controller of an arm to what it works with."""
+"""Carries out goals of an arm without a base."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
-from stepbus_kinematics import RobotModel, SelfCollisions, Smoother, delay_warning, make_smoother
-from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version
+from stepbus_kinematics import SelfCollisions, delay_warning, make_smoother
+from stepbus_participant import Config, Participant, Ports, Step, installed_version
 from stepbus_schemas import (
     ControllerStatus,
     Description,
@@ -14,54 +13,14 @@ from stepbus_schemas import (
 )
 from stepbus_store.motion.arm.params import Params
 from stepbus_store.motion.executor import GoalExecutor
-from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.settings import (
     make_limits,
     make_robot,
     make_settling,
     searching_manipulator,
 )
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
 from stepbus_store.motion.parts import Parts
-
-
-@dataclass(frozen=True, kw_only=True)
-class ArmSettings:
-    """What an `ArmController` works with; limits: of the joints."""
-
-    robot: RobotModel
-    collisions: SelfCollisions | None
-    limits: MotionLimits
-    settling: Settling
-    tries_unholdable: bool
-    prefix: str
-    smoother: Smoother | None
-
-
-def read_arm_settings(config: Config, problems: Problems, period: float) -> ArmSettings:
-    """Return what the scenario's params describe.
-
-    problems: of the ports. period: between two measurements [s]. Raises SettingsError with all that
-    is wrong.
-    """
-    params = config.read(Params, problems)
-    of_params = config.problems().below(("params",))
-    robot = make_robot(params, of_params)
-    collisions, srdf = None, params.srdf
-    if srdf is not None:
-        margin = params.collision_margin
-        collisions = of_params.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
-    of_params.refuse()
-    return ArmSettings(
-        robot=robot,
-        collisions=collisions,
-        limits=make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
-        settling=make_settling(params),
-        tries_unholdable=params.not_holdable == "try",
-        prefix=params.prefix,
-        smoother=make_smoother(params.smoothing, params.time_constant, params.window, period),
-    )
 
 
 class ArmController(Participant):
@@ -86,13 +45,23 @@ class ArmController(Participant):
         self._smoothed_port = ports.optional_output_of("JointState/1")
         ports.outputs_are("JointCommand/1", "GoalStatus/1", "ControllerStatus/1", "JointState/1")
         self._period = config.every * config.step_ns * 1e-9
-        self._arm: ArmSettings = read_arm_settings(config, ports.problems, self._period)
+        params = self._params = config.read(Params, ports.problems)
+        problems = config.problems().below(("params",))
+        self._robot = make_robot(params, problems)
+        self._collisions, srdf, margin = None, params.srdf, params.collision_margin
+        if srdf is not None:
+            self._collisions = problems.attempt(
+                ("srdf",), lambda: SelfCollisions(self._robot, srdf, margin)
+            )
+        problems.refuse()
+        smoothing = (params.smoothing, params.time_constant, params.window)
+        self._smoother = make_smoother(*smoothing, self._period)
         self._reading: JointReading | None = None
         self._goal_id = -1
 
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the commands, and the delay of smoothing."""
-        names = [self._arm.prefix + joint for joint in self._arm.robot.joints]
+        names = [self._params.prefix + joint for joint in self._robot.joints]
         described = {self._command_port: Description(names=names)}
         if self._status_port is not None:
             described[self._status_port] = Description(names=names)
@@ -104,31 +73,31 @@ class ArmController(Participant):
     @property
     def _delay(self) -> float:
         """Return the delay of the measurements [s]."""
-        return self._arm.smoother.delay if self._arm.smoother is not None else 0.0
+        return self._smoother.delay if self._smoother is not None else 0.0
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Map the joints by name and take the plant's effort limits.
 
         Raises WiringError for joints that the plant does not sense.
         """
-        arm, port = self._arm, self._state_port
+        params, robot, port = self._params, self._robot, self._state_port
         self._sensor = JointSensor(
             self.config.name,
             port,
             inputs[port],
-            arm.robot,
+            robot,
             period=self._period,
-            prefix=arm.prefix,
-            smoother=arm.smoother,
+            prefix=params.prefix,
+            smoother=self._smoother,
         )
         self._manipulator = searching_manipulator(
-            arm.robot,
-            arm.limits,
-            arm.settling,
+            robot,
+            make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
+            make_settling(params),
             period=self._period,
             seed=self.config.seed,
-            collisions=arm.collisions,
-            tries_unholdable=arm.tries_unholdable,
+            collisions=self._collisions,
+            tries_unholdable=params.not_holdable == "try",
         )
         self._executor = GoalExecutor(Parts(arm=self._manipulator))
 
@@ -148,7 +117,7 @@ class ArmController(Participant):
         status = self._executor.reports.next_status()
         if status is not None:
             messages[self._goal_status_port] = status
-        warnings = delay_warning(self._arm.smoother) if step.index == 0 else []
+        warnings = delay_warning(self._smoother) if step.index == 0 else []
         warnings += self._executor.reports.take_warnings()
         if self._status_port is not None:
             error: list[float] = (target.position - reading.position).tolist()

@@ -32,9 +32,8 @@ from stepbus_store.motion.outcome import Outcome, Refused
 from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
-from .jam import JamWatch
 from .links import Links
-from .settling import SettleWatch, Settling
+from .settling import JamWatch, SettleWatch, Settling
 
 
 class Manipulator:

@@ -6,7 +6,7 @@ import numpy as np
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import PerName, Problems
-from stepbus_store.motion.branches import BranchSettings, BranchSolver
+from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.joint_params import JointParams
@@ -16,7 +16,7 @@ from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
 from stepbus_store.motion.manipulator.segments import SegmentFitter
 from stepbus_store.motion.manipulator.settling import Settling
-from stepbus_store.motion.spiral import SpiralPlanner, SpiralSettings
+from stepbus_store.motion.spiral import SpiralPlanner
 
 
 def branching_manipulator(
@@ -35,18 +35,14 @@ def branching_manipulator(
     goes straight, and nothing checks for obstacles. collisions: with itself, of lines, spirals,
     motions without a planner, and stops; None: not checked.
     """
-    branches = BranchSettings(
-        singular_below=options.singular_below, effort_share=options.effort_share
-    )
-    solver = BranchSolver(robot, branches, seed=seed)
-    spirals = SpiralSettings(
-        raise_by=options.raise_by,
-        most_raises=options.most_raises,
+    solver = BranchSolver(
+        robot,
+        seed=seed,
         singular_below=options.singular_below,
-        turn_radius=options.turn_radius,
+        effort_share=options.effort_share,
     )
-    spiral_planner = SpiralPlanner(robot, solver, spirals)
-    finder = BranchCandidates(robot, options, solver, spiral_planner, collisions)
+    spirals = SpiralPlanner(robot, solver, options)
+    finder = BranchCandidates(robot, options, solver, spirals, collisions)
     segments = SegmentFitter(robot, limits, options.tip_limits, options.effort_share)
     router = None if uses_planner else DirectRouter(limits, segments, collisions)
     return Manipulator(finder, limits, settling, options, router=router, collisions=collisions)

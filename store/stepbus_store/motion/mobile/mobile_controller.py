@@ -28,7 +28,7 @@ from stepbus_store.motion.branches import AnalyticChain
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator.settings import branching_manipulator
-from stepbus_store.motion.mobile.mobile_settings import MobileSettings, read_mobile_settings
+from stepbus_store.motion.mobile.mobile_settings import MobileSettings
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.navigator import Navigator
 from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
@@ -50,7 +50,7 @@ class MobileController(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self.settings: MobileSettings = read_mobile_settings(config)
+        self.settings = MobileSettings(config)
         self._ports = self.settings.ports
         self._period = config.every * config.step_ns * 1e-9
         self._reading: JointReading | None = None
@@ -59,7 +59,7 @@ class MobileController(Participant):
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of commands and plans."""
         settings = self.settings
-        names = [settings.prefix + joint for joint in settings.robot.joints]
+        names = [settings.params.prefix + joint for joint in settings.robot.joints]
         ports = (self._ports.arm, self._ports.plan_request, self._ports.status)
         return {port: Description(names=names) for port in ports if port is not None}
 
@@ -75,7 +75,7 @@ class MobileController(Participant):
             inputs[port],
             settings.robot,
             period=self._period,
-            prefix=settings.prefix,
+            prefix=settings.params.prefix,
         )
         self._arm = branching_manipulator(
             settings.robot,
@@ -94,7 +94,7 @@ class MobileController(Participant):
                 self._arm.next_request_id,
                 settings.arm.plan_timeout,
                 settings.avoidance.replans,
-                step=settings.base_step,
+                step=settings.params.base_step,
             )
         self._executor = GoalExecutor(
             Parts(
@@ -141,8 +141,8 @@ class MobileController(Participant):
             return None
         self._reading = self._sensor.read(joints)
         contacts = step.get(ports.contacts, Contacts) if ports.contacts is not None else None
-        if contacts is not None and self.settings.prefix:
-            contacts = _named_without(self.settings.prefix, contacts)
+        if contacts is not None and self.settings.params.prefix:
+            contacts = _named_without(self.settings.params.prefix, contacts)
         q, v, effort = self._reading.q, self._reading.v, self._reading.effort
         _check(self._reading, base, gripper)
         return Measured(q=q, v=v, effort=effort, base=base, gripper=gripper, contacts=contacts)

@@ -1,6 +1,6 @@
 """The ports and the settings of a controller of a mobile manipulator."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import Config, Ports, Problems, suggest
@@ -12,81 +12,37 @@ from stepbus_store.motion.gripper import GripperSettings
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
 
-@dataclass(frozen=True, kw_only=True)
 class MobilePorts:
-    """Names of the ports; those that may be None are left out by some scenarios."""
+    """Names of the ports, found by their types; some scenarios leave out those that may be None.
 
-    joint_state: str
-    odometry: str
-    gripper_state: str
-    goal: str
-    contacts: str | None
-    stop: str | None
-    plan: str | None
-    arm: str
-    base: str
-    gripper: str
-    goal_status: str
-    plan_request: str | None
-    status: str | None
-
-
-def find_ports(ports: Ports) -> MobilePorts:
-    """Return the names of the ports, found by their types; problems are added to `ports`."""
-    plan = ports.optional_input_of("Plan/1")
-    request = ports.optional_output_of("PlanRequest/1")
-    if (plan is None) != (request is None):
-        text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
-        ports.problems.add((), f"{text}; connect both or neither")
-    mobile_ports = MobilePorts(
-        joint_state=ports.input_of("JointState/1"),
-        odometry=ports.input_of("BaseState/1"),
-        gripper_state=ports.input_of("GripperState/1"),
-        goal=ports.input_of("Goal/1"),
-        contacts=ports.optional_input_of("Contacts/1"),
-        stop=ports.optional_input_of("EmergencyStop/1"),
-        plan=plan,
-        arm=ports.output_of("JointCommand/1"),
-        base=ports.output_of("BaseCommand/1"),
-        gripper=ports.output_of("GripperCommand/1"),
-        goal_status=ports.output_of("GoalStatus/1"),
-        plan_request=request,
-        status=ports.optional_output_of("ControllerStatus/1"),
-    )
-    ports.outputs_are(
-        "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
-        "ControllerStatus/1",
-    )  # fmt: skip
-    return mobile_ports
-
-
-@dataclass(frozen=True, kw_only=True)
-class MobileSettings:
-    """What a `MobileController` works with.
-
-    prefix: what the plant puts before the robot's names.
-    limits: of the arm's joints. base_step: of a planned route [m]. collisions: with itself; None:
-    not checked. monitor: None: nothing senses contacts.
+    Problems are added to `ports`.
     """
 
-    ports: MobilePorts
-    prefix: str
-    robot: RobotModel
-    collisions: SelfCollisions | None
-    limits: MotionLimits
-    settling: Settling
-    arm: ManipulatorOptions
-    base: BaseSettings
-    base_step: float
-    gripper: GripperSettings
-    stow: StowCondition
-    monitor: MonitorSettings | None
-    avoidance: AvoidanceSettings
+    def __init__(self, ports: Ports) -> None:
+        self.plan = ports.optional_input_of("Plan/1")
+        self.plan_request = ports.optional_output_of("PlanRequest/1")
+        if (self.plan is None) != (self.plan_request is None):
+            text = "a planner needs an input of type Plan/1 and an output of type PlanRequest/1"
+            ports.problems.add((), f"{text}; connect both or neither")
+        self.joint_state = ports.input_of("JointState/1")
+        self.odometry = ports.input_of("BaseState/1")
+        self.gripper_state = ports.input_of("GripperState/1")
+        self.goal = ports.input_of("Goal/1")
+        self.contacts = ports.optional_input_of("Contacts/1")
+        self.stop = ports.optional_input_of("EmergencyStop/1")
+        self.arm = ports.output_of("JointCommand/1")
+        self.base = ports.output_of("BaseCommand/1")
+        self.gripper = ports.output_of("GripperCommand/1")
+        self.goal_status = ports.output_of("GoalStatus/1")
+        self.status = ports.optional_output_of("ControllerStatus/1")
+        ports.outputs_are(
+            "JointCommand/1", "BaseCommand/1", "GripperCommand/1", "GoalStatus/1", "PlanRequest/1",
+            "ControllerStatus/1",
+        )  # fmt: skip
 
 
 _PLANNED_JERK = 0.9
@@ -98,51 +54,51 @@ def planned(limits: MotionLimits) -> MotionLimits:
     return replace(limits, jerk=_PLANNED_JERK * limits.jerk)
 
 
-def read_mobile_settings(config: Config) -> MobileSettings:
-    """Return what the scenario's ports and params describe.
+class MobileSettings:
+    """What a `MobileController` works with: what the scenario's ports and params describe.
 
     Raises SettingsError with all that is wrong.
     """
-    given = Ports(config)
-    ports = find_ports(given)
-    params = config.read(Params, given.problems)
-    problems = config.problems().below(("params",))
-    robot = make_robot(params, problems, params.posture)
-    _check_frame(params.tip, robot, problems)
-    monitor = _monitor(params, robot, problems)
-    collisions, srdf, margin = None, params.srdf, params.collision_margin
-    if srdf is not None:
-        collisions = problems.attempt(("srdf",), lambda: SelfCollisions(robot, srdf, margin))
-    problems.refuse()
-    return MobileSettings(
-        ports=ports,
-        prefix=params.prefix,
-        robot=robot,
-        collisions=collisions,
-        limits=planned(make_limits(params, robot, params.acceleration_limit, params.jerk_limit)),
-        settling=make_settling(params),
-        arm=_arm(params, config),
-        base=_base(params),
-        base_step=params.base_step,
-        gripper=GripperSettings(
+
+    def __init__(self, config: Config) -> None:
+        ports = Ports(config)
+        self.ports = MobilePorts(ports)
+        self.params = params = config.read(Params, ports.problems)
+        problems = config.problems().below(("params",))
+        self.robot = robot = make_robot(params, problems, params.posture)
+        _check_frame(params.tip, robot, problems)
+        monitor = _monitor(params, robot, problems)
+        self.monitor = monitor if self.ports.contacts is not None else None
+        self.collisions: SelfCollisions | None = None
+        srdf, margin = params.srdf, params.collision_margin
+        if srdf is not None:
+            self.collisions = problems.attempt(
+                ("srdf",), lambda: SelfCollisions(robot, srdf, margin)
+            )
+        problems.refuse()
+        self.limits = planned(
+            make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
+        )
+        self.settling = make_settling(params)
+        self.arm = _arm(params, config)
+        self.base = _base(params)
+        self.gripper = GripperSettings(
             widest=params.gripper_widest,
             tolerance=params.gripper_tolerance,
             hold_force=params.gripper_force,
             first_force=params.first_force,
             slip=params.slip,
             friction=params.pad_friction,
-        ),
-        stow=StowCondition(
+        )
+        self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
-        ),
-        monitor=monitor if ports.contacts is not None else None,
-        avoidance=AvoidanceSettings(
+        )
+        self.avoidance = AvoidanceSettings(
             back_off=params.back_off,
             stop_within=params.stop_within,
             replans=params.replans,
             range=params.contact_range,
-        ),
-    )
+        )
 
 
 def _arm(params: Params, config: Config) -> ManipulatorOptions:

@@ -169,9 +169,7 @@ def test_a_robot_that_touches_itself_stops_and_does_not_drive_away(robot):
     stood = robot.x
     robot.run(3.0)
     assert (robot.states(0)[-1], robot.states(1)[-1]) == ("failed", "failed")
-    assert robot.news[-1].text == (
-        "hand touches upper with 20.0 N; stopped, still touches it with 20.0 N"
-    )
+    assert robot.news[-1].text.endswith("still touches it with 20.0 N")
     assert stood - 1e-3 < robot.x < stood + 0.03
     assert max(abs(robot.vx), np.abs(robot.v).max()) < 1e-5
 

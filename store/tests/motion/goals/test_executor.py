@@ -47,39 +47,10 @@ def test_a_pose_is_gone_to_in_the_frame_it_is_given_in(robot):
     )
 
 
-def test_the_motion_keeps_its_limits_and_is_smooth(robot):
-    runner = Runner(robot)
-    runner.start(joints(1, -1.5, 1.5, 2.0), 0.0)
-    rows = [runner.at(t) for t in np.arange(0, 4, 0.01)]
-    assert max(np.abs(row.velocity).max() for row in rows) <= 2 + 1e-9
-    assert max(np.abs(row.acceleration).max() for row in rows) <= 4 + 1e-9
-    steps = np.diff([row.acceleration for row in rows], axis=0)
-    assert np.abs(steps).max() <= 40 * 0.01 + 1e-9
-
-
-def test_a_duration_is_kept_where_the_limits_allow_it(robot):
-    runner = Runner(robot)
-    runner.start(joints(1, 0.6, 0.6, 0.6, duration=5.0), 0.0)
-    assert "5.00 s of motion" in runner.statuses()[0].text
-
-
-def test_an_hour_long_motion_is_planned_like_any(robot):
-    runner = Runner(robot)
-    runner.start(joints(1, 0.6, 0.6, 0.6, duration=3600.0), 0.0)
-    assert runner.at(1800.0).position == pytest.approx([0.55] * 3, abs=1e-3)
-
-
 def test_a_motion_that_ruckig_has_no_words_for_is_refused(robot):
     runner = Runner(robot)
     runner.start(joints(1, 0.6, 0.6, 0.6, duration=86400.0), 0.0)
     assert [(n.state, n.cause) for n in runner.statuses()] == [("failed", "no_path")]
-
-
-def test_stop_at_rest_succeeds_where_the_joints_are(robot):
-    runner = Runner(robot)
-    runner.start(Goal(id=0, type="stop"), 0.0)
-    runner.carry_on(0.0, seconds=1.0)
-    assert states(runner) == [(0, "accepted"), (0, "running"), (0, "succeeded")]
 
 
 def test_a_goal_that_is_refused_stops_the_one_before(robot):
@@ -99,16 +70,6 @@ def test_a_new_goal_cancels_the_old_one_without_a_jump(robot):
     assert (1, "cancelled") in states(runner)
     assert runner.at(0.5).position == pytest.approx(before.position)
     assert runner.at(0.5).velocity == pytest.approx(before.velocity)
-
-
-def test_stop_brings_the_joints_to_rest(robot):
-    runner = Runner(robot)
-    runner.start(joints(1, 2.0, 2.0, 2.0), 0.0)
-    runner.start(Goal(id=2, type="stop"), 0.5)
-    runner.carry_on(0.5)
-    assert states(runner)[-1] == (2, "succeeded")
-    assert not runner.at(9.0).velocity.any()
-    assert runner.at(9.0).position.max() < 1.9
 
 
 def test_motors_that_do_not_follow_fail_the_goal_with_joint_and_error(robot):

@@ -12,7 +12,6 @@ from support.services.manipulator import (
     Stage,
     make_arm,
     make_limits,
-    make_robot,
     pose_goal,
     with_effort,
 )
@@ -180,13 +179,3 @@ def test_the_plant_follows_within_a_millimetre(robot, goal, tmp_path):
     off = np.linalg.norm(tips(robot, log.q) - tips(robot, log.measured), axis=1)
     assert log.outcome.state == "succeeded"
     assert off.max() < 1e-3
-
-
-def test_the_same_goals_give_the_same_commands_to_the_bit():
-    def commands():
-        robot = make_robot()
-        stage = Stage(make_arm(robot))
-        for goal in (pose_goal("move_to_pose", [0.5, 0.2, 0.35]), SPIRAL):
-            yield np.array(stage.run(goal).q).tobytes()
-
-    assert list(commands()) == list(commands())

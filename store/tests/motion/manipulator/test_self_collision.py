@@ -9,16 +9,15 @@ from support.store_paths import SCENARIOS
 from stepbus_kinematics import RobotModel, SelfCollisions, collision_geometry
 from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion.braking import stop_on_path
-from stepbus_store.motion.branches import BranchSettings, BranchSolver
+from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
 from stepbus_store.motion.manipulator.candidates import BranchCandidates
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import branching_manipulator
 from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import Refused
-from stepbus_store.motion.player import MotionPlayer
-from stepbus_store.motion.spiral import SpiralPlanner, SpiralSettings
+from stepbus_store.motion.player import MotionPlayer, stop_on_path
+from stepbus_store.motion.spiral import SpiralPlanner
 
 STORE = SCENARIOS / "store"
 READY = np.array([0.0, -1.6, 1.9, -1.87, -np.pi / 2, -np.pi / 2])
@@ -61,8 +60,8 @@ def spiral(x, radius):
 
 def candidates(robot, collisions, goal):
     options = ManipulatorOptions(period=0.008, tip="grasp")
-    solver = BranchSolver(robot, BranchSettings(effort_share=options.effort_share), seed=0)
-    spirals = SpiralPlanner(robot, solver, SpiralSettings())
+    solver = BranchSolver(robot, effort_share=options.effort_share, seed=0)
+    spirals = SpiralPlanner(robot, solver, options)
     finder = BranchCandidates(robot, options, solver, spirals, collisions)
     return finder.candidates(goal, READY, READY, STANDING)
 
@@ -90,7 +89,7 @@ def test_of_a_spiral_only_the_solutions_that_do_not_touch_the_robot_are_left(rob
 
 
 def test_a_spiral_through_the_chassis_is_refused_with_the_links(robot, collisions):
-    with pytest.raises(Refused, match=r"\w+ would touch \w+ after \d\.\d+ m of the path") as caught:
+    with pytest.raises(Refused, match=r"touch \w+ after \d\.\d+ m of the path") as caught:
         next(candidates(robot, collisions, spiral(0.55, 0.3)))
     assert caught.value.cause == "in_collision"
 

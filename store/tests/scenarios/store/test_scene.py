@@ -79,32 +79,6 @@ def test_items_stand_still_and_so_does_the_robot():
     assert np.abs(tilt).max() < 0.002
 
 
-def test_sleeping_items_do_not_change_the_repeatability():
-    runs = []
-    for _ in range(2):
-        plant = make_plant(seed=7)
-        sensor = plant.pose_sensor(None)
-        for _ in range(300):
-            plant.advance()
-        runs.append((sensor.sense(), plant.sense()))
-        plant.close()
-    assert runs[0] == runs[1]
-
-
-def test_a_sleeping_body_that_the_script_lifts_falls():
-    world = load_world(STORE / "world.yaml", {"fill": 0})
-    script = [{"at": "2.8s", "body": "crate", "position": [3, 3, 0.5]}]
-    params = Params.of({"world": "world.yaml", "script": script})
-    plant = SimulatedPlant(world, params, 8_000_000, 0)
-    sensor = plant.pose_sensor(["crate_box"])
-    heights = []
-    for _ in range(425):
-        plant.advance()
-        heights.append(sensor.sense().position[0][2])
-    assert max(heights) > 0.4
-    assert heights[-1] == pytest.approx(0.0, abs=0.002)
-
-
 @pytest.mark.parametrize("seed", range(3))
 def test_every_type_is_on_every_shelf(seed):
     world = load_world(STORE / "world.yaml", {"seed": seed})

@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from support.services.control import make_config
+
 from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
@@ -16,8 +18,6 @@ from stepbus_schemas import (
     GoalStatus,
     GripperState,
     Imu,
-    InputConfig,
-    OutputConfig,
     Poses,
 )
 
@@ -52,34 +52,21 @@ def config(*, localized: bool = False, requests: bool = False, **params) -> Conf
     requests: whether it asks for images.
     """
     inputs = {
-        "poses": ("plant", "Poses/1"),
-        "detections": ("perception", "Detections/1"),
-        "stop": ("plant", "EmergencyStop/1"),
-        "imu": ("plant", "Imu/1"),
-        "gripper": ("plant", "GripperState/1"),
-        "odometry": ("plant", "BaseState/1"),
-        "goal_status": ("controller", "GoalStatus/1"),
+        "poses": "Poses/1",
+        "detections": "Detections/1",
+        "stop": "EmergencyStop/1",
+        "imu": "Imu/1",
+        "gripper": "GripperState/1",
+        "odometry": "BaseState/1",
+        "goal_status": "GoalStatus/1",
     }
     if localized:
-        inputs |= {"planogram": ("plant", "Poses/1"), "pose": ("world", "BaseState/1")}
-    return Config(
-        name="mission",
-        step_ns=STEP_NS,
-        every=1,
-        seed=0,
-        folder=Path(),
-        inputs={
-            name: InputConfig(source=source, port=name, type=kind)
-            for name, (source, kind) in inputs.items()
-        },
-        outputs={
-            "goal": OutputConfig(type="Goal/1"),
-            "events": OutputConfig(type="Event/1"),
-            "summary": OutputConfig(type="Event/1"),
-            **({"camera": OutputConfig(type="CameraTrigger/1")} if requests else {}),
-        },
-        params={**PARAMS, **params},
-    )
+        inputs |= {"planogram": "Poses/1", "pose": "BaseState/1"}
+    outputs = {"goal": "Goal/1", "events": "Event/1", "summary": "Event/1"}
+    if requests:
+        outputs["camera"] = "CameraTrigger/1"
+    params = {**PARAMS, **params}
+    return make_config("mission", inputs, outputs, Path(), params=params, step_ns=STEP_NS)
 
 
 @dataclass

@@ -4,18 +4,15 @@ import math
 from types import MappingProxyType
 
 import numpy as np
-from support.services.control import Stand
+from support.services.control import Stand, make_config
 
-from stepbus_participant import Config
 from stepbus_schemas import (
     BaseState,
     Contacts,
     Description,
     Goal,
     GripperState,
-    InputConfig,
     JointState,
-    OutputConfig,
 )
 from stepbus_store.motion.mobile.mobile_controller import MobileController
 
@@ -74,12 +71,12 @@ def config(folder, *, plans=False, leave_out=(), **params):
     write_robot(folder)
     inputs = dict(INPUTS) | ({"plan": "Plan/1"} if plans else {})
     outputs = dict(OUTPUTS) | ({"plan_request": "PlanRequest/1"} if plans else {})
-    return Config(
-        name="controller", step_ns=8 * MS, every=1, seed=0, folder=folder,
-        inputs={name: InputConfig(source="x", port=name, type=port) for name, port in inputs.items() if name not in leave_out},
-        outputs={name: OutputConfig(type=port) for name, port in outputs.items() if name not in leave_out},
-        params={"model": "robot.urdf", "joints": list(JOINTS), **params},
-    )  # fmt: skip
+    ports = (
+        {name: kind for name, kind in rows.items() if name not in leave_out}
+        for rows in (inputs, outputs)
+    )
+    params = {"model": "robot.urdf", "joints": list(JOINTS), **params}
+    return make_config("controller", *ports, folder, params=params, step_ns=8 * MS)
 
 
 class Robot:

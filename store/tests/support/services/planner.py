@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 from scipy.interpolate import CubicHermiteSpline
-from support.services.control import Stand
+from support.services.control import Stand, make_config
 
 from stepbus_participant import Config
-from stepbus_schemas import Description, InputConfig, OutputConfig, Plan, PlanRequest, Poses
+from stepbus_schemas import Description, Plan, PlanRequest, Poses
 from stepbus_store.planner.planner import Planner
 from stepbus_store.planner.scene import Margins, Scene, Surroundings
 
@@ -55,19 +55,11 @@ def write_arm(folder: Path, effort: float = 100.0, axis: str = "0 0 1") -> Path:
 
 def config(folder: Path, *, every: int = 1, event: bool = True, **params: Any) -> Config:
     """Return the configuration of a planner for the arm in arm.urdf, in steps of 8 ms."""
-    outputs = {"plan": OutputConfig(type="Plan/1"), "event": OutputConfig(type="Event/1")}
-    return Config(
-        name="planner",
-        step_ns=8 * MS,
-        every=every,
-        seed=3,
-        folder=folder,
-        inputs={
-            "request": InputConfig(source="arm", port="plan_request", type="PlanRequest/1"),
-            "poses": InputConfig(source="plant", port="poses", type="Poses/1"),
-        },
-        outputs=outputs if event else {"plan": outputs["plan"]},
-        params={"model": "arm.urdf", "joints": JOINTS, "tip": "tip", **params},
+    inputs = {"request": "PlanRequest/1", "poses": "Poses/1"}
+    outputs = {"plan": "Plan/1", **({"event": "Event/1"} if event else {})}
+    params = {"model": "arm.urdf", "joints": JOINTS, "tip": "tip", **params}
+    return make_config(
+        "planner", inputs, outputs, folder, params=params, step_ns=8 * MS, every=every, seed=3
     )
 
 
@@ -129,12 +121,6 @@ def scene_of(planner: Planner, start: list[float], *things: Thing, **around: Any
     surroundings = Surroundings(links=obstacles.links, placements=placements, tip="tip", **around)
     margins = Margins(robot=0, held=0, standing=0)
     return Scene(planner.planner.robot, surroundings, np.array(start), margins)
-
-
-def looked_at(planner: Planner, *things: Thing) -> list[str]:
-    """Return the names of the things that a plan heeds."""
-    links = scene_of(planner, START, *things).links
-    return [name for name, _, _ in things if name in links]
 
 
 def touched(planner: Planner, plan: Plan, *things: Thing, **around: Any) -> list[str]:

@@ -1,5 +1,6 @@
 import pytest
-from support.services.devices import STEP_NS, make_stand, write_can, write_ground
+from support.services.control import STEP_NS
+from support.services.devices import make_stand, write_can, write_ground
 
 from stepbus_schemas import WiringError
 
@@ -47,11 +48,6 @@ def test_what_is_near_is_shown_without_force(tmp_path):
     assert contacts.position[0][2] == pytest.approx(0.03, abs=1.5e-3)
 
 
-def test_a_can_that_is_near_and_stands_presses_with_its_weight_once(tmp_path):
-    contacts = settle(tmp_path, touch="{links: [one/can], within: 0.05}")
-    assert contacts.force == pytest.approx([WEIGHT], rel=0.01)
-
-
 def test_all_links_of_a_body_are_asked_for_at_once(tmp_path):
     contacts = settle(tmp_path, touch="{links: [two/*]}", steps=20)
     assert contacts.pairs == [("floor", "two/can")]
@@ -61,13 +57,6 @@ def test_two_links_that_are_asked_for_share_a_contact_once(tmp_path):
     contacts = settle(tmp_path, touch="{links: [one/*, two/*, floor]}")
     assert contacts.pairs == [("floor", "one/can"), ("floor", "two/can")]
     assert contacts.force == pytest.approx([WEIGHT, WEIGHT], rel=0.01)
-
-
-@pytest.mark.parametrize("within", [0.027, 0.031])
-def test_nearness_ends_where_it_is_said_to(tmp_path, within):
-    touch = f"{{links: [one/can], within: {within}}}"
-    contacts = settle(tmp_path, height="0.0875", touch=touch, steps=0)
-    assert bool(contacts.pairs) == (within > 0.03)
 
 
 def test_a_can_that_falls_is_near_from_the_right_step_on(tmp_path):
@@ -92,28 +81,10 @@ def test_nearness_to_everything_is_refused(tmp_path):
         settle(tmp_path, touch="{within: 0.05}")
 
 
-def test_a_can_in_the_air_touches_nothing(tmp_path):
-    assert settle(tmp_path, height="1", steps=2).pairs == [("floor", "two/can")]
-
-
-def test_only_the_links_that_are_asked_for_are_shown(tmp_path):
-    contacts = settle(tmp_path, touch="{links: [two/can]}", steps=20)
-    assert contacts.pairs == [("floor", "two/can")]
-
-
 def test_an_unknown_link_is_refused_with_its_line(tmp_path):
     text = r"world\.yaml:3: contacts\.touch\.links\[0\]: link 'two/cab' is unknown; .*'two/can'"
     with pytest.raises(WiringError, match=text):
         settle(tmp_path, touch="{links: [two/cab]}")
-
-
-def test_an_unknown_body_is_refused_too(tmp_path):
-    with pytest.raises(WiringError, match=r"link 'twa/\*' is unknown; .*'two/\*'"):
-        settle(tmp_path, touch="{links: [twa/*]}")
-
-
-def test_two_runs_show_the_same_contacts(tmp_path):
-    assert settle(tmp_path, height="0.08") == settle(tmp_path, height="0.08")
 
 
 def falls(folder, read_every, until_s=0.6):

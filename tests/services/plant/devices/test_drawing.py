@@ -1,5 +1,4 @@
 import os
-import signal
 from contextlib import contextmanager
 
 import psutil
@@ -107,32 +106,7 @@ def test_an_image_on_request_has_its_latency_too(tmp_path):
         assert [step for step in range(1, 8) if "rgb" in stand.update(step)] == [4]
 
 
-def test_readers_are_told_the_latency(tmp_path):
-    with standing(tmp_path, SLOW) as stand:
-        details = stand.participant.describe()["rgb"].details
-    assert details == {"link": ["lens"], "period": ["10ms"], "latency": ["15ms"]}
-
-
 LARGE = FALLING.replace("fov: 1.0", "fov: 1.0, latency: 5ms, width: 3000, height: 3000")
-
-
-@needs_pybullet
-@pytest.mark.parametrize(
-    ("number", "what"),
-    [
-        (signal.SIGKILL, "computed it, was killed by SIGKILL"),
-        (signal.SIGSTOP, "computes it, is stopped"),
-    ],
-)
-def test_a_copy_that_does_not_finish_is_one_error(tmp_path, number, what):
-    with standing(tmp_path, LARGE, **COPIED) as stand:
-        stand.update(0)
-        (pid,) = copies()
-        os.kill(pid, number)
-        with pytest.raises(RunError) as caught:
-            stand.update(1)
-        assert copies() == []
-    assert str(caught.value) == f"camera 'wrist', image of 0 s: process {pid}, which {what}"
 
 
 @needs_pybullet
@@ -141,7 +115,7 @@ def test_an_error_in_a_copy_is_one_error(tmp_path, monkeypatch):
     with standing(tmp_path, SLOW, **COPIED) as stand:
         for step in range(3):
             stand.update(step)
-        with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError: division by zero"):
+        with pytest.raises(RunError, match="image of 0 s: ZeroDivisionError"):
             stand.update(3)
 
 

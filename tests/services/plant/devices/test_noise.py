@@ -17,12 +17,6 @@ GREY = np.full((40, 60, 3), 128, dtype=np.uint8)
 WALL = np.full((40, 60), 0.5, dtype="<f4")
 
 
-def test_a_reading_has_its_numbers_whatever_was_read_before():
-    one, other = Noise(7, "color", "camera"), Noise(7, "color", "camera")
-    one.at(0).random(100)
-    assert one.at(5).random() == other.at(5).random()
-
-
 @pytest.mark.parametrize("number", [0, 1, 16_000_000, 2**63])
 def test_a_reading_has_the_numbers_of_a_generator_that_begins_at_its_counter(number):
     noise, counter = Noise(-7, "color", "camera"), np.array([0, 0, number, 0], dtype=np.uint64)
@@ -66,16 +60,6 @@ def odometry(seed=0, *, distance=1.0, steps=50, **errors):
     return state
 
 
-def test_without_errors_odometry_is_exact():
-    state = odometry()
-    assert (state.x, state.y, state.yaw) == pytest.approx((1.0, 0.0, 0.0))
-
-
-def test_the_same_seed_slips_alike():
-    assert odometry(3, slip=0.01) == odometry(3, slip=0.01)
-    assert odometry(3, slip=0.01) != odometry(4, slip=0.01)
-
-
 @pytest.mark.parametrize("steps", [20, pytest.param(200, marks=pytest.mark.slow)])
 def test_slip_grows_with_the_root_of_the_distance_however_many_steps_it_takes(steps):
     def spread(distance):
@@ -87,20 +71,10 @@ def test_slip_grows_with_the_root_of_the_distance_however_many_steps_it_takes(st
     assert spread(4.0) == pytest.approx(2 * 0.01 * math.sqrt(2) / 0.5, rel=0.15)
 
 
-def test_a_base_that_stands_does_not_slip():
-    assert odometry(slip=0.05, wheel=0.05, distance=0.0).x == 0.0
-
-
 def test_wheels_of_another_radius_bend_the_path_alike_each_time():
     one, other = (odometry(5, wheel=0.01, distance=d) for d in (1.0, 2.0))
     assert other.yaw == pytest.approx(2 * one.yaw)
     assert one.yaw != 0.0
-
-
-def test_a_lens_without_errors_changes_nothing():
-    lens = Lens(CameraErrors(), 0)
-    assert lens.colors(GREY, "camera", 0) is GREY
-    assert lens.depth(WALL, "camera", 0) is WALL
 
 
 def test_noise_of_colour_and_depth_is_as_large_as_wanted():

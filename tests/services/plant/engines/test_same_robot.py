@@ -75,7 +75,7 @@ def test_a_revolute_joint_without_stops_has_none_anywhere_and_is_named(tmp_path,
     assert state(plant, "hinge")[0] == pytest.approx(0.5 / (MOMENT + LEVER**2), rel=2e-3)
     assert RobotModel(tmp_path / "arm.urdf", ["hinge"]).upper[0] == math.inf
     (note,) = [text for _, text in plant.physics.notes]
-    assert "joint 'hinge' is revolute without lower and upper" in note
+    assert "'hinge' is revolute without lower" in note
 
 
 def test_a_prismatic_joint_without_stops_falls_freely_and_is_named(tmp_path, engine):
@@ -83,11 +83,11 @@ def test_a_prismatic_joint_without_stops_falls_freely_and_is_named(tmp_path, eng
     advance(plant, 100)
     assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
     (note,) = [text for _, text in plant.physics.notes]
-    assert "joint 'hinge' is prismatic without lower and upper" in note
+    assert "'hinge' is prismatic without lower" in note
 
 
 def test_an_empty_axis_is_refused_by_name(tmp_path, engine):
-    with pytest.raises(SettingsError, match="joint 'hinge': its axis '' must be three numbers"):
+    with pytest.raises(SettingsError, match="'hinge': its axis ''"):
         start(tmp_path, engine, arm(""))
 
 
@@ -115,7 +115,7 @@ def test_an_impossible_inertia_is_repaired_alike(tmp_path, engine, moments, prod
         whole, rel=1e-5
     )
     (note,) = [text for _, text in plant.physics.notes]
-    assert "link 'rod': no body can have the inertia" in note
+    assert "'rod': no body can have the inertia" in note
 
 
 CORNERS = np.array([(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]) - 0.5

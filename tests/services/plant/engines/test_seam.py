@@ -5,16 +5,15 @@ import math
 
 import numpy as np
 import pytest
-from support.services.mechanics import DISC, Row, fixed, make
+from support.services.mechanics import DISC, fixed, make
 
 import stepbus
 from stepbus import Recording
-from stepbus_participant import Config
-from stepbus_plant import Plant, engines
+from stepbus_plant import engines
 from stepbus_plant.engines import ENGINES, default_engine, is_here
 from stepbus_plant.geometry import Geometry, product, quaternion, rotation
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
-from stepbus_schemas import OutputConfig, WiringError
+from stepbus_schemas import WiringError
 
 
 def hide(monkeypatch, name):
@@ -55,27 +54,6 @@ def test_the_engine_of_the_params_goes_over_the_worlds(tmp_path, engine):
     other = next(name for name in ENGINES if name != engine)
     plant = make(tmp_path, engine, {"disc": fixed(DISC)}, f"engine: {other}")
     assert plant.physics.engine.name == engine
-
-
-def test_a_plant_says_which_engine_it_computed_with(tmp_path, engine):
-    make(tmp_path, engine, {"disc": Row(DISC)})
-    plant = Plant(
-        Config(
-            name="plant",
-            step_ns=5_000_000,
-            every=1,
-            seed=0,
-            folder=tmp_path,
-            inputs={},
-            outputs={"joint_state": OutputConfig(type="JointState/1")},
-            params={"world": "world.yaml", "engine": engine},
-            publishes="first",
-        )
-    )
-    versions = plant.versions()
-    plant.close()
-    assert [name for name in ENGINES if name in versions] == [engine]
-    assert versions[engine][0].isdigit()
 
 
 def test_a_recording_says_which_engine_it_was(tmp_path, engine):

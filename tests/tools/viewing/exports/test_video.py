@@ -78,15 +78,6 @@ def test_of_a_camera_that_takes_few_images_the_scene_is_shown(tmp_path, step_ms,
         assert film.size == size
 
 
-def test_the_gif_of_a_camera_moves(camera, tmp_path):
-    assert main(["export", str(camera), "--video", str(tmp_path / "a.gif")]) == 0
-    with Pillow.open(tmp_path / "a.gif") as film:
-        assert (film.n_frames, film.info["duration"]) == (20, 100)
-        first = np.asarray(film.convert("RGB"))
-        film.seek(19)
-        assert (first != np.asarray(film.convert("RGB"))).mean() > 0.1
-
-
 @pytest.mark.parametrize("fps", [30, 60])
 def test_a_gif_lasts_as_long_as_what_it_shows(tmp_path, fps):
     images = [image(step % 20) for step in range(3 * fps + 1)]
@@ -253,12 +244,3 @@ def test_primitives_are_closed_and_turned_outwards(shape):
     volume = np.einsum("ij,ij->", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])) / 6
     exact = {"box": 6.0, "sphere": 0.524, "cylinder": 1.571, "capsule": 2.094}[shape]
     assert volume == pytest.approx(exact, rel=0.05)
-
-
-def test_a_camera_without_an_image_is_one_sentence(tmp_path, capsys):
-    path = write(tmp_path / "run.mcap", camera=("Image/1", [], []))
-    words = ["--video", str(tmp_path / "a.mp4"), "--camera", "plant.camera"]
-    assert main(["export", str(path), *words]) != 0
-    assert capsys.readouterr().err.count("\n") == 1
-    with Recording(path) as recording:
-        assert not len(recording["plant.camera"])

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 from support.browser import needs_chromium, opened, picture
-from support.pages import STEPS, write_recording
+from support.pages import STEPS, save_result, write_recording
 
-from stepbus_orchestrator.run.result import Result
 from stepbus_tools.look import LINES
 from stepbus_tools.viewing.page import write_page
 
@@ -77,11 +76,7 @@ def test_the_page_opens_offline_and_its_charts_zoom_together(recording, width, d
 def test_what_ended_a_run_is_a_red_line_with_its_word_at_its_time(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
-    Result(
-        scenario="arm", outcome="failed", exit_code=4, reason="it raised", participant="plant",
-        at_step=STEPS, steps=STEPS, step_ns=10_000_000, seed=0, window=8, transport="unix",
-        start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
-    ).save()  # fmt: skip
+    save_result(tmp_path, at_step=STEPS, steps=STEPS)
     with opened(write_page([path]).as_uri(), width=1280, height=900) as watched:
         page = watched.page
         cell = page.locator(".cell").first

@@ -6,18 +6,16 @@ import sys
 import time
 from pathlib import Path
 
-import numpy as np
 import pytest
 from support.messages.recordings import write
+from support.pages import save_result
 
 import stepbus
 from stepbus_orchestrator.cli.entry import main
 from stepbus_orchestrator.recording import Recording, TimingRecorder
 from stepbus_orchestrator.run.reports import Lateness
-from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import Event, JointReference, JointState, Scalars
-from stepbus_tools.report.curves import Curve
 from stepbus_tools.viewing.page import report_page, write_page
 
 LATE = Lateness(
@@ -59,20 +57,6 @@ def test_events_stills_and_the_path_are_there_and_texts_stay_texts(recording):
     assert "the path of the base from above" in text
     assert "<script>alert" not in text
     assert content(recording.with_name("report.html"))["marks"][0]["t"] == 1.0
-
-
-def test_thinning_keeps_every_peak_in_order():
-    t = np.arange(100_000) * 0.01
-    values = np.zeros(100_000)
-    values[[7, 50_001, 99_998]] = 5.0, -7.0, 9.0
-    values[30] = np.nan
-    curve = Curve(2000)
-    curve.add(t, values[:, None])
-    few_t, few = curve.line(0)
-    assert len(few) <= 2000
-    assert (np.diff(few_t) >= 0).all()
-    peaks = {float(x): float(y) for x, y in zip(few_t, few, strict=True) if y}
-    assert peaks == {0.07: 5.0, 500.01: -7.0, 999.98: 9.0}
 
 
 def test_a_reference_may_name_some_of_the_joints(tmp_path):
@@ -181,12 +165,14 @@ def test_a_comparison_says_what_each_run_was_given(tmp_path):
         paths.append(
             write(tmp_path / name / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
         )
-        Result(
-            scenario="arm", outcome="finished", exit_code=0, reason="", participant="", at_step=9,
-            steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
-            wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path / name),
+        save_result(
+            tmp_path / name,
+            outcome="finished",
+            exit_code=0,
+            reason="",
+            participant="",
             overrides=sets,
-        ).save()  # fmt: skip
+        )
     text = write_page(paths, tmp_path / "both.html").read_text()
     assert "<th>settings, faults</th><td>–</td><td>kp=&lt;60&gt;</td>" in text
 
@@ -194,11 +180,7 @@ def test_a_comparison_says_what_each_run_was_given(tmp_path):
 @pytest.mark.parametrize("code", [99, -1, "5"])
 def test_a_result_with_a_code_that_no_run_has_is_none(tmp_path, code):
     path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
-    Result(
-        scenario="arm", outcome="failed", exit_code=5, reason="died", participant="plant", at_step=9,
-        steps=9, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1, wall_s=1.0,
-        real_time_factor=1.2, sha256="", folder=str(tmp_path),
-    ).save()  # fmt: skip
+    save_result(tmp_path, exit_code=5, reason="died")
     assert 'class="failure"' in write_page([path]).read_text()
     written = json.loads((tmp_path / "result.json").read_text())
     (tmp_path / "result.json").write_text(json.dumps({**written, "exit_code": code}))
@@ -208,13 +190,17 @@ def test_a_result_with_a_code_that_no_run_has_is_none(tmp_path, code):
 def test_a_failed_run_says_its_reason_first(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
-    Result(
-        scenario="arm", outcome="failed", exit_code=4, reason="controller: silent for 1 s & more",
-        participant="controller", at_step=120, steps=120, step_ns=10_000_000, seed=0, window=8,
-        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
-        faults=["freeze controller at 110"], file="arm.yaml", overrides=["a.b=1 2"],
+    save_result(
+        tmp_path,
+        reason="controller: silent for 1 s & more",
+        participant="controller",
+        at_step=120,
+        steps=120,
+        faults=["freeze controller at 110"],
+        file="arm.yaml",
+        overrides=["a.b=1 2"],
         real_time=LATE,
-    ).save()  # fmt: skip
+    )
     timing = TimingRecorder(tmp_path / "timing.mcap", time)
     timing.steps(
         "controller", [(step, 5_000, 250_000) for step in range(99)] + [(99, 0, 9_000_000)]
@@ -249,12 +235,15 @@ def test_a_failed_run_says_its_reason_first(recording, tmp_path):
 def test_a_run_that_was_interrupted_says_so_and_is_no_ones_fault(recording, tmp_path):
     path = tmp_path / "run.mcap"
     path.write_bytes(recording.read_bytes())
-    Result(
-        scenario="arm", outcome="failed", exit_code=130, reason="interrupted by the user",
-        participant=None, at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8,
-        transport="unix", start_s=0.1, wall_s=1.0, real_time_factor=1.2, sha256="",
-        folder=str(tmp_path), file="arm.yaml",
-    ).save()  # fmt: skip
+    save_result(
+        tmp_path,
+        exit_code=130,
+        reason="interrupted by the user",
+        participant=None,
+        at_step=20,
+        steps=20,
+        file="arm.yaml",
+    )
     head = write_page([path]).read_text().partition("<nav")[0]
     assert '<p class="where">Interrupted at step 20, t = 0.200 s</p>' in head
     assert "--pause-at" not in head
@@ -272,36 +261,6 @@ def test_a_run_that_was_killed_ends_where_its_result_says(tmp_path):
     with Recording(tmp_path / "run") as recorded:
         assert recorded.last_whole_step == 100 < recorded.last_step
     assert "<figcaption>t = 0.50 s" in write_page([tmp_path / "run"]).read_text()
-
-
-def test_the_charts_reach_to_what_ended_the_run(tmp_path):
-    path = write(tmp_path / "run.mcap", s=("JointState/1", ["hip"], [state()] * 20))
-    Result(
-        scenario="arm", outcome="failed", exit_code=4, reason="it raised", participant="plant",
-        at_step=20, steps=20, step_ns=10_000_000, seed=0, window=8, transport="unix", start_s=0.1,
-        wall_s=1.0, real_time_factor=1.2, sha256="", folder=str(tmp_path),
-    ).save()  # fmt: skip
-    write_page([path])
-    found = content(tmp_path / "report.html")
-    assert found["marks"][-1]["t"] == pytest.approx(0.2)
-    assert found["end"] > found["marks"][-1]["t"]
-
-
-def test_half_a_recording_is_shown_and_its_page_says_so(recording, tmp_path):
-    data = recording.read_bytes()
-    cut = tmp_path / "cut.mcap"
-    cut.write_bytes(data[: len(data) // 2])
-    assert main(["report", str(cut)]) == 0
-    text = (tmp_path / "report.html").read_text()
-    assert "the recording is damaged: " in text
-    assert content(tmp_path / "report.html")["groups"]
-
-
-def test_what_is_no_recording_is_one_sentence(tmp_path, capsys):
-    (tmp_path / "text.mcap").write_text("no recording")
-    assert main(["report", str(tmp_path / "text.mcap")]) != 0
-    assert capsys.readouterr().err.count("\n") == 1
-    assert not (tmp_path / "report.html").exists()
 
 
 def test_a_page_that_cannot_be_written_changes_no_exit_code(tmp_path, capsys, monkeypatch):

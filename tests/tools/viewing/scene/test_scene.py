@@ -12,7 +12,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.pose import Pose, about, from_rpy
+from stepbus_tools.viewing.scene.pose import Pose
 
 
 @pytest.fixture(scope="module")
@@ -75,11 +75,3 @@ def test_a_missing_mesh_is_a_box_and_a_sentence(two_link):
     scene = build_scene(with_attachments(two_link, attachments))
     assert any("no mesh gone.stl" in note for note in scene.notes)
     assert any(frame.visuals for frame in scene.frames)
-
-
-def test_poses_compose_and_invert():
-    a = Pose((1.0, 2.0, 3.0), from_rpy((0.1, -0.2, 0.3)))
-    b = Pose((-0.5, 0.0, 0.25), about((0.0, 0.0, 1.0), 0.7))
-    same = (a @ b) @ b.inverse()
-    assert np.allclose(same.position, a.position)
-    assert np.allclose(same.wxyz, a.wxyz)

@@ -45,12 +45,3 @@ def test_a_recording_without_messages_gives_a_sentence(recording, tmp_path, caps
     assert main(["export", str(cut), "--scene", str(tmp_path / "scene.html")]) != 0
     assert "no scene to show: it has no messages" in capsys.readouterr().err
     assert not (tmp_path / "scene.html").exists()
-
-
-def test_of_half_a_recording_the_half_is_shown(recording, tmp_path, capsys):
-    cut, target = tmp_path / "half.mcap", tmp_path / "scene.html"
-    data = recording.read_bytes()
-    cut.write_bytes(data[: len(data) * 3 // 4])
-    assert main(["export", str(cut), "--scene", str(target)]) == 0
-    assert "is damaged" in capsys.readouterr().err
-    assert target.exists()
