@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 MARKER = "stepbus_logs"
 FIXTURE = "stepbus_replay"
 _OF_COPIES = (
-    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_plant\.copied_process"
+    r"ignore:.*multi-threaded, use of fork\(\):DeprecationWarning:stepbus_participant\.copies"
 )
-"""What `stepbus_plant.copied_process` rules out at import, which pytest undoes for each test."""
+"""What `stepbus_participant.copies` rules out at import, which pytest undoes for each test."""
 _HELP = (
     f"{MARKER}(pattern, participant): run the test once for each log that matches a pattern such "
     f"as logs/*.mcap, relative to the test's file; the fixture {FIXTURE} replays the participant"

@@ -13,8 +13,8 @@ from functools import cached_property, partial
 from time import perf_counter
 from typing import Any
 
+from stepbus_participant.copies import Copy
 from stepbus_plant.camera import Camera, Rendering
-from stepbus_plant.copied_process import Copy
 
 _WORTH_S = 0.01
 """What a picture has to take for a copy to be faster, which takes 2 ms, and 8 of another core."""

@@ -12,10 +12,10 @@ from urllib.parse import quote
 
 from stepbus_participant import need
 from stepbus_tools.look import MARK, style_sheet
+from stepbus_tools.report.figure_html import png_figure
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
-from stepbus_tools.viewing.page.svg import png_figure
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"

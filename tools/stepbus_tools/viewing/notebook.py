@@ -11,12 +11,12 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_tools.columns import dotted
 from stepbus_tools.look import PAPER
 from stepbus_tools.report.charts import find_signals, signal_names
+from stepbus_tools.report.figure_html import figure
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.page import PAGE_FILE
 from stepbus_tools.whole_file import replaced
 
 from .page.run_scene import scene_at_end
-from .page.svg import figure
 
 _MOST_NAMES = 8
 _MOST_SIGNALS = 4

@@ -3,7 +3,7 @@
 Python tells audit hooks of forks, signals and programs before they happen; of threads, 3.11 does
 not, nor of descriptors that are closed. A fork is refused: its child would be a second
 orchestrator, with the same open files; but for a copy that closes these and never comes back
-(`stepbus_participant.beside`).
+(`stepbus_participant.copies`).
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from contextlib import AbstractContextManager
 from functools import wraps
 from typing import Any, Protocol
 
-from stepbus_participant.beside import makes_copy
+from stepbus_participant.copies import makes_copy
 
 _CAUGHT = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 """A process of a participant's own ends by these."""

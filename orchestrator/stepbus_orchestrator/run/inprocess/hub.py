@@ -20,6 +20,10 @@ _IDLE_S = 0.01
 """How often a hub with nothing to do checks whether a signal has come [s]."""
 
 
+class Late(BaseException):
+    """Interrupts a participant that keeps the thread past its deadline."""
+
+
 class Turn:
     """One participant's share of the thread. It starts at the root's next wait.
 

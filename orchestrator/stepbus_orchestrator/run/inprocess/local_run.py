@@ -258,7 +258,18 @@ class LocalRun(Strategy):
         count = partial(count_steps, self.memory.words, PUBLISHED + number)
         self.bus.subscribe_content(f"out/{spec.name}", count)
         try:
-            return HostedParticipant(self, ticket, program, number, shown=shown)
+            return HostedParticipant(
+                self.hub,
+                ticket,
+                LoopbackBus(self.bus, self.hub.queue, is_leaf=self.is_star),
+                self.logs / f"{spec.name}.log",
+                program,
+                words=self.memory.words,
+                number=number,
+                shown=shown,
+                rest=self.surroundings.keep,
+                reap=self.reap,
+            )
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: cannot open its log: {exc.strerror}",

@@ -7,48 +7,50 @@ import sys
 import threading
 import traceback
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, TextIO
+from pathlib import Path
+from typing import TextIO
 
 from stepbus_orchestrator.processes.activity import Activity, activity, children, descendants
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.inprocess.guard import Ended
-from stepbus_orchestrator.run.inprocess.hub import Turn
+from stepbus_orchestrator.run.inprocess.hub import Hub, Late, Turn
 from stepbus_orchestrator.run.inprocess.turns import THREADS, TURN, TURNS
-from stepbus_orchestrator.run.inprocess.watch import Late
-from stepbus_participant import HOST, Host, LoopbackBus, Ticket, append_to
-
-if TYPE_CHECKING:
-    from .local_run import LocalRun
+from stepbus_participant import HOST, Bus, Host, Ticket, append_to
 
 
 class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
-    local: the run. program: what it does, and returns an exit code. number: which it is, to the
-    outside watcher. shown: it prints where we do. pid: of this process. late: how it missed a
-    deadline, once it has.
+    log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
+    an exit code. words, number: the memory of the outside watcher, and which it is there. rest: is
+    called after each turn. reap: has a program that it starts killed when we end. pid: of this
+    process. late: how it missed a deadline, once it has.
     """
 
     def __init__(
         self,
-        local: "LocalRun",
+        hub: Hub,
         ticket: Ticket,
+        bus: Bus,
+        log: Path,
         program: Callable[[], int],
-        number: int,
         *,
+        words: "memoryview[float]",
+        number: int,
         shown: bool,
+        rest: Callable[[], None],
+        reap: Callable[[int], None],
     ) -> None:
-        Turn.__init__(self, local.hub)
-        Process.__init__(self, local.logs / f"{ticket.name}.log")
+        Turn.__init__(self, hub)
+        Process.__init__(self, log)
         self.name = ticket.name
         self.pid = os.getpid()
         self._threads: set[threading.Thread] = set()
         self._noting = threading.RLock()
-        self._local = local
-        self._words = local.memory.words
+        self._words = words
+        self._rest, self._reap = rest, reap
         self._number = number
         self._program = program
-        bus = LoopbackBus(local.bus, local.hub.queue, is_leaf=local.is_star)
         self._host = Host(ticket, bus, self.log, self._keep)
         self._groups: list[int] = []
         self._children: set[int] = set()
@@ -73,7 +75,7 @@ class HostedParticipant(Turn, Process):
         """End a turn."""
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
-        self._local.surroundings.keep()
+        self._rest()
         if self._threads:
             self._forget_threads()
         if self._others is not None:
@@ -147,7 +149,7 @@ class HostedParticipant(Turn, Process):
 
     def _keep(self, group: int) -> None:
         self._groups.append(group)
-        self._local.reap(group)
+        self._reap(group)
 
     @property
     def has_programs(self) -> bool:

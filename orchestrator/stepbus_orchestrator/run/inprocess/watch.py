@@ -15,27 +15,21 @@ import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
 
 from stepbus_orchestrator.processes.activity import KeptThread
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
+from stepbus_orchestrator.run.inprocess.hub import Late
+from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.turn_watchdog import TRACE_SIGNAL
 from stepbus_orchestrator.run.inprocess.turns import INTERRUPTED, LATE, Stage, Turns, make_file
 from stepbus_participant import environment
-
-if TYPE_CHECKING:
-    from .participant import HostedParticipant
 
 _CHECK_S = 0.1
 _JOIN_S = 1.0
 
 _handling: list["Watch"] = []
 """Those whose runs are on the main thread; the first installs the handler, the last removes it."""
-
-
-class Late(BaseException):
-    """Interrupts a participant that keeps the thread past its deadline."""
 
 
 class Watch:
@@ -47,7 +41,7 @@ class Watch:
 
     def __init__(
         self,
-        current: Callable[[], "HostedParticipant | None"],
+        current: Callable[[], HostedParticipant | None],
         is_interrupted: Callable[[], bool],
         logs: Iterable[BoundedLog],
     ) -> None:
@@ -113,7 +107,7 @@ class Watch:
             late = self._note(holder, frame)
             raise Late(f"interrupted after {late.held_s:.1f} s {late.where and f'at {late.where}'}")
 
-    def _note(self, holder: "HostedParticipant", frame: FrameType | None) -> KeptThread:
+    def _note(self, holder: HostedParticipant, frame: FrameType | None) -> KeptThread:
         """Note how a participant is late, and end the programs that it may wait for."""
         held_s, self.memory.words[LATE] = self.memory.words[LATE], 0.0
         if holder.has_programs:

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from html import escape
 
 from stepbus_tools.report.charts import Chart
+from stepbus_tools.report.figure_html import run_sample
 from stepbus_tools.report.units import engineering
 
 from .content import RunPage
 from .head import figures
-from .svg import run_sample
 
 _SAME = 1e-12
 

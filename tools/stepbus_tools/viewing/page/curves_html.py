@@ -12,10 +12,10 @@ from stepbus_orchestrator.analysis.signals import Array
 from stepbus_tools.look import line_style
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
+from stepbus_tools.report.figure_html import line_sample, run_sample
 from stepbus_tools.report.units import engineering, prefixed
 
 from .content import Group, RunPage
-from .svg import line_sample, run_sample
 
 _MOST_POINTS = 2000
 _FULL = 4

@@ -16,6 +16,7 @@ from stepbus_participant import ExtraMissing, lacks
 from stepbus_tools.columns import dotted
 from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.report.charts import Chart, ChartLine, path_of
+from stepbus_tools.report.figure_html import figure, png_figure
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
@@ -27,7 +28,6 @@ from .curves_html import Curves
 from .head import head
 from .run_scene import REPLAY_POLICY, packed_replay, replay_html
 from .step_times import lateness_html, times_html
-from .svg import figure, png_figure
 
 PAGE_FILE = "report.html"
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"

@@ -9,7 +9,7 @@ PROGRAM = """
 import os
 import threading
 
-from stepbus_plant.copied_process import Copy
+from stepbus_participant.copies import Copy
 
 
 def test_copy():
