@@ -26,7 +26,7 @@ ERRORS = [
     (f"{RUN} controller.outputs.command=JointCommand/9", "--set controller.outputs.command=JointCommand/9: participants.controller.outputs.command: unknown message type 'JointCommand/9'; known: JointCommand/1"),
     (f"{RUN} controller.params.law=pidd", "--set controller.params.law=pidd: participants.controller.params.law: must be computed_torque, pd, pd_gravity, pid or file.py:Class, not 'pidd'; did you mean 'pid'?"),
     (f"{RUN} plant.params.world=wrld.yaml", "--set plant.params.world=wrld.yaml: participants.plant.params.world: file 'wrld.yaml' not found (TWO_LINK/wrld.yaml)"),
-    (f"{RUN} controller.exec=[no_such]", "--set controller.exec=[no_such]: participants.controller.exec: no program 'no_such' on PATH, nor in TWO_LINK; is it installed?"),
+    (f"{RUN} controller.exec=[no_such]", "--set controller.exec=[no_such]: participants.controller.exec: no program 'no_such' on PATH, nor in TWO_LINK; is it installed, or to be built?"),
     ("run two_link --fault 'kil plant at 3'", "--fault kil plant at 3: faults[0]: unknown fault type 'kil'; did you mean 'kill'?"),
     ("run two_link --fault 'kill plant at 3' --in-process", "'kill plant at 3': a process fault needs a separate process; omit --in-process"),
     ("run two_link --fault 'kill controller at 5'", "step 5 (t = 0.025 s): controller (pid N) was killed by SIGKILL; its log: FOLDER/logs/controller.log"),

@@ -313,7 +313,7 @@ assert has_begun.wait(60)
 def test_a_program_ends_though_another_thread_keeps_its_open_environment_waiting(tmp_path):
     words = [sys.executable, "-c", LEFT_OPEN, str(tmp_path / "run")]
     done = subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
-    assert (done.returncode, "Traceback" in done.stderr) == (0, False)
+    assert (done.returncode, "Traceback" in done.stderr) == (0, False), done.stderr
 
 
 def test_a_simulation_that_fails_says_why(make):

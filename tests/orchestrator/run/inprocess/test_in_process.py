@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 
 import pytest
 from support.runs.joints import fault, run_joints, write_scenario
@@ -20,7 +19,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
-from stepbus_orchestrator.run.inprocess.surroundings import Surroundings
 from stepbus_orchestrator.run.inprocess.turns import Turns, make_file
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run_scenario import Options, host_of, run
@@ -219,14 +217,7 @@ def test_the_greeting_of_pybullet_is_nowhere(tmp_path):
     assert [log.name for log in logs if "build time" in log.read_text()] == []
 
 
-class FullLogs:
-    """A folder whose disk is full."""
-
-    def __truediv__(self, _name):
-        return Path("/dev/full")
-
-
-def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
+def test_a_log_on_a_full_disk_fails_nobody_else():
     def leave() -> int:
         raise SystemExit("no room for this")
 
@@ -236,11 +227,10 @@ def test_a_log_on_a_full_disk_fails_nobody_else(tmp_path):
         run="r", name="worker", token="", endpoint=Endpoint(listen=[], connect=["this process"]),
         join_timeout_s=1.0, faults=[],
     )  # fmt: skip
-    local = SimpleNamespace(
-        hub=hub, bus=bus, memory=turns, is_star=False, logs=FullLogs(),
-        surroundings=Surroundings(tmp_path, [], lambda: None),
+    hosted = HostedParticipant(
+        hub, ticket, LoopbackBus(bus, hub.queue), Path("/dev/full"), leave,
+        words=turns.words, number=1, shown=False, rest=lambda: None, reap=lambda _group: None,
     )  # fmt: skip
-    hosted = HostedParticipant(local, ticket, leave, 1, shown=False)
     assert hosted.wait(5)
     hosted.end()
     turns.close()
