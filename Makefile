@@ -11,7 +11,7 @@ help:
 	@echo "make test-rest  run the fast tests that make fresh FRESH='--passed F' did not: BUT=F"
 	@echo "make test-engine run the tests of the plant with MuJoCo: ENGINE=mujoco"
 	@echo "make test-unit  run the tests that start no process, in under a minute"
-	@echo "make test-faults run the slow tests of a second user, a full disk, a killed run (part of test-slow)"
+	@echo "make test-faults run the slow tests of faults, a second user, a full disk (part of test-slow)"
 	@echo "make test-slow  run the slow tests"
 	@echo "make nightly    run all that .ci/run leaves out (1 h)"
 	@echo "make coverage   run the fast tests and show which lines they execute"

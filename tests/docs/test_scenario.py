@@ -27,6 +27,7 @@ def test_the_first_example_of_the_reference_is_a_scenario(tmp_path):
     assert load(write(tmp_path, text)).name == "arm"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", builtin_names())
 def test_what_ships_with_stepbus_can_be_run_again_from_its_recording(name, tmp_path):
     scenario = shipped(name)

@@ -33,6 +33,7 @@ def with_only(extra, *words, cwd):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("extra", "words", "target"),
     [

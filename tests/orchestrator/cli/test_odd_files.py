@@ -88,6 +88,7 @@ def test_a_file_that_a_participant_reads_ends_the_run_at_its_start(folder, tmp_p
     assert "Traceback" not in error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("odd", ODD)
 @pytest.mark.parametrize(
     ("file", "words", "code"),

@@ -25,6 +25,8 @@ from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
 from stepbus_schemas import JointState, encode
 
+pytestmark = pytest.mark.slow
+
 STEPBUS = str(Path(sys.executable).with_name("stepbus"))
 
 

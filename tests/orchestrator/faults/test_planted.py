@@ -10,6 +10,8 @@ import pytest
 
 from stepbus_orchestrator.cli import main
 
+pytestmark = pytest.mark.slow
+
 COMMAND = [sys.executable, "-m", "stepbus_orchestrator.cli"]
 PLANTED = [
     ".result.json.part",

@@ -20,7 +20,7 @@ TEN_SECONDS = [f"{name}.{what}_timeout=10s" for name in NAMES for what in ("step
 PATIENT = [f"{name}.step_timeout=30s" for name in NAMES]
 
 
-pytestmark = pytest.mark.usefixtures("nothing_is_left")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("nothing_is_left")]
 
 
 def run_with(folder, *faults, overrides=PATIENT):

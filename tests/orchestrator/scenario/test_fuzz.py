@@ -123,6 +123,7 @@ def test_the_scenario_of_all_services_is_valid(tmp_path):
     assert isinstance(load(write(tmp_path, SERVICES)), Scenario)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", VALUES, ids=lambda value: ascii(value)[:20])
 def test_any_value_in_any_one_place_ends_in_a_scenario_or_in_problems(tmp_path, value):
     for name, path in PLACES[hash_of(value) % STRIDE :: STRIDE]:

@@ -52,6 +52,7 @@ def placed(recording):
     return runpy.run_path(str(path))["placed"](recording)
 
 
+@pytest.mark.slow
 def test_five_seeds_put_the_cube_within_5_mm_of_the_goal(results, recordings):
     assert [result.exit_code for result in results] == [0] * len(SEEDS)
     for recording in recordings:

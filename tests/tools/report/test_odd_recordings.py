@@ -56,6 +56,7 @@ def offer(recorder, name, port, step, message):
     recorder.offer(name, Outputs(token="", step=step, t_ns=step * STEP_NS, ports=ports))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("positions", "wanted", "line"),
     [

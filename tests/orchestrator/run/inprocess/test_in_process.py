@@ -205,6 +205,7 @@ def test_ctrl_c_ends_one_that_computes(tmp_path):
     assert json.loads(output)["outcome"] == "failed"
 
 
+@pytest.mark.slow
 @needs_pybullet
 def test_the_greeting_of_pybullet_is_nowhere(tmp_path):
     done = subprocess.run(
