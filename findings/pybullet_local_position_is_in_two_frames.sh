@@ -1,0 +1,40 @@
+#!/usr/bin/env bash
+# PyBullet: `localPosition` of calculateJacobian counts from the joint, a position in LINK_FRAME of applyExternalForce from the centre of mass.
+set -euo pipefail
+folder=$(mktemp -d)
+trap 'rm -rf "$folder"' EXIT
+python3.11 -m venv "$folder/venv"
+"$folder/venv/bin/pip" install --quiet numpy==2.4.6 pybullet==3.2.7
+cat > "$folder/arm.urdf" <<'XML'
+<robot name="arm"><link name="base"/>
+  <joint name="j" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 1 0"/></joint>
+  <link name="arm"><inertial><origin xyz="0.5 0 0"/><mass value="2"/>
+    <inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0" ixz="0" iyz="0"/></inertial></link>
+</robot>
+XML
+cat > "$folder/run.py" <<'PYTHON'
+import sys
+import pybullet as p
+
+p.connect(p.DIRECT)
+p.setTimeStep(1e-3)
+
+def arm():
+    body = p.loadURDF(sys.argv[1], useFixedBase=True, flags=p.URDF_USE_INERTIA_FROM_FILE)
+    p.setJointMotorControl2(body, 0, p.VELOCITY_CONTROL, force=0)
+    for link in (-1, 0):
+        p.changeDynamics(body, link, linearDamping=0, angularDamping=0)
+    return body
+
+body = arm()
+linear, _ = p.calculateJacobian(body, 0, [0.5, 0, 0], [0.0], [0.0], [0.0])
+print("seen lever of 0.5 in the Jacobian:", -linear[2][0])
+p.applyExternalForce(body, 0, [0, 0, 1], [0.5, 0, 0], p.LINK_FRAME)
+p.stepSimulation()
+# 2 kg at 0.5 m, and 0.2 kg m2 about the centre of mass
+print("seen lever of 0.5 of a force:", round(-p.getJointState(body, 0)[1] / 1e-3 * 0.7, 6))
+PYTHON
+"$folder/venv/bin/python" "$folder/run.py" "$folder/arm.urdf" 2>/dev/null | grep '^seen' | tee "$folder/seen"
+echo "pybullet 3.2.7"
+echo "guess: both are in the frame of the link, which URDF puts at the joint: a lever of 0.5 m"
+printf 'seen lever of 0.5 in the Jacobian: 0.5\nseen lever of 0.5 of a force: 1.0\n' | cmp - "$folder/seen"
