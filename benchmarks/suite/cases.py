@@ -9,7 +9,6 @@ from pathlib import Path
 BENCHMARKS = Path(__file__).parents[1]
 CONTROLLER_C = BENCHMARKS.parent / "examples/controllers/c/controller"
 RUST = BENCHMARKS.parent / "clients/rust"
-STEP_MS = 5
 CHAIN = "chain by hand: pyzmq"
 
 
@@ -23,14 +22,13 @@ class Case:
     few_steps: int = 100
 
 
-def _peer(name: str, *arguments: str, steps: int = 12_000) -> Case:
-    command = (sys.executable, "-m", f"benchmarks.suite.peers.{arguments[0]}", *arguments[1:])
+def _program(name: str, module: str, *arguments: str, steps: int = 12_000) -> Case:
+    command = (sys.executable, "-m", f"benchmarks.suite.{module}", *arguments)
     return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
 
 
 def _stepbus(name: str, *, steps: int = 12_000, **spec: object) -> Case:
-    command = (sys.executable, "-m", "benchmarks.suite.stepbus_case", json.dumps(spec))
-    return Case(name=name, command=command, steps=steps, few_steps=min(100, steps // 4))
+    return _program(name, "stepbus_case", json.dumps(spec), steps=steps)
 
 
 PICTURES = ((320, 240, 1600), (1280, 720, 400))
@@ -40,9 +38,9 @@ PICTURES = ((320, 240, 1600), (1280, 720, 400))
 def picture_peers() -> list[Case]:
     """Return pictures over the shared memory of others."""
     return [
-        _peer(
+        _program(
             f"{name}, noise of {w}×{h} a step, not recorded",
-            "pictures",
+            "peers.pictures",
             kind,
             str(w),
             str(h),
@@ -56,12 +54,12 @@ def picture_peers() -> list[Case]:
 def peers() -> list[Case]:
     """Return the arm coupled by other means."""
     return [
-        _peer("one loop, no coupling", "loop", steps=100_000),
-        _peer(CHAIN, "chain", "pyzmq"),
-        _peer("chain by hand: Zenoh", "chain", "zenoh"),
-        _peer("HELICS, ipc", "federation", "ipc", steps=6000),
-        _peer("HELICS, zmq", "federation", "zmq", steps=3000),
-        _peer("mosaik 3.6", "mosaik_chain", steps=1000),
+        _program("one loop, no coupling", "peers.loop", steps=100_000),
+        _program(CHAIN, "peers.chain", "pyzmq"),
+        _program("chain by hand: Zenoh", "peers.chain", "zenoh"),
+        _program("HELICS, ipc", "peers.federation", "ipc", steps=6000),
+        _program("HELICS, zmq", "peers.federation", "zmq", steps=3000),
+        _program("mosaik 3.6", "peers.mosaik_chain", steps=1000),
     ]
 
 
@@ -96,6 +94,26 @@ def echoes() -> list[Case]:
     return cases
 
 
+def parts() -> list[Case]:
+    """Return an environment, plants by themselves, and the store with a camera that is late."""
+    worlds = (("two_link", 4000), ("baxter", 400), ("boxes", 2000))
+    return [
+        _program("two_link, Gymnasium environment", "gym_case"),
+        *(
+            _program(f"plant alone, {world}, {engine}", "engine_case", world, engine, steps=steps)
+            for world, steps in worlds
+            for engine in ("pybullet", "mujoco")
+        ),
+        *(
+            _stepbus(
+                f"camera, latency {latency or 'none'}{word}", steps=300, latency=latency, **how
+            )
+            for word, how in (("", {}), (", in one process", {"in_process": True}))
+            for latency in ("", "160ms", "288ms")
+        ),
+    ]
+
+
 def all_cases() -> list[Case]:
     """Return all cases, in the order of the table."""
-    return [*peers(), *two_link(), *echoes(), *picture_peers()]
+    return [*peers(), *two_link(), *echoes(), *picture_peers(), *parts()]

@@ -4,7 +4,7 @@
 
 SPEC: JSON with window, overrides, in_process, recorded, and for participants that only pass on
 messages: participants, fan_out and fan_in (relays side by side), joints, image, record (of the
-image), bridge, rust.
+image), bridge, rust; or, for the store, latency: of a camera that takes a picture every 12 steps.
 """
 
 import contextlib
@@ -15,7 +15,9 @@ import subprocess
 import sys
 import tempfile
 import threading
+from dataclasses import replace
 from importlib import import_module
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +29,7 @@ from stepbus_orchestrator.run.run_scenario import Options, host_of
 from stepbus_orchestrator.run.run_scenario import run as run_scenario
 from stepbus_orchestrator.scenario.load import load
 
-from .cases import BENCHMARKS, CONTROLLER_C, RUST, STEP_MS
+from .cases import BENCHMARKS, CONTROLLER_C, RUST
 
 ECHO = BENCHMARKS / "echo"
 _SAMPLE_S = 0.1
@@ -35,6 +37,8 @@ _SAMPLE_S = 0.1
 
 def scenario_of(spec: dict[str, Any], folder: Path) -> str:
     """Return the path of the scenario that a specification asks for, made where it is no arm."""
+    if "latency" in spec:
+        return _store(folder / "store", spec["latency"])
     if not {"participants", "fan_out", "fan_in", "joints", "image", "bridge", "rust"} & spec.keys():
         return "two_link"
     shutil.copy(ECHO / "echo.py", folder)
@@ -92,6 +96,16 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
         json.dumps({"name": "echo", "step": "5ms", "duration": "20s", "participants": rows})
     )
     return str(path)
+
+
+def _store(folder: Path, latency: str) -> str:
+    shutil.copytree(files("stepbus_store") / "scenarios/store", folder)
+    scenario, world = folder / "scenario.yaml", folder / "world.yaml"
+    text = scenario.read_text().replace("      camera: mission.camera ", "      # ")
+    scenario.write_text(text.replace("request: {from: mission.camera, delay: 1}", ""))
+    late = f", latency: {latency}" if latency else ""
+    world.write_text(world.read_text().replace("period: 400ms", f"period: 192ms{late}"))
+    return str(scenario)
 
 
 def _relay(source: str) -> dict[str, Any]:
@@ -153,10 +167,10 @@ def main(text: str, steps: int) -> None:
         # No option for users turns it off, so that this reaches inside.
         recorder: Any = import_module("stepbus_orchestrator.recording").Recorder
         recorder.offer = recorder.write_below = lambda *_: None
-    overrides = [f"window={window}", f"duration={steps * STEP_MS}ms", *spec.get("overrides", ())]
+    overrides = [f"window={window}", *spec.get("overrides", ())]
     with tempfile.TemporaryDirectory(prefix="bench-") as name:
         folder = Path(name)
-        scenario = load(scenario_of(spec, folder), overrides)
+        scenario = replace(load(scenario_of(spec, folder), overrides), steps=steps)
         memory = Memory()
         options = Options(
             out=folder / "run", host=host_of(in_process=spec.get("in_process", False))

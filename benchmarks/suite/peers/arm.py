@@ -1,11 +1,7 @@
 """The work of a step of two_link, by hand: a PyBullet step, a Pinocchio torque, a reference."""
 
-import itertools
-import json
 import math
 import struct
-import sys
-import time
 from pathlib import Path
 from typing import Any
 
@@ -69,28 +65,3 @@ def reference(step: int) -> bytes:
     t = step * STEP_S
     s, c = math.sin(t), math.cos(t)
     return _REFERENCE.pack(s, c, c, -s, -s, -c)
-
-
-class Clock:
-    """Times steps, and prints what the suite reads."""
-
-    def __init__(self) -> None:
-        self._at = [time.perf_counter_ns()]
-
-    def tick(self) -> None:
-        """End a step."""
-        self._at.append(time.perf_counter_ns())
-
-    def show(self) -> None:
-        """Print rate [steps/s] and percentiles of the step time [µs] as JSON."""
-        at = self._at
-        spans = sorted(b - a for a, b in itertools.pairwise(at))
-        count = len(spans)
-        shown = {
-            "rate": count / ((at[-1] - at[0]) * 1e-9),
-            "p50": spans[count // 2] * 1e-3,
-            "p99": spans[min(count - 1, count * 99 // 100)] * 1e-3,
-            "max": spans[-1] * 1e-3,
-        }
-        sys.stdout.write(json.dumps(shown) + "\n")
-        sys.stdout.flush()

@@ -14,9 +14,11 @@ from functools import partial
 from queue import SimpleQueue
 from typing import Any, Protocol
 
+from benchmarks.suite.clock import Clock
+
 from stepbus_participant import Endpoint, ZenohBus
 
-from .arm import Clock, Controller, Plant, reference
+from .arm import Controller, Plant, reference
 
 WINDOW = 64
 CREDIT = WINDOW // 2

@@ -9,7 +9,9 @@ import os
 import sys
 from typing import Any
 
-from .arm import STEP_S, Clock, Controller, Plant, reference
+from benchmarks.suite.clock import Clock
+
+from .arm import STEP_S, Controller, Plant, reference
 
 # After Pinocchio: HELICS breaks its URDF parser otherwise.
 ROLES = ("plant", "controller", "mission")

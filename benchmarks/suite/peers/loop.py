@@ -2,7 +2,9 @@
 
 import sys
 
-from .arm import Clock, Controller, Plant, reference
+from benchmarks.suite.clock import Clock
+
+from .arm import Controller, Plant, reference
 
 
 def main(steps: int) -> None:

@@ -8,8 +8,9 @@ from typing import Any
 
 import mosaik
 import mosaik_api_v3
+from benchmarks.suite.clock import Clock
 
-from .arm import Clock, Controller, Plant, reference
+from .arm import Controller, Plant, reference
 
 PORTS = {"plant": "state", "controller": "command", "mission": "reference"}
 SOURCES = {"plant": ["command"], "controller": ["state", "reference"], "mission": []}

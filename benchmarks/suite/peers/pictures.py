@@ -16,8 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-
-from .arm import Clock
+from benchmarks.suite.clock import Clock
 
 BYTES = 3
 ANSWER = bytes(8)
