@@ -48,7 +48,7 @@ RUNNING = "runs"
 class SweepProgress:
     """Progress of a sweep: finished, total and failed runs; rate of all workers [runs/s].
 
-    rate: None until a worker has finished its second run. phase: current activity.
+    rate: None until a run has finished. phase: current activity.
     """
 
     done: int
@@ -166,24 +166,24 @@ class _Sweep:
         self._options, self._home = options, options.home
         self._bundle = bundle
         self._journal = journal
-        # An optimizer asks for a batch, and waits for all of it.
-        self._at_once = None if self._optimizer is None else plan.spec.batch
         self._on_progress = on_progress
         self._total = len(self._optimizer or plan.design)
         self._paths = (self._optimizer or plan.design).paths
+        self._resumed = len(journal)
         self._causes: Counter[str] = Counter()
         self._metric_errors = 0
         self._began = self._tabled = time.monotonic()
 
     def run(self, interrupt: threading.Event) -> SweepResult:
         """Run what has no row, and write the tables and the page; raises Interrupted."""
-        journal, resumed = self._journal, len(self._journal)
+        journal = self._journal
         for row in journal.rows():
             self._count(row)
-        if resumed < self._total:
+        if self._resumed < self._total:
             self._report("starting Ray (some seconds; up to a minute on a busy machine)")
             with Pool(self._bundle, self._options) as self._pool:
                 self._report("starting workers")
+                self._began_runs = time.monotonic()
                 self._run_missing(interrupt)
         write_table(journal, self._paths, self._home)
         extreme_rows = extremes(journal, self._plan.spec)
@@ -202,7 +202,7 @@ class _Sweep:
             folder=self._home,
             total=self._total,
             done=len(journal),
-            resumed=resumed,
+            resumed=self._resumed,
             failed=self._causes.total(),
             metric_errors=self._metric_errors,
             causes=dict(sorted(self._causes.items())),
@@ -257,12 +257,13 @@ class _Sweep:
 
     def _report(self, phase: str = RUNNING) -> None:
         """Notify how far the sweep is, and what happens now."""
+        made = len(self._journal) - self._resumed if phase == RUNNING else 0
         self._on_progress(
             SweepProgress(
                 done=len(self._journal),
                 total=self._total,
                 failed=self._causes.total(),
-                rate=self._pool.rate(self._at_once) if phase == RUNNING else None,
+                rate=made / (time.monotonic() - self._began_runs) if made else None,
                 phase=phase,
             )
         )
