@@ -11,7 +11,7 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
@@ -32,7 +32,6 @@ _LOOK_S = 5.0
 _MOST_DEATHS = 3
 _LONGEST_FOLDER = 22
 _START_S = 60.0
-_PICTURES_S = 120.0
 _CLOSE_S = 2.0
 _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
@@ -97,10 +96,6 @@ class _Runner:
         """Run a point; return its row as JSON, and the files of a run that stays."""
         row, files = self._trials.run(point)
         return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
-
-    def picture(self, point: Point) -> bytes:
-        """Return the plots of a point's run as PNG."""
-        return self._trials.picture(point)
 
 
 class Pool:
@@ -205,20 +200,6 @@ class Pool:
                     "See `ray status`"
                 )
             yield from self._finished()
-
-    def pictures(self, points: Sequence[Point]) -> list[bytes]:
-        """Return the plots of some points as PNG; empty where there are none."""
-        self._fit()
-        asked = [self._workers[0].actor.picture.remote(point) for point in points]
-        ready, _ = self._ray.wait(asked, num_returns=len(asked), timeout=_PICTURES_S)
-        return [self._picture(one) if one in ready else b"" for one in asked]
-
-    def _picture(self, reference: Any) -> bytes:
-        try:
-            content: bytes = self._ray.get(reference)
-        except self._ray.exceptions.RayError:
-            return b""
-        return content
 
     def _idle(self) -> list[_Worker]:
         return [worker for worker in self._workers if worker.is_ready and worker.task is None]
