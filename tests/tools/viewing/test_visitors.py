@@ -16,10 +16,9 @@ from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.framing import free_part
-from stepbus_tools.viewing.stage.front import branded
-from stepbus_tools.viewing.stage.light import add_light, drawn
 from stepbus_tools.viewing.stage.marks import Mark, on_slider
-from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.server import branded, open_page
+from stepbus_tools.viewing.stage.stage import add_light, drawn
 from stepbus_tools.viewing.viewpoint import framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])

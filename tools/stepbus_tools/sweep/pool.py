@@ -21,8 +21,8 @@ import msgspec
 from stepbus_orchestrator.errors import ExitCode, StartFailed
 from stepbus_orchestrator.processes import PYTHON
 from stepbus_participant import need
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.trial import Files, Trials
 

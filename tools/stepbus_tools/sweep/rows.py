@@ -17,7 +17,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import append_to, need
 from stepbus_schemas import UNDECODABLE, explained
 from stepbus_tools.columns import distinct
-from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.sweep_metrics import Value
 from stepbus_tools.whole_file import replaced
 

@@ -24,8 +24,8 @@ from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import append_to, make_folder, need
 from stepbus_schemas import StepbusError, WiringError
 from stepbus_tools.report import REPORT_FILE, write_report
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle, collect
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import Pool, PoolOptions
 from stepbus_tools.sweep.row_run import SOURCE_FOLDER, RowRun

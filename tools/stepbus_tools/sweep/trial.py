@@ -19,8 +19,8 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
 from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics

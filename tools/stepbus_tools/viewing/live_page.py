@@ -22,10 +22,9 @@ from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.ending import failure_banner, result_in
 from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.light import add_light
-from stepbus_tools.viewing.stage.marks import Mark
+from stepbus_tools.viewing.stage.marks import Mark, failure_banner, result_in
+from stepbus_tools.viewing.stage.stage import add_light
 from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _LAST_S = 0.2

@@ -22,11 +22,9 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.ending import failure_banner
 from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.light import add_light
-from stepbus_tools.viewing.stage.marks import Mark, on_slider
-from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage
+from stepbus_tools.viewing.stage.marks import Mark, failure_banner, on_slider
+from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage, add_light
 from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
 
 _SAMPLES = 400
