@@ -182,7 +182,7 @@ class RunPage:
     def marks(self) -> list[Mark]:
         """Return what all charts show of its events: all of few, the serious ones of many."""
         return [
-            Mark(t=one.t_ns * 1e-9, level=one.level, text=f"{one.source}: {one.text}")
+            one.mark
             for one in self.events
             if one.level != "info" or len(self.events) <= _FEW_EVENTS
         ]
