@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from importlib import import_module
 from os import PathLike
 from pathlib import Path
@@ -31,21 +30,6 @@ _HELP = (
 )
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Log:
-    """One log, and the participant to replay from it."""
-
-    recording: Path
-    participant: str
-
-
-@dataclass(frozen=True, kw_only=True)
-class _Mistake:
-    """Why a test has no log: it fails with this sentence, and the other tests run."""
-
-    text: str
-
-
 def pytest_configure(config: pytest.Config) -> None:
     """Declare the marker; leave out the warning of a fork that is safe."""
     config.addinivalue_line("markers", _HELP)
@@ -60,49 +44,32 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     marker = metafunc.definition.get_closest_marker(MARKER)
     logs = _logs(marker, folder)
     # A test that silently stops testing is worse than one that fails.
-    cases: list[_Log | _Mistake] = [logs] if isinstance(logs, _Mistake) else list(logs)
-    ids = [
-        case.recording.relative_to(folder).as_posix() if isinstance(case, _Log) else "no log"
-        for case in cases
-    ]
-    metafunc.parametrize(FIXTURE, cases, indirect=True, ids=ids)
+    cases: list[Any] = [logs] if isinstance(logs, str) else logs
+    names = ["no log"]
+    if not isinstance(logs, str):
+        names = [log.relative_to(folder).as_posix() for log, _ in logs]
+    metafunc.parametrize(FIXTURE, cases, indirect=True, ids=names)
 
 
-def _logs(marker: pytest.Mark | None, folder: Path) -> list[_Log] | _Mistake:
-    """Return the logs of a marker."""
+def _logs(marker: pytest.Mark | None, folder: Path) -> list[tuple[Path, str]] | str:
+    """Return the logs of a marker with their participant, or why there are none."""
     if marker is None:
-        return _Mistake(
-            text=f"the fixture {FIXTURE} needs the marker, e.g. "
+        return (
+            f"the fixture {FIXTURE} needs the marker, e.g. "
             f'@pytest.mark.{MARKER}("logs/*.mcap", participant="controller")'
         )
-    arguments = _arguments(*marker.args, **marker.kwargs)
-    if arguments is None:
-        return _Mistake(
-            text=f"write @pytest.mark.{MARKER}(pattern, participant=name), both as text"
-        )
-    pattern, participant = arguments
-    matches = _matching(folder, pattern)
-    if not matches:
-        return _Mistake(text=f"no log matches {pattern!r} in {folder}")
-    return [_Log(recording=path, participant=participant) for path in matches]
-
-
-def _matching(folder: Path, pattern: str) -> list[Path]:
-    try:
-        return sorted(folder.glob(pattern))
-    except (NotImplementedError, ValueError):
-        return []
-
-
-def _arguments(*args: Any, **kwargs: Any) -> tuple[str, str] | None:
-    """Return the pattern and the participant of a marker; None where it has not both."""
-    match args, kwargs:
-        case (str(pattern),), {"participant": str(participant), **rest} if not rest:
-            return pattern, participant
-        case (str(pattern), str(participant)), {**rest} if not rest:
-            return pattern, participant
+    match marker.args, marker.kwargs:
+        case ((str(pattern), str(participant)), {**rest}) if not rest:
+            pass
+        case ((str(pattern),), {"participant": str(participant), **rest}) if not rest:
+            pass
         case _:
-            return None
+            return f"write @pytest.mark.{MARKER}(pattern, participant=name), both as text"
+    try:
+        matches = sorted(folder.glob(pattern))
+    except (NotImplementedError, ValueError):
+        matches = []
+    return [(path, participant) for path in matches] or f"no log matches {pattern!r} in {folder}"
 
 
 @pytest.fixture
@@ -114,9 +81,9 @@ def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult
     copy in the log; `tolerance`: a number, or a YAML file, relative to the test's file. All other
     options are those of `stepbus.replay`. It returns the result.
     """
-    log: _Log | _Mistake = request.param
-    if isinstance(log, _Mistake):
-        pytest.fail(log.text, pytrace=False)
+    if isinstance(request.param, str):
+        pytest.fail(request.param, pytrace=False)
+    log, participant = request.param
     folder = request.path.parent
 
     def replay_log(**options: Any) -> ReplayResult:
@@ -125,9 +92,9 @@ def stepbus_replay(request: pytest.FixtureRequest) -> Callable[..., ReplayResult
             if isinstance(path := options.get(name), str | PathLike):
                 options[name] = folder / path
         testing: Any = import_module("stepbus.testing")
-        result: ReplayResult = testing.assert_replays(log.recording, log.participant, **options)
+        result: ReplayResult = testing.assert_replays(log, participant, **options)
         for note in result.notes:
-            warnings.warn(f"{log.recording.name}: {note}", stacklevel=2)
+            warnings.warn(f"{log.name}: {note}", stacklevel=2)
         return result
 
     return replay_log

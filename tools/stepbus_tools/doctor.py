@@ -4,7 +4,6 @@ import contextlib
 import os
 import re
 import shutil
-import socket
 import subprocess
 import sys
 import tempfile
@@ -18,7 +17,9 @@ from typing import Any, Literal
 
 import msgspec
 
-from stepbus_orchestrator.processes.endpoints import certificates, passwords
+from stepbus_orchestrator.errors import BusFailed
+from stepbus_orchestrator.processes.endpoints import make_mesh
+from stepbus_orchestrator.scenario.model import BusSpec, Scenario
 from stepbus_participant import BusError, Endpoint, ZenohBus, install_command
 
 Verdict = Literal["ok", "warn", "fail"]
@@ -44,7 +45,6 @@ _NATIVE = {"pin": "pinocchio", "pybullet": "pybullet", "mujoco": "mujoco"}
 _REQUIREMENT = re.compile(r"([\w.-]+)(?:\s*>=\s*([\d.]+))?")
 _PYTHON = re.compile(r'python_version (<|>=) "(\d+)\.(\d+)"')
 _LOAD_DEADLINE_S = 30.0
-_KILL_S = 5.0
 _BUS_DEADLINE_S = 15.0
 _AGAIN_S = 0.01
 _DISK_BYTES = 1 << 30
@@ -132,33 +132,22 @@ def loads() -> Iterator[Finding]:
 
     A broken one may end its process.
     """
-    children = {
-        name: subprocess.Popen(
-            [sys.executable, "-c", f"import {module}"],
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.PIPE,
-            text=True,
-        )
-        for name, module in _NATIVE.items()
-        if _package(name).verdict == "ok"
-    }
-    for name, child in children.items():
-        yield _loaded(name, child)
+    for name, module in _NATIVE.items():
+        if _package(name).verdict == "ok":
+            yield _loaded(name, module)
 
 
-def _loaded(name: str, child: subprocess.Popen[str]) -> Finding:
-    what = f"load {name}"
+def _loaded(name: str, module: str) -> Finding:
+    what, words = f"load {name}", [sys.executable, "-c", f"import {module}"]
     try:
-        _, output = child.communicate(timeout=_LOAD_DEADLINE_S)
+        done = subprocess.run(
+            words, check=False, capture_output=True, text=True, timeout=_LOAD_DEADLINE_S
+        )
     except subprocess.TimeoutExpired:
-        child.kill()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            # What it has started may still hold the pipe.
-            child.communicate(timeout=_KILL_S)
         text = f"not finished after {_LOAD_DEADLINE_S:g} s; is the disk or the machine overloaded?"
         return Finding(what, "fail", text)
-    if child.returncode:
-        last = (output.strip().splitlines() or [f"exit code {child.returncode}"])[-1]
+    if done.returncode:
+        last = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
         return Finding(what, "fail", f"{last}; run `pip install --force-reinstall {name}`")
     return Finding(what, "ok", "works")
 
@@ -192,49 +181,33 @@ def disk() -> Iterator[Finding]:
             )
 
 
-def _free_ports(count: int) -> list[int]:
-    """Return free TCP ports on loopback; raises OSError when there are too few."""
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
-        for item in sockets:
-            item.bind(("127.0.0.1", 0))
-        return [item.getsockname()[1] for item in sockets]
-
-
 # --- the bus -----------------------------------------------------------------------------------
 
 
 def link(transport: Literal["unix", "tcp"]) -> Finding:
     """Pass a message between two sessions, linked as those of a run are."""
     what = f"bus, {transport}"
+    scenario = Scenario(
+        name="doctor",
+        step_ns=1,
+        steps=None,
+        seed=0,
+        participants=(),
+        bus=BusSpec(transport=transport),
+        folder=Path(),
+        file=Path(),
+    )
     try:
-        with tempfile.TemporaryDirectory(prefix="stepbus-") as folder:
-            took_s = _pass_message(*_endpoints(transport, Path(folder)))
-    except (BusError, Empty, OSError) as exc:
+        with (
+            tempfile.TemporaryDirectory(prefix="stepbus-") as folder,
+            contextlib.ExitStack() as held,
+        ):
+            mesh = make_mesh(scenario, Path(folder), None, held)
+            took_s = _pass_message(mesh.orchestrator, mesh.caller)
+    except (BusError, BusFailed, Empty, OSError) as exc:
         reason = str(exc) or f"none within {_BUS_DEADLINE_S:g} s; does a firewall block loopback?"
         return Finding(what, "fail", f"no message arrived: {reason}")
     return Finding(what, "ok", f"message received {took_s:.2f} s after start")
-
-
-def _endpoints(transport: str, folder: Path) -> list[Endpoint]:
-    names = ("one", "other")
-    places = [f"unixsock-stream/{folder}/{name}.sock" for name in names]
-    settings: dict[str, dict[str, Any]] = {name: {} for name in names}
-    if transport == "tcp":
-        places = [f"tls/127.0.0.1:{port}" for port in _free_ports(2)]
-        settings = certificates(names, folder)
-    users = passwords(names)
-    return [
-        Endpoint(
-            listen=[places[index]],
-            connect=places[:index],
-            user=name,
-            password=users[name],
-            users=users,
-            settings=settings[name],
-        )
-        for index, name in enumerate(names)
-    ]
 
 
 def _pass_message(one: Endpoint, other: Endpoint) -> float:

@@ -17,13 +17,11 @@ from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.sweep_metrics import builtin_metrics
+from stepbus_tools.sweep.sweep_metrics import UNITS, builtin_metrics
 
 from .columns import NUMBERS, Cells, Column, ColumnType, Table, readable
 
 MaskedArray = np.ma.MaskedArray[Any, Any]
-
-_UNITS = {"duration": "s", "settling": "s", "energy": "J"}
 
 
 class Metrics(dict[str, float]):
@@ -56,7 +54,7 @@ def result_metrics(result: Result) -> Metrics:
     units = {name: "m" if kinds.get(name[5:]) == "prismatic" else "rad" for name in joints}
     if joints:
         units["rmse"] = ", ".join(sorted(set(units.values()), reverse=True))
-    return Metrics(values, {name: unit for name, unit in _UNITS.items() if name in values} | units)
+    return Metrics(values, {name: unit for name, unit in UNITS.items() if name in values} | units)
 
 
 def recording_frame(recording: Recording, signals: Sequence[str]) -> Any:

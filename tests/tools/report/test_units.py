@@ -2,7 +2,7 @@
 
 import pytest
 
-from stepbus_tools.report.units import engineering
+from stepbus_tools.look import engineering
 
 
 @pytest.mark.parametrize(

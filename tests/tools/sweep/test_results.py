@@ -7,20 +7,11 @@ import pyarrow.parquet as parquet
 import pytest
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_tools.sweep.pool import Pace
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.run_sweep import SweepProgress
 
 
-def test_the_remaining_time_is_told_by_workers_side_by_side_once_they_are_warm() -> None:
-    pace = Pace()
-    for worker_run, took_s in ((1, 60.0), (1, 61.0)):
-        pace.add(worker_run, took_s)
-        assert pace.rate(workers=2) is None
-    for took_s in (10.0, 10.0, 90.0):
-        pace.add(2, took_s)
-    assert pace.rate(workers=2) == pytest.approx(0.2)
-    assert pace.rate(workers=0) is None
+def test_the_remaining_time_is_known_once_there_is_a_rate() -> None:
     assert SweepProgress(done=4, total=80, failed=0, rate=0.2).remaining_s == pytest.approx(380)
     assert SweepProgress(done=4, total=80, failed=0).remaining_s is None
 

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import parse_axis
-from stepbus_tools.sweep.design import SAMPLINGS, Design
+from stepbus_tools.sweep.axes import SAMPLINGS, Design, parse_axis
 
 
 @pytest.mark.parametrize(

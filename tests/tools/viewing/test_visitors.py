@@ -11,15 +11,15 @@ from support.browser import Curves, Watched, needs_chromium, opened, picture
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.framing import free_part
-from stepbus_tools.viewing.stage.front import branded
-from stepbus_tools.viewing.stage.light import add_light, drawn
-from stepbus_tools.viewing.stage.marks import Mark, on_slider
-from stepbus_tools.viewing.stage.server import open_page
+from stepbus_tools.viewing.stage.marks import on_slider
+from stepbus_tools.viewing.stage.server import branded, open_page
+from stepbus_tools.viewing.stage.stage import add_light, drawn
 from stepbus_tools.viewing.viewpoint import framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])
@@ -109,8 +109,8 @@ def test_the_page_has_our_title_and_mark():
 
 
 def test_many_marks_leave_the_serious_ones_on_the_slider():
-    marks = [Mark(t_s=number / 100, level="info", text="x") for number in range(99)]
-    signs = dict(on_slider([*marks, Mark(t_s=0.505, level="fault", text="y")], 2.0))
+    marks = [Mark(t=number / 100, level="info", text="x") for number in range(99)]
+    signs = dict(on_slider([*marks, Mark(t=0.505, level="fault", text="y")], 2.0))
     assert signs[0.505] == "✕"
     assert (signs[2.0], len(signs)) == ("2", 25)
 

@@ -18,9 +18,9 @@ from stepbus_orchestrator.processes.watchdog import Watchdog
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_participant import Endpoint, Request, Sample, ZenohBus
 from stepbus_schemas import Refusal, encode, encoding_of
+from stepbus_tools.conformance.feeds import SharedSlots
 from stepbus_tools.conformance.material import Material, Setup
 from stepbus_tools.conformance.outcome import Failed
-from stepbus_tools.conformance.slots import SharedSlots
 from stepbus_tools.conformance.transcript import Transcript
 
 _DRAIN_S = 5.0

@@ -106,11 +106,16 @@ class Chart:
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A time that all charts show [s]. level: of a `TimelineEvent`, or empty."""
+    """A time that all charts show [s]. level: of a `TimelineEvent`, divergence, or empty."""
 
     t: float
     level: str = ""
     text: str = ""
+
+    @property
+    def label(self) -> str:
+        """Return its time, its level and its first line."""
+        return f"{self.t:.3f} s {self.level}: {(self.text.splitlines() or [''])[0]}"
 
 
 def path_of(port: PortCurves) -> Line | None:

@@ -16,7 +16,7 @@ from stepbus_orchestrator.run.result import Result
 from stepbus_participant import ExtraMissing, need
 from stepbus_schemas import SHIPPED, StepbusError
 from stepbus_tools.columns import readable
-from stepbus_tools.look import LINES, PAPER, line_style
+from stepbus_tools.look import LINES, PAPER, line_style, prefixed
 from stepbus_tools.report.charts import (
     Chart,
     ChartLine,
@@ -32,7 +32,6 @@ from stepbus_tools.report.summary import (
     read_joints,
     scenario_name,
 )
-from stepbus_tools.report.units import prefixed
 from stepbus_tools.whole_file import replaced
 
 _SIZE = (5.2, 2.7)

@@ -10,8 +10,7 @@ from typing import Any
 from stepbus_orchestrator.errors import argument
 from stepbus_participant import need, suggest
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import Axis
-from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.axes import Axis, Point
 from stepbus_tools.sweep.rows import ResultRow
 from stepbus_tools.sweep.spec import Plan
 

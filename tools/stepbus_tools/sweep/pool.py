@@ -11,39 +11,35 @@ import sys
 import tempfile
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
-from statistics import median
 from typing import Any, Self
 
 import msgspec
 
-from stepbus_orchestrator.errors import ExitCode, RecordingFailed, StartFailed
+from stepbus_orchestrator.errors import ExitCode, StartFailed
 from stepbus_orchestrator.processes import PYTHON
-from stepbus_participant import need, write_file
+from stepbus_participant import need
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.trial import Files, Trials
 
-_MARK = ".reach"
 _TEMPORARY = "stepbus-ray-"
 _WAIT_S = 0.25
 _LOOK_S = 5.0
 _MOST_DEATHS = 3
 _LONGEST_FOLDER = 22
 _START_S = 60.0
-_PICTURES_S = 120.0
 _CLOSE_S = 2.0
-_LATEST = 32
 _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
 """Failures that a machine can cause; any other would come again."""
 _TIMED_OUT = "timed out"
 Done = tuple[ResultRow, Files]
-"""The row of a run, and its files where it stays and none of them is within reach yet."""
+"""The row of a run, and its files where it stays and comes from a cluster."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -75,46 +71,19 @@ class _Task:
 
 @dataclass(eq=False)
 class _Worker:
-    """One process of the pool; task: what it does, since `since` [s]; runs: that it has done."""
+    """One process of the pool; task: what it does, since `since` [s]."""
 
     actor: Any
     is_ready: bool = False
     task: _Task | None = None
     since: float = field(default_factory=time.monotonic)
-    runs: int = 0
-
-
-class Pace:
-    """How fast runs come, from how long the latest of them took.
-
-    The first run of each worker does not count: it imports what the others find.
-    """
-
-    def __init__(self) -> None:
-        self._latest_s: deque[float] = deque(maxlen=_LATEST)
-
-    def add(self, run: int, took_s: float) -> None:
-        """Take the time of a worker's run; run: its number there, from 1 on."""
-        if run > 1:
-            self._latest_s.append(took_s)
-
-    def rate(self, workers: int) -> float | None:
-        """Return how many runs so many workers do in a second; None: not yet known."""
-        if not self._latest_s or not workers:
-            return None
-        return workers / max(median(self._latest_s), 1e-6)
 
 
 class _Runner:
     """What runs in a worker."""
 
-    def __init__(self, bundle: Bundle, keep: str, home: str, mark: str, temporary: str) -> None:
-        # A folder of that name on another machine is another folder.
-        path = Path(home)
-        is_here = (path / _MARK).is_file() and (path / _MARK).read_text().startswith(mark)
-        self._trials = Trials(
-            bundle, keep=keep, home=path if is_here else None, temporary=temporary or None
-        )
+    def __init__(self, bundle: Bundle, keep: str, home: Path | None, temporary: str) -> None:
+        self._trials = Trials(bundle, keep=keep, home=home, temporary=temporary or None)
 
     def close(self) -> None:
         """Remove what the worker has on its machine."""
@@ -128,10 +97,6 @@ class _Runner:
         row, files = self._trials.run(point)
         return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
 
-    def picture(self, point: Point) -> bytes:
-        """Return the plots of a point's run as PNG."""
-        return self._trials.picture(point)
-
 
 class Pool:
     """Runs points on Ray; enter it, and iterate over what `run` yields.
@@ -143,7 +108,6 @@ class Pool:
     def __init__(self, bundle: Bundle, options: PoolOptions) -> None:
         self._bundle = bundle
         self._options = options
-        self._mark = os.urandom(16).hex()
         self._set_environment()
         (self._ray,) = need("a sweep", "ray")
         self._temporary = ""
@@ -152,12 +116,6 @@ class Pool:
         """What Ray will answer, and the worker on it."""
         self._again: deque[_Task] = deque()
         self._looked = 0.0
-        self._pace = Pace()
-
-    def rate(self, most: int | None) -> float | None:
-        """Return the runs in a second; None: not yet known. most: asked for at once; None: all."""
-        workers = sum(worker.is_ready for worker in self._workers)
-        return self._pace.rate(workers if most is None else min(workers, most))
 
     # --- Ray ------------------------------------------------------------------------------
 
@@ -176,7 +134,6 @@ class Pool:
         """Start Ray, or join the cluster."""
         if self._ray.is_initialized():
             raise StartFailed("this process already uses Ray: call ray.shutdown() before the sweep")
-        self._sweep_up()
         address = self._options.address
         options: dict[str, Any] = {"address": address}
         if not address:
@@ -188,12 +145,11 @@ class Pool:
                 "_temp_dir": f"{self._temporary}/r",
                 "object_store_memory": 200_000_000,
             }
-        self._write_mark()
         try:
             self._ray.init(
                 **options,
                 runtime_env={"env_vars": PYTHON},
-                namespace=f"stepbus-{self._mark}",
+                namespace=f"stepbus-{os.urandom(16).hex()}",
                 logging_level="ERROR",
                 log_to_driver=False,
                 configure_logging=False,
@@ -205,27 +161,6 @@ class Pool:
         self._stored = self._ray.put(self._bundle)
         self._actor = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_Runner)
         return self
-
-    def _write_mark(self) -> None:
-        """Leave a word in the sweep's folder by which workers on this machine know it.
-
-        Raises RecordingFailed where another process is faster.
-        """
-        path = self._options.home / _MARK
-        try:
-            write_file(path, f"{self._mark}\n{self._temporary}\n".encode(), 0o600)
-        except OSError as exc:
-            shutil.rmtree(self._temporary or "/nonexistent", ignore_errors=True)
-            raise RecordingFailed(f"{path} cannot be written: {exc.strerror}") from exc
-
-    def _sweep_up(self) -> None:
-        """Remove what a pool that was killed has left on this machine."""
-        mark = self._options.home / _MARK
-        is_ours = mark.is_file() and not mark.is_symlink() and mark.stat().st_uid == os.getuid()
-        left = mark.read_text().splitlines()[1:] if is_ours else []
-        for folder in map(Path, left):
-            if folder.name.startswith(_TEMPORARY):
-                shutil.rmtree(folder, ignore_errors=True)
 
     def __exit__(self, *_: object) -> None:
         """End all workers, and the Ray that was started here."""
@@ -239,7 +174,6 @@ class Pool:
             self._ray.kill(worker.actor)
         self._workers.clear()
         self._ray.shutdown()
-        (self._options.home / _MARK).unlink(missing_ok=True)
         if self._temporary:
             shutil.rmtree(self._temporary, ignore_errors=True)
 
@@ -267,20 +201,6 @@ class Pool:
                 )
             yield from self._finished()
 
-    def pictures(self, points: Sequence[Point]) -> list[bytes]:
-        """Return the plots of some points as PNG; empty where there are none."""
-        self._fit()
-        asked = [self._workers[0].actor.picture.remote(point) for point in points]
-        ready, _ = self._ray.wait(asked, num_returns=len(asked), timeout=_PICTURES_S)
-        return [self._picture(one) if one in ready else b"" for one in asked]
-
-    def _picture(self, reference: Any) -> bytes:
-        try:
-            content: bytes = self._ray.get(reference)
-        except self._ray.exceptions.RayError:
-            return b""
-        return content
-
     def _idle(self) -> list[_Worker]:
         return [worker for worker in self._workers if worker.is_ready and worker.task is None]
 
@@ -293,11 +213,10 @@ class Pool:
         options = self._options
         cores = int(self._ray.cluster_resources().get("CPU", 0))
         wanted = min(cores, options.jobs) if options.jobs else cores
-        home = str(options.home.resolve())
+        # On a cluster, a folder of that name is another folder on another machine.
+        home = None if options.address else options.home.resolve()
         for _ in range(wanted - len(self._workers)):
-            worker = _Worker(
-                self._actor.remote(self._stored, options.keep, home, self._mark, self._temporary)
-            )
+            worker = _Worker(self._actor.remote(self._stored, options.keep, home, self._temporary))
             self._workers.append(worker)
             self._pending[worker.actor.ready.remote()] = worker
 
@@ -318,8 +237,6 @@ class Pool:
             if task is None:
                 self._started(worker, reference)
                 continue
-            worker.runs += 1
-            self._pace.add(worker.runs, time.monotonic() - worker.since)
             done = self._done(worker, task, reference)
             if done is not None:
                 yield done

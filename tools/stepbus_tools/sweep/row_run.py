@@ -18,7 +18,7 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.override import override
 from stepbus_participant.parameters import read_yaml
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import SPEC_FILE, load_spec, overrides_of
 

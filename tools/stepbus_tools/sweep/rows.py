@@ -17,7 +17,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_participant import append_to, need
 from stepbus_schemas import UNDECODABLE, explained
 from stepbus_tools.columns import distinct
-from stepbus_tools.sweep.design import Point
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.sweep_metrics import Value
 from stepbus_tools.whole_file import replaced
 
@@ -72,7 +72,7 @@ _decode = msgspec.json.Decoder(ResultRow).decode
 
 
 class Journal:
-    """Rows in a file; kept in memory is only where each of them is.
+    """Rows in a file, and in memory.
 
     Raises RecordingFailed where the file cannot be opened, or a row cannot be written: a full disk
     costs that row only.
@@ -80,39 +80,25 @@ class Journal:
 
     def __init__(self, folder: Path) -> None:
         self._path = folder / ROWS_FILE
-        self._places: dict[int, tuple[int, int]] = {}
-        """Run → where its line starts, and its length."""
+        self._rows: dict[int, ResultRow] = {}
         self._end = 0
         try:
-            # No buffer: rows are written while others are read, and a buffer would be old.
-            self._file = os.fdopen(append_to(self._path), "ab+", buffering=0)
-        except OSError as exc:
-            raise RecordingFailed(f"{self._path} cannot be opened: {exc.strerror}") from exc
-        try:
-            self._find_rows()
+            known = self._path.read_bytes() if self._path.exists() else b""
+            for line in known.splitlines(keepends=True):
+                if line.endswith(b"\n"):
+                    self._take(_decode(line), line)
+            self._file = os.fdopen(append_to(self._path), "ab")
             self._file.truncate(self._end)
         except OSError as exc:
-            self._file.close()
-            if isinstance(exc, RecordingFailed):
-                raise
             raise RecordingFailed(f"{self._path} cannot be read: {exc.strerror}") from exc
+        except UNDECODABLE as exc:
+            raise RecordingFailed(
+                f"{self._path}: byte {self._end} is not the start of a row: it {explained(exc)}"
+            ) from exc
 
-    def _find_rows(self) -> None:
-        with self._path.open("rb") as file:
-            for line in file:
-                if not line.endswith(b"\n"):
-                    return
-                try:
-                    self._place(_decode(line).run, len(line))
-                except UNDECODABLE as exc:
-                    raise RecordingFailed(
-                        f"{self._path}: byte {self._end} is not the start of a row: it "
-                        f"{explained(exc)}"
-                    ) from exc
-
-    def _place(self, number: int, length: int) -> None:
-        self._places[number] = self._end, length
-        self._end += length
+    def _take(self, row: ResultRow, line: bytes) -> None:
+        self._rows[row.run] = row
+        self._end += len(line)
 
     def __enter__(self) -> Self:
         """Return the journal."""
@@ -124,15 +110,15 @@ class Journal:
 
     def __contains__(self, number: object) -> bool:
         """Return whether there is a row of a run."""
-        return number in self._places
+        return number in self._rows
 
     def __len__(self) -> int:
         """Return the number of rows."""
-        return len(self._places)
+        return len(self._rows)
 
     def add(self, row: ResultRow) -> None:
         """Append a row; the file has all of it, or nothing."""
-        line = memoryview(msgspec.json.encode(row) + b"\n")
+        line = msgspec.json.encode(row) + b"\n"
         written = 0
         try:
             while written < len(line):
@@ -144,16 +130,15 @@ class Journal:
                 f"{self._path} cannot be written: {exc.strerror}; all {len(self)} "
                 "earlier rows are kept; run the same command again to resume"
             ) from exc
-        self._place(row.run, len(line))
+        self._take(row, line)
 
     def row(self, number: int) -> ResultRow:
         """Return the row of a run."""
-        start, length = self._places[number]
-        return _decode(os.pread(self._file.fileno(), length, start))
+        return self._rows[number]
 
     def rows(self) -> Iterator[ResultRow]:
         """Yield all rows by number."""
-        return (self.row(number) for number in sorted(self._places))
+        return (self._rows[number] for number in sorted(self._rows))
 
 
 def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:

@@ -1,5 +1,6 @@
 """Runs a sweep: every point that has no row yet."""
 
+import contextlib
 import fcntl
 import os
 import shutil
@@ -7,7 +8,6 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,15 @@ from stepbus_orchestrator.errors import (
     argument,
 )
 from stepbus_orchestrator.processes.limits import check_limits
+from stepbus_orchestrator.run.folder import scratch_folder
 from stepbus_participant import append_to, make_folder, need
-from stepbus_schemas import WiringError
+from stepbus_schemas import StepbusError, WiringError
+from stepbus_tools.report import REPORT_FILE, write_report
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import Bundle, collect
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.optimize import Optimizer
 from stepbus_tools.sweep.pool import Pool, PoolOptions
-from stepbus_tools.sweep.row_run import SOURCE_FOLDER
+from stepbus_tools.sweep.row_run import SOURCE_FOLDER, RowRun
 from stepbus_tools.sweep.rows import TABLE_FILE, Journal, ResultRow, write_table
 from stepbus_tools.sweep.spec import (
     SPEC_FILE,
@@ -48,7 +50,7 @@ RUNNING = "runs"
 class SweepProgress:
     """Progress of a sweep: finished, total and failed runs; rate of all workers [runs/s].
 
-    rate: None until a worker has finished its second run. phase: current activity.
+    rate: None until a run has finished. phase: current activity.
     """
 
     done: int
@@ -116,7 +118,7 @@ def sweep(
             )
 
 
-@contextmanager
+@contextlib.contextmanager
 def _claimed(home: Path) -> Iterator[None]:
     """Hold a sweep's folder; raises RecordingFailed where another process does."""
     try:
@@ -166,32 +168,27 @@ class _Sweep:
         self._options, self._home = options, options.home
         self._bundle = bundle
         self._journal = journal
-        # An optimizer asks for a batch, and waits for all of it.
-        self._at_once = None if self._optimizer is None else plan.spec.batch
         self._on_progress = on_progress
         self._total = len(self._optimizer or plan.design)
         self._paths = (self._optimizer or plan.design).paths
+        self._resumed = len(journal)
         self._causes: Counter[str] = Counter()
         self._metric_errors = 0
         self._began = self._tabled = time.monotonic()
 
     def run(self, interrupt: threading.Event) -> SweepResult:
         """Run what has no row, and write the tables and the page; raises Interrupted."""
-        journal, resumed = self._journal, len(self._journal)
+        journal = self._journal
         for row in journal.rows():
             self._count(row)
-        if resumed < self._total:
+        if self._resumed < self._total:
             self._report("starting Ray (some seconds; up to a minute on a busy machine)")
             with Pool(self._bundle, self._options) as self._pool:
                 self._report("starting workers")
+                self._began_runs = time.monotonic()
                 self._run_missing(interrupt)
         write_table(journal, self._paths, self._home)
-        extreme_rows = extremes(journal, self._plan.spec)
-        pictures = {
-            f"{name} run: {row.run}": self._home / f"{name}.png"
-            for name, row in extreme_rows.items()
-            if (self._home / f"{name}.png").exists()
-        }
+        pictures = self._draw(interrupt)
         write_page(journal, self._plan, self._paths, self._home, pictures)
         if interrupt.is_set():
             raise Interrupted(
@@ -202,12 +199,12 @@ class _Sweep:
             folder=self._home,
             total=self._total,
             done=len(journal),
-            resumed=resumed,
+            resumed=self._resumed,
             failed=self._causes.total(),
             metric_errors=self._metric_errors,
             causes=dict(sorted(self._causes.items())),
             wall_s=time.monotonic() - self._began,
-            best=extreme_rows.get("best") if self._optimizer else None,
+            best=extremes(journal, self._plan.spec).get("best") if self._optimizer else None,
             metric=self._plan.spec.optimize,
         )
 
@@ -221,15 +218,22 @@ class _Sweep:
                 return
             if optimizer is not None:
                 optimizer.tell([_checked(self._journal.row(p.number), p) for p in batch])
-        # The best and the worst run are made again, since they may not have stayed.
-        chosen = extremes(self._journal, self._plan.spec)
-        if chosen:
-            self._report(f"plotting the {' and the '.join(chosen)} run")
-            points = [Point(row.run, row.values) for row in chosen.values()]
-            for name, content in zip(chosen, self._pool.pictures(points), strict=True):
-                if content:
-                    with replaced(self._home / f"{name}.png") as part:
-                        part.write_bytes(content)
+
+    def _draw(self, interrupt: threading.Event) -> dict[str, Path]:
+        """Make the best and the worst run again, and return title → their plots."""
+        pictures: dict[str, Path] = {}
+        for name, row in extremes(self._journal, self._plan.spec).items():
+            picture = self._home / f"{name}.png"
+            if self._resumed < self._total and not interrupt.is_set():
+                self._report(f"plotting the {name} run")
+                with contextlib.suppress(StepbusError), scratch_folder("sweep") as out:
+                    made = RowRun(self._home, row.run).run(out / "run", interrupt=interrupt)
+                    write_report(made.result.recording)
+                    with replaced(picture) as part:
+                        shutil.copyfile(out / "run" / REPORT_FILE, part)
+            if picture.exists():
+                pictures[f"{name} run: {row.run}"] = picture
+        return pictures
 
     def _run_points(self, points: Iterable[Point], interrupt: threading.Event) -> None:
         journal = self._journal
@@ -257,12 +261,13 @@ class _Sweep:
 
     def _report(self, phase: str = RUNNING) -> None:
         """Notify how far the sweep is, and what happens now."""
+        made = len(self._journal) - self._resumed if phase == RUNNING else 0
         self._on_progress(
             SweepProgress(
                 done=len(self._journal),
                 total=self._total,
                 failed=self._causes.total(),
-                rate=self._pool.rate(self._at_once) if phase == RUNNING else None,
+                rate=made / (time.monotonic() - self._began_runs) if made else None,
                 phase=phase,
             )
         )

@@ -26,9 +26,8 @@ from stepbus_orchestrator.scenario.override import named_from
 from stepbus_participant import Count, Problems, Settings, Whole, read_text, suggest, write_file
 from stepbus_participant.parameters import Keys, Place, read, read_yaml
 from stepbus_schemas import WiringError
-from stepbus_tools.sweep.axes import FAULTS, Axis, parse_axis
+from stepbus_tools.sweep.axes import FAULTS, Axis, Design, Point, parse_axis
 from stepbus_tools.sweep.bundle import metric_file
-from stepbus_tools.sweep.design import Design, Point
 from stepbus_tools.sweep.sweep_metrics import BUILTIN
 
 SPEC_FILE = "sweep.json"

@@ -29,6 +29,8 @@ _REST_SHARE = 0.2
 _FULL = 1 - 1e-6
 BUILTIN = ("success", "duration", "rmse", "overshoot", "settling", "saturation", "energy")
 """Names of the figures that ship; there is `rmse.JOINT` too."""
+UNITS = {"duration": "s", "settling": "s", "energy": "J"}
+"""That of an error depends on its joint."""
 
 
 class MetricFailed(RunError):

@@ -15,15 +15,13 @@ from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.report.figure_html import png_figure
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
-from stepbus_tools.sweep.sweep_metrics import BUILTIN
+from stepbus_tools.sweep.sweep_metrics import BUILTIN, UNITS
 from stepbus_tools.whole_file import replaced
 
 PAGE_FILE = "report.html"
 _MOST_ROWS = 20_000
 _MOST_CAUSES = 50
 _FIRST = ("rmse", "success")
-_UNITS = {"duration": "s", "settling": "s", "energy": "J"}
-"""Of the metrics that ship; that of an error depends on its joint."""
 
 
 def write_page(
@@ -89,7 +87,7 @@ def _data(
         "columns": {**columns, **varied},
         "run": [row.run for row in rows],
         "failed": [row.exit_code != 0 for row in rows],
-        "units": {name: unit for name, unit in _UNITS.items() if name in columns},
+        "units": {name: unit for name, unit in UNITS.items() if name in columns},
         "extremes": {row.run: name for name, row in extremes(journal, plan.spec).items()},
     }
 

@@ -19,14 +19,12 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import make_folder
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.report import write_report
+from stepbus_tools.sweep.axes import Point
 from stepbus_tools.sweep.bundle import METRICS_FOLDER, Bundle
-from stepbus_tools.sweep.design import Point
 from stepbus_tools.sweep.rows import ResultRow, failed_row
 from stepbus_tools.sweep.spec import overrides_of
 from stepbus_tools.sweep.sweep_metrics import Metrics, Value, builtin_metrics
 
-REPORT_FILE = "report.png"
 Files = Mapping[str, bytes]
 """Name → content of the files of a run."""
 
@@ -63,17 +61,6 @@ class Trials:
         except (RunFailure, StepbusError) as exc:
             code = exc.code if isinstance(exc, RunFailure) else ExitCode.SCENARIO
             return failed_row(point, "failed", str(exc), code), {}
-        finally:
-            shutil.rmtree(out, ignore_errors=True)
-
-    def picture(self, point: Point) -> bytes:
-        """Run a point once more, and return the plots of its report as PNG; empty: it has none."""
-        out = self._folder / "picture"
-        try:
-            result = self._run(point, out)
-            if result.steps and result.recording.exists():
-                write_report(result.recording)
-            return (out / REPORT_FILE).read_bytes() if (out / REPORT_FILE).exists() else b""
         finally:
             shutil.rmtree(out, ignore_errors=True)
 

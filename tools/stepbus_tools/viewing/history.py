@@ -18,6 +18,7 @@ from stepbus_schemas import (
     StepbusError,
     WiringError,
 )
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.bodies import Latest, Messages
 
 _MOST = 400
@@ -68,6 +69,11 @@ class TimelineEvent:
     level: str
     source: str
     text: str
+
+    @property
+    def mark(self) -> Mark:
+        """Return it as charts show it."""
+        return Mark(t=self.t_ns * 1e-9, level=self.level, text=f"{self.source}: {self.text}")
 
 
 def read_timeline(recording: Recording, result: Result | None) -> tuple[list[TimelineEvent], int]:

@@ -15,6 +15,7 @@ from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.run.result import Result
 from stepbus_schemas import CallRecord, Decoder, Event, StepbusError
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import call_text, stop_of
@@ -22,10 +23,9 @@ from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.ending import failure_banner, result_in
 from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.light import add_light
-from stepbus_tools.viewing.stage.marks import Mark
+from stepbus_tools.viewing.stage.marks import failure_banner, result_in
+from stepbus_tools.viewing.stage.stage import add_light
 from stepbus_tools.viewing.stage.view import View, plain_topics
 
 _LAST_S = 0.2
@@ -83,7 +83,7 @@ class LivePage:
         if now - self._charted_at >= _CHART_S:
             self._charted_at = now
             now_s = self._tail.last_step * self._step_s
-            recent = [replace(mark, t_s=mark.t_s - now_s) for mark in self._marks[-_RECENT:]]
+            recent = [replace(mark, t=mark.t - now_s) for mark in self._marks[-_RECENT:]]
             self._view.curves.update(recent)
             if self._is_unswept:
                 self._is_unswept = False
@@ -131,9 +131,9 @@ class LivePage:
                 message = self._tail.decode(topic, data)
                 if isinstance(message, Event):
                     text = f"{layout.split_topic(topic)[0]}: {message.text}"
-                    marks.append(Mark(t_s=step * self._step_s, level=message.level, text=text))
+                    marks.append(Mark(t=step * self._step_s, level=message.level, text=text))
         if marks:
-            self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t_s)[-_MOST_MARKS:]
+            self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t)[-_MOST_MARKS:]
             self._view.tell(self._marks)
 
     def _calls(self) -> Iterator[Mark]:
@@ -143,7 +143,7 @@ class LivePage:
                 call, t_s = _decode_call(data), step * self._step_s
                 stop = stop_of(call, t_s)
                 self._stopped_by_call = self._stopped_by_call if stop is None else stop
-                yield Mark(t_s=t_s, level="call", text=f"{call.participant}: {call_text(call)}")
+                yield Mark(t=t_s, level="call", text=f"{call.participant}: {call_text(call)}")
 
 
 def headline(status: Any, last_step: int, rate: float) -> str:

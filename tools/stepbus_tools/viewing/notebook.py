@@ -13,10 +13,9 @@ from stepbus_tools.look import PAPER
 from stepbus_tools.report.charts import find_signals, signal_names
 from stepbus_tools.report.figure_html import figure
 from stepbus_tools.report.picture import draw
+from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.page import PAGE_FILE
 from stepbus_tools.whole_file import replaced
-
-from .page.run_scene import scene_at_end
 
 _MOST_NAMES = 8
 _MOST_SIGNALS = 4

@@ -15,6 +15,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording, layout
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import StepbusError
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
 from stepbus_tools.viewing.scene.bodies import Messages
@@ -22,11 +23,9 @@ from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.ending import failure_banner
 from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.light import add_light
-from stepbus_tools.viewing.stage.marks import Mark, on_slider
-from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage
+from stepbus_tools.viewing.stage.marks import failure_banner, on_slider
+from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage, add_light
 from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
 
 _SAMPLES = 400
@@ -90,10 +89,7 @@ class Findings:
             if calls := recording.ports.get(layout.CALLS_TOPIC):
                 rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
                 self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
-        self._add(
-            Mark(t_s=one.t_ns * 1e-9, level=one.level, text=f"{one.source}: {one.text}")
-            for one in events
-        )
+        self._add(one.mark for one in events)
 
     def _compare(self, path: Path, other: Path, runs: Sequence[str]) -> None:
         t_s, level = 0.0, "info"
@@ -108,11 +104,11 @@ class Findings:
                     t_s = divergence.step * History(recording).step_ns * 1e-9
                     text = divergence.text(*runs)
                 level = "divergence"
-        self._add([Mark(t_s=t_s, level=level, text=text)])
+        self._add([Mark(t=t_s, level=level, text=text)])
 
     def _add(self, marks: Iterable[Mark]) -> None:
         with self._lock:
-            self.marks = tuple(sorted((*self.marks, *marks), key=lambda mark: mark.t_s))
+            self.marks = tuple(sorted((*self.marks, *marks), key=lambda mark: mark.t))
 
 
 class Playback:
@@ -274,7 +270,7 @@ class Player:
     def _mark(self) -> None:
         """Show what has been found since."""
         self._marks = self._findings.marks
-        self._jumps = {mark.label: self._step_at(mark.t_s) for mark in self._marks}
+        self._jumps = {mark.label: self._step_at(mark.t) for mark in self._marks}
         self._jump.options = (_JUMP, *self._jumps)
         self._jump.visible = bool(self._jumps)
         self._slider.remove()

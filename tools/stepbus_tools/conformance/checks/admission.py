@@ -144,41 +144,32 @@ def _wrong_replies(kit: Kit) -> str:
     return "joined, with garbage and a Refusal before the Welcome, and one behind"
 
 
-def _not_let_in(name: str, summary: str, when: str, setup: Setup) -> Check:
+def _not_let_in(name: str, what: str, setup: Setup) -> Check:
     """Return the check of an answer to `Hello` that has to end the participant."""
 
     def run(kit: Kit) -> str:
         with kit.joined(setup) as harness:
-            code = harness.await_end(when, kit.spec.deadlines.join_s, harness.send_handshake)
+            code = harness.await_end(what, kit.spec.deadlines.join_s, harness.send_handshake)
             if harness.transcript.readies:
-                raise Failed(f"it became ready after {when}")
-        return _refused(code, f"after {when}")
+                raise Failed(f"it became ready after {what}")
+        return _refused(code, f"after {what}")
 
+    summary = f"after {what}, it exits with a non-zero code"
     return Check(name=name, clause="P4.3", summary=summary, run=run)
 
 
-_REFUSED = _not_let_in(
-    "refused",
-    "after a `Refusal` (version, types, token), it exits with a non-zero code",
-    "a Refusal",
-    Setup(refusal="the conformance kit refuses you"),
-)
+_REFUSED = _not_let_in("refused", "a `Refusal`", Setup(refusal="the conformance kit refuses you"))
 _WELCOME_PROTOCOL = _not_let_in(
     "welcome-protocol",
-    "after a `Welcome` of a protocol that it does not speak, it exits with a non-zero code",
-    f"a Welcome of protocol {_UNKNOWN}",
+    "a `Welcome` of a protocol that it does not speak",
     Setup(welcome={"protocol": _UNKNOWN}),
 )
 _WELCOME_NAME = _not_let_in(
-    "welcome-name",
-    "after a `Welcome` for another name, it exits with a non-zero code",
-    "a Welcome for another name",
-    Setup(welcome={"name": "another"}),
+    "welcome-name", "a `Welcome` for another name", Setup(welcome={"name": "another"})
 )
 _WELCOME_TOKEN = _not_let_in(
     "welcome-token",
-    "after a `Welcome` with another token, it exits with a non-zero code",
-    "a Welcome with another token",
+    "a `Welcome` with another token",
     Setup(welcome={"token": "0000000000000000"}),
 )
 

@@ -4,6 +4,7 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import msgpack
 import msgspec
 
 from stepbus_orchestrator.analysis.tolerance import FieldTolerance, differences
@@ -66,15 +67,13 @@ def _map_floats(value: Any, change: Callable[[float], float]) -> Any:
 
 
 def _pack(value: Any) -> bytes:
-    """Return MessagePack with floats as float32 (0xca), or as integers where they are whole."""
-    if isinstance(value, dict):
-        items = b"".join(_pack(key) + _pack(item) for key, item in value.items())
-        return b"\xdf" + len(value).to_bytes(4, "big") + items
-    if isinstance(value, list):
-        return b"\xdd" + len(value).to_bytes(4, "big") + b"".join(map(_pack, value))
-    if isinstance(value, float) and (not value.is_integer() or str(value) == "-0.0"):
-        return b"\xca" + struct.pack(">f", value)
-    return msgspec.msgpack.encode(int(value) if isinstance(value, float) else value)
+    """Return MessagePack with floats as float32, or as integers where they are whole."""
+    packed: bytes = msgpack.packb(_map_floats(value, _whole), use_single_float=True)
+    return packed
+
+
+def _whole(value: float) -> float:
+    return int(value) if value.is_integer() and str(value) != "-0.0" else value
 
 
 @check("P4.8", "joints in reverse order give the same values by name", inputs=True)

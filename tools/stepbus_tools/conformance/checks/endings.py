@@ -34,7 +34,7 @@ def _ports_of(kit: Kit) -> dict[str, set[str]]:
 def _fatal(
     name: str,
     clause: str,
-    summary: str,
+    when: str,
     spoil: Spoil,
     ports_of: Callable[[Kit], dict[str, set[str]]] = _ports_of,
 ) -> Check:
@@ -44,6 +44,7 @@ def _fatal(
         reports = (blames(kit, source, spoil, ports) for source, ports in ports_of(kit).items())
         return "; ".join(reports)
 
+    summary = f"it reports a fault of the source {when}"
     return Check(name=name, clause=clause, summary=summary, run=run, inputs=True, plain=True)
 
 
@@ -143,33 +144,22 @@ def _publish_too_long(harness: Harness, source: str, step: int, ports: Ports) ->
 
 
 _CHANGED_DUPLICATE = _fatal(
-    "changed-duplicate",
-    "P8.1",
-    "it reports a fault of the source if a step is repeated with other bytes",
-    _publish_twice,
+    "changed-duplicate", "P8.1", "if a step is repeated with other bytes", _publish_twice
 )
-_SKIPPED_STEP = _fatal(
-    "skipped-step",
-    "P8.1",
-    "it reports a fault of the source if a step is skipped",
-    _publish_nothing,
-)
+_SKIPPED_STEP = _fatal("skipped-step", "P8.1", "if a step is skipped", _publish_nothing)
 _MALFORMED_OUTPUTS = _fatal(
     "malformed-outputs",
     "P8.1",
-    "it reports a fault of the source for a malformed `Outputs` with the right token",
+    "for a malformed `Outputs` with the right token",
     _publish_malformed,
 )
 _WRONG_MESSAGE = _fatal(
-    "wrong-message",
-    "P8.2",
-    "it reports a fault of the source for a due message of the wrong type",
-    _publish_mistyped,
+    "wrong-message", "P8.2", "for a due message of the wrong type", _publish_mistyped
 )
 _BULK_LENGTH = _fatal(
     "bulk-length",
     "P8.3",
-    "it reports a fault of the source if bulk content does not have the announced length",
+    "if bulk content does not have the announced length",
     _publish_too_long,
     bulk_inputs,
 )

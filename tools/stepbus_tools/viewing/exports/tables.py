@@ -234,19 +234,13 @@ class _Parquet:
         self._rows = self._bytes = 0
 
     def _field(self, column: Column) -> Any:
-        arrow = self._arrow
-        types = {
-            "double": arrow.float64(),
-            "int64": arrow.int64(),
-            "bool": arrow.bool_(),
-            "string": arrow.string(),
-            "binary": arrow.binary(),
-            "list<double>": arrow.list_(arrow.float64()),
-            "list<int64>": arrow.list_(arrow.int64()),
-            "json": arrow.string(),
-        }
+        arrow, form = self._arrow, column.type
+        if form in LISTS:
+            kind = arrow.list_(arrow.type_for_alias(form[5:-1]))
+        else:
+            kind = arrow.type_for_alias("string" if form == "json" else form)
         metadata = {"unit": column.unit, "description": column.text}
-        return arrow.field(column.name, types[column.type], metadata=metadata)
+        return arrow.field(column.name, kind, metadata=metadata)
 
     def __enter__(self) -> Self:
         return self

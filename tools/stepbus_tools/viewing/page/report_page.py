@@ -18,16 +18,15 @@ from stepbus_tools.look import MARK, style_sheet
 from stepbus_tools.report.charts import Chart, ChartLine, path_of
 from stepbus_tools.report.figure_html import figure, png_figure
 from stepbus_tools.report.picture import draw
+from stepbus_tools.viewing.exports.scene_file import REPLAY_POLICY, packed_replay, replay_html
+from stepbus_tools.viewing.page.content import lateness_html, times_html
+from stepbus_tools.viewing.page.head import again, comparison_html
 from stepbus_tools.viewing.render import pixels_of
 from stepbus_tools.whole_file import replaced
 
-from .again import again
-from .comparison import comparison_html
 from .content import RunPage
 from .curves_html import Curves
 from .head import head
-from .run_scene import REPLAY_POLICY, packed_replay, replay_html
-from .step_times import lateness_html, times_html
 
 PAGE_FILE = "report.html"
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'; script-src 'unsafe-inline'"

@@ -12,9 +12,9 @@ from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
 from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of
 from stepbus_tools.look import LINES, PAPER, line_style
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
-from stepbus_tools.viewing.stage.marks import Mark
 
 _MOST_LINES = 16
 """Of one signal; more cannot be told apart."""
@@ -280,9 +280,9 @@ def _rows(
     """
     times, values = data
     # A failure may be of the step after the last whole one.
-    ends_s = {id(mark): min(mark.t_s, times[-1]) for mark in marks if mark.level == _FAILURE}
+    ends_s = {id(mark): min(mark.t, times[-1]) for mark in marks if mark.level == _FAILURE}
     kinds = [
-        [ends_s.get(id(mark), mark.t_s) for mark in marks if mark.level in levels]
+        [ends_s.get(id(mark), mark.t) for mark in marks if mark.level in levels]
         for _, levels in _RULES
     ]
     kinds.append([] if now_s is None else [now_s])

@@ -1,8 +1,14 @@
 """What happened in a run, as marks: on the slider of its time, in its curves, in a list."""
 
+import contextlib
 import html
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from pathlib import Path
+
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.run.result import Result, result_beside
+from stepbus_schemas import StepbusError
+from stepbus_tools.report.charts import Mark
 
 _SIGNS = {
     "fault": "✕", "failure": "✕", "error": "✕", "warning": "▲", "divergence": "≠",
@@ -15,20 +21,6 @@ _NEAR = 0.04
 """Of the slider: so near to its end, a sign takes the place of the number there."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Mark:
-    """Something that happened. level: as of a TimelineEvent, or divergence."""
-
-    t_s: float
-    level: str
-    text: str
-
-    @property
-    def label(self) -> str:
-        """Return its time, its level and its first line."""
-        return f"{self.t_s:.3f} s {self.level}: {(self.text.splitlines() or [''])[0]}"
-
-
 def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], ...]:
     """Return the marks of a slider, with their signs: the most serious ones where there are many.
 
@@ -36,8 +28,8 @@ def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], .
     """
     by_time: dict[float, str] = {}
     for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
-        if len(by_time) < _MOST_ON_SLIDER and mark.t_s <= end_s + 1e-9:
-            by_time.setdefault(round(mark.t_s, 6), _SIGNS[mark.level])
+        if len(by_time) < _MOST_ON_SLIDER and mark.t <= end_s + 1e-9:
+            by_time.setdefault(round(mark.t, 6), _SIGNS[mark.level])
     ends = {0.0: "0", end_s: f"{end_s:.3g}"}
     near = _NEAR * end_s
     ends = {at: text for at, text in ends.items() if all(abs(at - t) > near for t in by_time)}
@@ -51,3 +43,18 @@ def listed(marks: Sequence[Mark], most: int) -> str:
         for mark in marks[-most:]
     )
     return f'<ul class="lines">{rows or "<li>nothing yet</li>"}</ul>'
+
+
+def result_in(folder: Path) -> Result | None:
+    """Return the result of the run in a folder; None where there is none."""
+    with contextlib.suppress(StepbusError, OSError), Recording(folder / layout.RUN_FILE) as run:
+        return result_beside(run)
+    return None
+
+
+def failure_banner(result: Result | None, run: str = "") -> str:
+    """Return that and why a run failed, as HTML; nothing of one that did not. run: its name."""
+    if result is None or not result.exit_code:
+        return ""
+    who, why = html.escape(f"{run} failed".strip()), html.escape(result.cause or result.reason)
+    return f'<div class="failed" role="alert"><b>{who}</b>: {why}</div>'

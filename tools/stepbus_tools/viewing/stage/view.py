@@ -6,11 +6,12 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
+from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Scene
 from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
-from stepbus_tools.viewing.stage.marks import Mark, listed
+from stepbus_tools.viewing.stage.marks import listed
 from stepbus_tools.viewing.stage.overlays import Images, Overlays, Past
 
 from .stage import Stage
