@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 from stepbus_participant.packages import imported_later
 
 from .kinds import Pause as Pause
-from .nodes import *
 from .problems import *
 from .read import *
 from .types_file import *
