@@ -163,7 +163,7 @@ Name = Annotated[
     str,
     msgspec.Meta(
         title="name",
-        description="1 to 64 letters, digits, '_' and '-', starting with a letter or digit",
+        description="a name of 1 to 64 letters, digits, '_' and '-', the first no '_' or '-'",
         pattern=rf"^{NAME_FORM}\Z",
         extra_json_schema={"pattern": f"^{NAME_FORM}$"},
     ),

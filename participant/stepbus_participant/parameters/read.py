@@ -143,10 +143,10 @@ class _Reader:
         short = cls.short if isinstance(data, str) else ""
         given = {short: data} if short else data or {}
         before = len(self.problems)
-        value = cls(**_Fields(self, cls, given, keys).read())
+        value = cls(**_Fields(self, cls, given, keys, short).read())
         if len(self.problems) == before:
             for at, text in value.problems():
-                self.problems.add((*keys, *at), text)
+                self.problems.add((*keys, *(at if at != (short,) else ())), text)
         return value
 
     def _map(self, key_type: Any, item_type: Any, data: Any, keys: Keys) -> dict[str, Any]:
@@ -173,10 +173,13 @@ class _Reader:
 
 
 class _Fields:
-    """The fields of one struct, read from a map."""
+    """The fields of one struct, read from a map; short: the key that a text stands for."""
 
-    def __init__(self, reader: _Reader, cls: Any, data: Mapping[Any, Any], keys: Keys) -> None:
-        self._reader, self._problems, self._cls, self._keys = reader, reader.problems, cls, keys
+    def __init__(
+        self, reader: _Reader, cls: Any, data: Mapping[Any, Any], keys: Keys, short: str
+    ) -> None:
+        self._reader, self._problems, self._cls = reader, reader.problems, cls
+        self._keys, self._short = keys, short
         self._fields = fields_of(cls)
         self._given = {key: item for key, item in data.items() if item is not None}
         self._values: dict[str, Any] = {}
@@ -221,7 +224,8 @@ class _Fields:
 
     def _present(self, key: str, field: structs.FieldInfo) -> Any:
         before = len(self._problems)
-        value = self._reader.value(field.type, self._given[key], (*self._keys, key))
+        at = self._keys if key == self._short else (*self._keys, key)
+        value = self._reader.value(field.type, self._given[key], at)
         if len(self._problems) == before:
             return value
         self._wrong.add(key)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
+from ruamel.yaml.composer import MaxDepthExceededError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
@@ -19,11 +20,11 @@ _STANDARD = "tag:yaml.org,2002:"
 _TEXTS = ("str", "timestamp", "value")
 """Dates are no type of YAML 1.2's core schema, nor is '='."""
 _OTHERS = ("bool", "float", "int")
-_MOST_CHARACTERS = 2_000_000
+_MOST_CHARACTERS = 1_000_000
 _MOST_VALUES = 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
 _DEEPEST = 100
-_HINT = "check indentation (no tabs), brackets, and quotes, which special characters need"
+_HINT = "check the indentation (no tabs), brackets and quotes; special characters need quotes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -100,7 +101,9 @@ def _translated(file: str) -> Iterator[None]:
         yield
     except MarkedYAMLError as exc:
         line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
-        raise fatal(file, f"not YAML: {exc.problem}; {_HINT}", line) from exc
+        is_deep = isinstance(exc, MaxDepthExceededError)
+        why = f"more than {_DEEPEST} levels" if is_deep else f"{exc.problem}; {_HINT}"
+        raise fatal(file, f"not YAML: {why}", line) from exc
     except YAMLError as exc:
         raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
 
@@ -158,14 +161,15 @@ class _Conversion:
     def _scalar(self, node: ScalarNode, tag: str, keys: Keys) -> Any:
         if tag == "null":
             return None
-        if tag in _TEXTS:
-            return node.value
-        if tag not in _OTHERS:
+        if tag not in (*_TEXTS, *_OTHERS):
             return self._refuse(node, keys, f"the tag {node.tag} is not supported")
         try:
+            if tag in _TEXTS:
+                node.value.encode()
+                return node.value
             value = getattr(self._yaml.constructor, f"construct_yaml_{tag}")(node)
         except (LookupError, ValueError):
-            return self._refuse(node, keys, f"{node.value[:40]!r} is not a valid {tag}")
+            return self._refuse(node, keys, f"{node.value[:40]!a} is not a valid {tag}")
         if tag == "int" and not -(2**63) <= value < 2**64:
             return self._refuse(node, keys, f"{node.value[:40]} does not fit into 64 bits")
         return value

@@ -270,9 +270,9 @@ def test_every_problem_of_the_parameters_is_listed_at_once():
         "params.base_frame: must be text, not a list",
         "params.tuck: must be a map, not a list",
         "params.views: must be an integer, not 1.5",
-        "params.attempts: must be at least 1, not 0",
+        "params.attempts: must be an integer of at least 1, not 0",
         "params.waits.stil: unknown key 'stil'; did you mean 'still'?",
-        "params.waits.camera: must be above 0, not -1",
+        "params.waits.camera: must be a number above 0, not -1",
         "params.speed: unknown key 'speed'",
     ):
         assert part in text

@@ -120,9 +120,9 @@ MISTAKES = [
     ({"springs": [3]}, "springs.0: must be text or a map, not 3"),
     ({"springs": [None]}, "springs.0: the key 'kind' is missing"),
     ({"springs": [{"knd": 1, "kind": "a"}]}, "springs.0.knd: unknown key 'knd'"),
-    ({"springs": [""]}, "springs.0.kind: must be text that is not empty"),
-    ({"named": {"a b": 1}}, "named.a b: must be 1 to 64 letters … not 'a b'"),
-    ({"named": {3: 1}}, 'named.3: must be 1 to 64 letters … not 3; put it in quotes'),
+    ({"springs": [""]}, "springs.0: must be text that is not empty"),
+    ({"named": {"a b": 1}}, "named.a b: must be a name of 1 to 64 letters … not 'a b'"),
+    ({"named": {3: 1}}, 'named.3: must be a name of 1 to 64 letters … not 3; put it in quotes'),
     ({"latency_ns": "5ms"}, "latency_ns: unknown key 'latency_ns' … did you mean 'latency'"),
 ]  # fmt: skip
 

@@ -71,7 +71,7 @@ def test_every_mistake_in_the_waypoints_is_listed() -> None:
             {**SINE, "task": "sinus"},
             "task: must be .* or file.py:Class, not 'sinus'; did you mean 'sine'",
         ),
-        ({**SINE, "joints": []}, "joints: is empty"),
+        ({**SINE, "joints": []}, "joints: must be a list of one or more names"),
         ({**SINE, "end_when_done": True}, "end_when_done: is true, but this task never ends"),
         ({"task": "step", "joints": ["a"]}, "the key 'target' is missing"),
         ({"task": "csv", "joints": ["a"], "file": "none.csv"}, "file 'none.csv' not found"),
