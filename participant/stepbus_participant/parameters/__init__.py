@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant.packages import imported_later
 
+from .forms import *
 from .kinds import Pause as Pause
 from .problems import *
 from .read import *

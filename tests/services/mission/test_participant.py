@@ -45,7 +45,7 @@ def test_every_mistake_in_the_params_is_listed() -> None:
             )
         )
     keys = [row.split("params.")[1].split(":")[0] for row in str(caught.value).splitlines()]
-    assert keys == ["joints", "end_when_done", "phase", "omga", "amplitude"]
+    assert keys == ["joints", "end_when_done", "phase", "omga"]
 
 
 WAYPOINTS = [

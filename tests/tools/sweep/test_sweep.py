@@ -80,7 +80,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     [
         (
             ["--vary", "controller.params.kpp=1,2", "--vary", "controller.params.kp=x"],
-            ["did you mean 'kp'?", "must be a number, not 'x'"],
+            ["did you mean 'kp'?", "must be a number of at least 0, a list or a map, not 'x'"],
         ),
         (["--vary", "plant.params.gravity~normal(1, -1)"], ["does not accept these parameters"]),
         (["--vary", "controler.params.kp=1,2"], ["no participant or key 'controler'"]),
