@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
@@ -75,13 +75,14 @@ class Form:
     """One type of a value.
 
     wanted: as it is declared. type, arguments: `tuple` and `(float, float)`. marks: what its marks
-    say.
+    say. is_per_name: the value is one for each joint.
     """
 
     wanted: Any
     type: Any
     arguments: tuple[Any, ...]
     marks: Mapping[str, Any]
+    is_per_name: bool = False
 
     @property
     def is_struct(self) -> bool:
@@ -144,7 +145,8 @@ def forms_of(wanted: Any) -> tuple[Form, ...]:
     bare, marks = unmarked(wanted)
     if bare is PerName:
         item = marks["item"]
-        return forms_of(item | tuple[item, ...] | dict[str, item])
+        forms = forms_of(item | tuple[item, ...] | dict[str, item])
+        return tuple(replace(form, is_per_name=True) for form in forms)
     options = options_of(wanted)
     if options != (wanted,):
         return tuple(form for option in options for form in forms_of(option))

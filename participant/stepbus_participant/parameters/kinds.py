@@ -163,7 +163,8 @@ Name = Annotated[
     str,
     msgspec.Meta(
         title="name",
-        description="a name of 1 to 64 letters, digits, '_' and '-', the first no '_' or '-'",
+        description="a name of 1 to 64 letters, digits, '_' and '-', "
+        "starting with a letter or digit",
         pattern=rf"^{NAME_FORM}\Z",
         extra_json_schema={"pattern": f"^{NAME_FORM}$"},
     ),

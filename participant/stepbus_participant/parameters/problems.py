@@ -83,10 +83,6 @@ class Problems:
     def __len__(self) -> int:
         return len(self._problems)
 
-    def rows(self) -> list[tuple[Keys, str]]:
-        """Return keys and message of each problem."""
-        return [(problem.keys, problem.message) for problem in self._problems]
-
     def has(self, keys: Keys) -> bool:
         """Return whether there is a problem at or below `keys`."""
         return (*self.above, *keys) in self._with_problems

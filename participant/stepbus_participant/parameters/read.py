@@ -18,7 +18,7 @@ from msgspec import structs
 
 from stepbus_schemas import listed, suggest
 
-from .forms import Form, default_of, fields_of, forms_of, mistake, options_of, unmarked
+from .forms import Form, default_of, fields_of, forms_of, mistake, options_of
 from .kinds import NAME_FORM, PerName, Plugin
 from .problems import Keys, Problems, show
 
@@ -60,7 +60,8 @@ def find_problems(
     """Return what is wrong with plain data: keys and a sentence each."""
     problems = Problems()
     value = read(settings, data, problems, folder=folder)
-    return problems.rows() or list(value.file_problems())
+    found = [(problem.keys, problem.message) for problem in problems.error().problems]
+    return found or list(value.file_problems())
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,7 @@ class _Reader:
             self.problems.add(keys, mistake(forms, data))
             return None if is_optional else forms[0].empty
         value = self._read(form, data, keys)
-        is_per_name = any(unmarked(option)[0] is PerName for option in options_of(wanted))
-        return PerName(value, (*self.problems.above, *keys)) if is_per_name else value
+        return PerName(value, (*self.problems.above, *keys)) if form.is_per_name else value
 
     def _read(self, form: Form, data: Any, keys: Keys) -> Any:
         if "read" in form.marks:
@@ -132,7 +132,9 @@ class _Fields:
     ) -> None:
         self._reader, self._problems, self._cls = reader, reader.problems, cls
         self._keys, self._short = keys, short
-        self._fields = fields_of(cls)
+        fields = fields_of(cls)
+        self._fields = {key: row for key, row in fields.items() if "own" not in row[1]}
+        self._own = [field.name for field, marks in fields.values() if "own" in marks]
         self._given = {key: item for key, item in data.items() if item is not None}
         self._values: dict[str, Any] = {}
         self._wrong: set[str] = set()
@@ -145,27 +147,22 @@ class _Fields:
 
     def read(self) -> dict[str, Any]:
         """Return name of a field → value; what is wrong is added to the problems."""
-        surplus = {key: item for key, item in self._given.items() if key not in self._fields}
+        surplus = dict(self._given)
         for key, (field, marks) in self._fields.items():
-            if "own" in marks:
-                continue
             applies = self._applies(marks)
-            if key not in self._given:
-                self._values[key] = self._absent(key, field, is_needed=applies is True)
-            elif applies is not False or "ignored" in marks:
-                self._values[key] = self._present(key, field)
-            else:
+            if key in surplus and (applies is not False or "ignored" in marks):
+                self._values[key] = self._present(key, field, surplus.pop(key))
+            elif key in surplus:
                 self._values[key] = default_of(field)
-                surplus[key] = self._given[key]
+            else:
+                self._values[key] = self._absent(key, field, is_needed=applies is True)
         if not self._has_plugin:
             for key in surplus:
                 self._problems.add((*self._keys, str(key)), self._unknown(key))
             surplus = {}
         self._check_joints()
-        return {
-            field.name: surplus if "own" in marks else self._values[key]
-            for key, (field, marks) in self._fields.items()
-        }
+        values = {field.name: self._values[key] for key, (field, _) in self._fields.items()}
+        return values | dict.fromkeys(self._own, surplus)
 
     def _absent(self, key: str, field: structs.FieldInfo, *, is_needed: bool) -> Any:
         if field.required:
@@ -174,10 +171,10 @@ class _Fields:
                 self._problems.add(self._keys, f"the key {key!r} is missing")
         return default_of(field)
 
-    def _present(self, key: str, field: structs.FieldInfo) -> Any:
+    def _present(self, key: str, field: structs.FieldInfo, data: Any) -> Any:
         before = len(self._problems)
         at = self._keys if key == self._short else (*self._keys, key)
-        value = self._reader.value(field.type, self._given[key], at)
+        value = self._reader.value(field.type, data, at)
         if len(self._problems) == before:
             return value
         self._wrong.add(key)
@@ -200,8 +197,7 @@ class _Fields:
             now = " and ".join(f"{k} is {show(self._values[k])}" for k in when)
             return f"applies only with {wanted}; here {now}"
         place = self._cls.elsewhere(str(key))
-        known = (key for key, (_, marks) in self._fields.items() if "own" not in marks)
-        return f"unknown key {key!r}{f'; {place}' if place else suggest(key, known)}"
+        return f"unknown key {key!r}{f'; {place}' if place else suggest(key, self._fields)}"
 
     def _check_joints(self) -> None:
         """Add what does not fit `joints` among the numbers that are one for each of them."""

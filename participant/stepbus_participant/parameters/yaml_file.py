@@ -77,15 +77,14 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
 def parse_yaml(file: str, text: str) -> Any:
     """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
     conversion = _Conversion(file)
-    problems: tuple[Problem, ...] = ()
     try:
         value = conversion.run(text)
+        Problems(problems=conversion.problems).refuse()
     except SettingsError as exc:
-        problems = exc.problems
-    problems = (*problems, *conversion.problems)
-    if problems:
         # The command line has no lines.
-        raise SettingsError(dataclasses.replace(problem, line=0) for problem in problems)
+        raise SettingsError(
+            dataclasses.replace(problem, line=0) for problem in exc.problems
+        ) from exc
     return value
 
 
