@@ -89,7 +89,7 @@ class SchemaWriter:
             return parts[0] if len(options) == 1 and len(parts) == 1 else {"anyOf": parts}
         bare, marks = unmarked(wanted)
         if bare is PerName:
-            number = self.value(marks["item"])
+            number = self.value(options_of(marks["values"])[0])
             title = f"{form_of(number)}; one for all joints, a list, or a map by joint"
             return {"title": title, "anyOf": [number, _list(number), _map(number)]}
         schema = self._form(get_origin(bare) or bare, get_args(bare)) or _leaf(wanted)

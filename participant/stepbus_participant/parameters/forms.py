@@ -107,7 +107,7 @@ class Form:
         if "read" in self.marks:
             return isinstance(data, str) and data != "" and "\0" not in data
         if self.is_struct:
-            is_short = isinstance(data, str) and self.type.short
+            is_short = isinstance(data, str) and bool(self.type.short)
             return data is None or isinstance(data, Mapping | self.type) or is_short
         if self.type is dict:
             return isinstance(data, Mapping)
@@ -144,9 +144,7 @@ def forms_of(wanted: Any) -> tuple[Form, ...]:
     """Return the types that a value may have; those of a number for each joint are three."""
     bare, marks = unmarked(wanted)
     if bare is PerName:
-        item = marks["item"]
-        forms = forms_of(item | tuple[item, ...] | dict[str, item])
-        return tuple(replace(form, is_per_name=True) for form in forms)
+        return tuple(replace(form, is_per_name=True) for form in forms_of(marks["values"]))
     options = options_of(wanted)
     if options != (wanted,):
         return tuple(form for option in options for form in forms_of(option))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import msgspec
 
@@ -38,6 +38,8 @@ __all__ = [
 ]
 
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
+_T = TypeVar("_T")
+_PerName: TypeAlias = _T | tuple[_T, ...] | dict[str, _T]
 NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]{0,63}"
 
 
@@ -139,10 +141,6 @@ def _written(title: str, noun: str, read: object, **schema: object) -> msgspec.M
     )
 
 
-def _per(item: object) -> msgspec.Meta:
-    return msgspec.Meta(extra={"item": item})
-
-
 Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
 """A finite number."""
 NonNegative = Annotated[float, msgspec.Meta(ge=0, le=1e300)]
@@ -211,9 +209,9 @@ Plugin = Annotated[
 """Your own class, `file.py:Class` or `module:Class`; undeclared keys become its parameters."""
 Own = Annotated[dict[str, Any], msgspec.Meta(extra={"own": True})]
 """Collects the parameters of your own class."""
-PerJoint = Annotated[PerName, _per(Finite)]
+PerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Finite]})]
 """One number for all `joints`, a list with one per joint, or a map by joint."""
-NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
+NonNegativePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[NonNegative]})]
 """Like `PerJoint`, each number at least 0."""
-PositivePerJoint = Annotated[PerName, _per(Positive)]
+PositivePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Positive]})]
 """Like `PerJoint`, each number positive."""

@@ -88,7 +88,7 @@ class _Reader:
         if form.is_struct and not isinstance(data, form.type):
             return self._struct(form.type, data, keys)
         if form.type is dict:
-            return self._map(*form.arguments, data, keys)
+            return self._map(form, data, keys)
         if form.type in (list, tuple):
             return self._list(form, data, keys)
         return msgspec.convert(data, form.wanted)
@@ -103,7 +103,8 @@ class _Reader:
                 self.problems.add((*keys, *(at if at != (short,) else ())), text)
         return value
 
-    def _map(self, key_type: Any, item_type: Any, data: Any, keys: Keys) -> dict[str, Any]:
+    def _map(self, form: Form, data: Any, keys: Keys) -> dict[str, Any]:
+        key_type, item_type = form.arguments
         values = {}
         for key, item in data.items():
             at = (*keys, str(key))
@@ -201,7 +202,7 @@ class _Fields:
 
     def _check_joints(self) -> None:
         """Add what does not fit `joints` among the numbers that are one for each of them."""
-        joints = self._values.get("joints")
+        joints = self._values.get("joints") or ()
         for key, value in self._values.items() if joints else ():
             if isinstance(value, PerName) and key in self._given:
                 for at, text in value.misfits(joints):
