@@ -122,7 +122,8 @@ class Form:
     def _has_length(self, length: int) -> bool:
         if self.is_fixed:
             return length == len(self.arguments)
-        return length >= self.marks.get("min_length", 0)
+        least: int = self.marks.get("min_length", 0)
+        return length >= least
 
     @property
     def noun(self) -> str:
