@@ -3,19 +3,14 @@
 import inspect
 import re
 from collections.abc import Iterator, Mapping
-from typing import Any
+from types import NoneType
+from typing import Any, get_args, get_origin
 
-from msgspec import inspect as types
+import msgspec
+from msgspec import structs
 
 from stepbus_participant import PerName, Settings, format_duration
-from stepbus_participant.parameters import (
-    conditions,
-    default,
-    is_own,
-    mark,
-    options_of,
-    plain,
-)
+from stepbus_participant.parameters import fields_of, options_of, unmarked
 from stepbus_schemas import field_docstrings, listed
 
 Schema = dict[str, Any]
@@ -23,25 +18,7 @@ Schema = dict[str, Any]
 _DRAFT = "https://json-schema.org/draft/2020-12/schema"
 _HEAD = "| Key | Value | Default | Meaning |\n|---|---|---|---|\n"
 _DEFAULT = re.compile(r"\s*Default: (.+?)\.?$", re.DOTALL)
-_MARKED: Mapping[str, Schema] = {
-    "duration": {"title": "duration"},
-    "pause": {"title": "duration, or `0s`"},
-    "name": {"title": "name"},
-    "file": {"title": "file"},
-    "model": {"title": "file"},
-    "names": {
-        "title": "list of names",
-        "type": "array",
-        "items": {"type": "string"},
-        "uniqueItems": True,
-    },
-    "plugin": {
-        "title": "`file.py:Class`",
-        "type": "string",
-        "pattern": r"^([\w.]+|.+\.py):\w+$",
-    },
-}
-"""Mark of a type → what its schema has beside, or instead of, that of the marked type."""
+_REACHED = 1e18
 
 
 class SchemaWriter:
@@ -74,24 +51,29 @@ class SchemaWriter:
         for cls in reversed(settings.__mro__):
             if issubclass(cls, Settings) and cls is not Settings:
                 texts |= field_docstrings(cls)
-        fields = getattr(types.type_info(settings), "fields", ())
-        keys = [field for field in fields if not is_own(field)]
-        required = [f.encode_name for f in keys if f.required and not self._partial]
+        keys = {
+            field.encode_name: fields_of(settings)[field.encode_name]
+            for field in structs.fields(settings)
+        }
+        shown = {key: row for key, row in keys.items() if "own" not in row[1]}
+        required = [key for key, (f, _) in shown.items() if f.required and not self._partial]
         return {
             "description": inspect.cleandoc(settings.__doc__ or ""),
             # A key that is null counts as absent, and removes what it would inherit.
             "type": ["object", "null"],
             "properties": {
-                field.encode_name: self._property(field, texts.get(field.name, ""))
-                for field in keys
+                key: self._property(field, marks, texts.get(field.name, ""))
+                for key, (field, marks) in shown.items()
             },
             **({"required": required} if required else {}),
-            "additionalProperties": len(keys) < len(fields),
+            "additionalProperties": len(shown) < len(keys),
         }
 
-    def _property(self, field: types.Field, docstring: str) -> Schema:
+    def _property(
+        self, field: structs.FieldInfo, marks: Mapping[str, Any], docstring: str
+    ) -> Schema:
         text = " ".join(inspect.cleandoc(docstring).split())
-        wanted = " and ".join(f"`{k}: {listed(v)}`" for k, v in conditions(field).items())
+        wanted = " and ".join(f"`{k}: {listed(v)}`" for k, v in marks.get("when", {}).items())
         described = {"description": f"With {wanted}. {text}" if wanted else text}
         schema = self.value(field.type)
         if field.required and not self._partial:
@@ -99,61 +81,57 @@ class SchemaWriter:
         preset = {} if field.required or _DEFAULT.search(text) else _default(field)
         return {**described, **preset, **_nullable(schema)}
 
-    def value(self, node: types.Type) -> Schema:
+    def value(self, wanted: Any) -> Schema:
         """Return the schema of a value."""
-        extra = (node.extra_json_schema if isinstance(node, types.Metadata) else None) or {}
-        form = mark(node)
-        if form in _MARKED:
-            return {**_MARKED[form], **extra}
-        if form == "per_name" and isinstance(node, types.Metadata):
-            number = self.value(types.type_info((node.extra or {})["item"]))
+        options = [option for option in options_of(wanted) if option is not NoneType]
+        if options != [wanted]:
+            parts = [part for option in options for part in _options(self.value(option))]
+            return parts[0] if len(options) == 1 and len(parts) == 1 else {"anyOf": parts}
+        bare, marks = unmarked(wanted)
+        if bare is PerName:
+            number = self.value(options_of(marks["values"])[0])
             title = f"{form_of(number)}; one for all joints, a list, or a map by joint"
             return {"title": title, "anyOf": [number, _list(number), _map(number)]}
-        options = options_of(node)
-        if options == [plain(node)]:
-            return self._plain(options[0])
-        return {"anyOf": [part for option in options for part in _options(self.value(option))]}
+        schema = self._form(get_origin(bare) or bare, get_args(bare)) or _leaf(wanted)
+        for meta in getattr(wanted, "__metadata__", ()):
+            title = {"title": meta.title} if meta.title else {}
+            schema = {**title, **schema, **(meta.extra_json_schema or {})}
+        return schema
 
-    def _plain(self, node: types.Type) -> Schema:
-        match node:
-            case types.StructType():
-                if not issubclass(node.cls, Settings):
-                    raise TypeError(f"{node.cls} is declared without Settings")
-                inner = self.reference(node.cls)
-                form = {"anyOf": [{"type": "string"}, inner]} if node.cls.short else inner
-            case types.DictType():
-                values = self.value(node.value_type)
-                form = _map(_nullable(values) if self._partial else values)
-            case types.VarTupleType():
-                form = _list(self.value(node.item_type))
-            case types.TupleType():
-                count = len(node.item_types)
-                items = self.value(node.item_types[0])
-                form = {**_list(items), "minItems": count, "maxItems": count}
-            case types.LiteralType():
-                form = {"enum": list(node.values)}
-            case types.IntType() | types.FloatType():
-                name = "integer" if isinstance(node, types.IntType) else "number"
-                rows = {"exclusiveMinimum": node.gt, "minimum": node.ge, "maximum": node.le}
-                limits = {k: v for k, v in rows.items() if v is not None and abs(v) < 1e18}
-                form = {"type": name, **limits}
-            case types.BoolType():
-                form = {"type": "boolean"}
-            case types.StrType():
-                form = {"type": "string"}
-            case _:
-                form = {}
-        return form
+    def _form(self, kind: Any, arguments: tuple[Any, ...]) -> Schema:
+        """Return the schema of a map or a list; nothing for any other type."""
+        if isinstance(kind, type) and issubclass(kind, Settings):
+            inner = self.reference(kind)
+            return {"anyOf": [{"type": "string"}, inner]} if kind.short else inner
+        if kind is dict:
+            values = self.value(arguments[1])
+            return _map(_nullable(values) if self._partial else values)
+        if kind is tuple:
+            count = len(arguments)
+            lengths = {} if arguments[-1] is ... else {"minItems": count, "maxItems": count}
+            return {**_list(self.value(arguments[0])), **lengths}
+        return {}
 
 
-def _default(field: types.Field) -> Schema:
+def _leaf(wanted: Any) -> Schema:
+    """Return the schema of a type without others below it, without limits that nothing reaches."""
+    schema = msgspec.json.schema(wanted, schema_hook=lambda _: {"type": "string"})
+    return {
+        name: value
+        for name, value in schema.items()
+        if name != "description" and not (isinstance(value, float | int) and abs(value) > _REACHED)
+    }
+
+
+def _default(field: structs.FieldInfo) -> Schema:
     """Return the default as a scenario has it."""
-    value: Any = default(field)
+    is_given = field.default is not msgspec.NODEFAULT
+    value: Any = field.default if is_given else field.default_factory()
     if isinstance(value, PerName):
         value = float(repr(value).removeprefix("each(").removesuffix(")"))
     if value in (None, (), {}, "") or isinstance(value, Settings):
         return {}
-    if any(mark(item) in ("duration", "pause") for item in (field.type, *options_of(field.type))):
+    if field.name.endswith("_ns"):
         return {"default": format_duration(value) if value else "0s"}
     return {"default": list(value) if isinstance(value, tuple) else value}
 

@@ -41,7 +41,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
         except SettingsError as exc:
             problems += exc.problems
         except WiringError as exc:
-            problems.append(Problem(file=file, line=0, path="", message=str(exc)))
+            problems.append(Problem(file=file, line=0, message=str(exc)))
     return YamlFile(file=document.file, data=data, places=places, own_problems=tuple(problems))
 
 

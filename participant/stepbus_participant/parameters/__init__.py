@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant.packages import imported_later
 
+from .forms import *
 from .kinds import Pause as Pause
-from .nodes import *
 from .problems import *
 from .read import *
 from .types_file import *

@@ -1,13 +1,16 @@
 """The types of parameters, and the marks of their keys."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeAlias, TypeVar
 
 import msgspec
 
-from stepbus_schemas import suggest
+from stepbus_participant.files import find_file
+from stepbus_schemas import WiringError, suggest
 
+from .durations import parse_duration
 from .problems import Keys, Problems
 
 __all__ = [
@@ -35,8 +38,9 @@ __all__ = [
 ]
 
 _DURATION = r"^[0-9.]+(/[0-9]+)? *(ns|us|µs|μs|ms|s|min|h)$"
-NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]*"
-LONGEST_NAME = 64
+_T = TypeVar("_T")
+_PerName: TypeAlias = _T | tuple[_T, ...] | dict[str, _T]
+NAME_FORM = "[A-Za-z0-9][A-Za-z0-9_-]{0,63}"
 
 
 class PerName:
@@ -102,13 +106,39 @@ def when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
 
 def needed_when(**values: str | bool | tuple[str, ...]) -> msgspec.Meta:
     """Return a mark like `when`, for a key that is ignored with other values, not rejected."""
-    marked = when(**values)
-    return msgspec.Meta(extra={**(marked.extra or {}), "ignored": True})
+    return msgspec.Meta(extra={**(when(**values).extra or {}), "ignored": True})
 
 
-def _text_form(mark: str, pattern: str) -> msgspec.Meta:
-    schema = {"type": "string", "pattern": pattern}
-    return msgspec.Meta(extra={"read": mark}, extra_json_schema=schema)
+def _find(name: str, folder: Path | None) -> Path:
+    if folder is None:
+        return Path(name)
+    path = find_file(name, folder)
+    if path.is_dir():
+        raise WiringError(f"{name!r} is a folder ({path})")
+    return path
+
+
+def _find_model(name: str, folder: Path | None) -> Path:
+    path = _find(name, folder)
+    if folder is not None:
+        from stepbus_participant.urdf import read_urdf_text  # noqa: PLC0415  few need it
+
+        read_urdf_text(path)
+    return path
+
+
+def _duration(text: str, _folder: Path | None, *, may_be_zero: bool = False) -> int:
+    return parse_duration(text, may_be_zero=may_be_zero)
+
+
+def _written(title: str, noun: str, read: object, **schema: object) -> msgspec.Meta:
+    """Return the mark of a type that `read(text, folder)` makes from a text."""
+    return msgspec.Meta(
+        title=title,
+        description=noun,
+        extra={"read": read},
+        extra_json_schema={"type": "string", **schema},
+    )
 
 
 Finite = Annotated[float, msgspec.Meta(ge=-1e300, le=1e300)]
@@ -125,35 +155,63 @@ Whole = Annotated[int, msgspec.Meta(ge=0, le=2**63 - 1)]
 """A whole number, at least 0."""
 Vector3 = tuple[Finite, Finite, Finite]
 """Three finite numbers."""
-Text = Annotated[str, msgspec.Meta(min_length=1)]
+Text = Annotated[str, msgspec.Meta(min_length=1, description="text that is not empty")]
 """A non-empty string, such as the name of a link."""
-Name = Annotated[str, _text_form("name", f"^{NAME_FORM}$"), msgspec.Meta(max_length=LONGEST_NAME)]
-"""Name of a scenario, a participant or a port."""
-Duration = Annotated[int, _text_form("duration", _DURATION)]
-"""`5ms`, `0.005s` or `1/200s`; the field holds it in [ns] and has the suffix `_ns`."""
-Pause = Annotated[int, _text_form("pause", _DURATION)]
-"""Like `Duration`, but may be zero: `0s`."""
-File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"type": "string"})]
-"""A file: absolute, `package://…`, or relative to the scenario or file that names it."""
-ModelFile = Annotated[
-    Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
+Name = Annotated[
+    str,
+    msgspec.Meta(
+        title="name",
+        description="a name of 1 to 64 letters, digits, '_' and '-', "
+        "starting with a letter or digit",
+        pattern=rf"^{NAME_FORM}\Z",
+        extra_json_schema={"pattern": f"^{NAME_FORM}$"},
+    ),
 ]
+"""Name of a scenario, a participant or a port."""
+Duration = Annotated[
+    int, _written("duration", "a duration with a unit, e.g. 5ms", _duration, pattern=_DURATION)
+]
+"""`5ms`, `0.005s` or `1/200s`; the field holds it in [ns] and has the suffix `_ns`."""
+Pause = Annotated[
+    int,
+    _written(
+        "duration, or `0s`",
+        "a duration with a unit, e.g. 5ms",
+        partial(_duration, may_be_zero=True),
+        pattern=_DURATION,
+    ),
+]
+"""Like `Duration`, but may be zero: `0s`."""
+File = Annotated[Path, _written("file", "a file name", _find)]
+"""A file: absolute, `package://…`, or relative to the scenario or file that names it."""
+ModelFile = Annotated[Path, _written("file", "a file name", _find_model)]
 """A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is validated."""
-Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
+Names = Annotated[
+    tuple[Text, ...],
+    msgspec.Meta(
+        title="list of names",
+        description="a list of one or more names",
+        min_length=1,
+        extra={"distinct": True},
+        extra_json_schema={"uniqueItems": True},
+    ),
+]
 """Distinct names, at least one."""
-Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]
+Plugin = Annotated[
+    str,
+    msgspec.Meta(
+        title="`file.py:Class`",
+        description="file.py:Class",
+        pattern=":",
+        extra_json_schema={"pattern": r"^([\w.]+|.+\.py):\w+$"},
+    ),
+]
 """Your own class, `file.py:Class` or `module:Class`; undeclared keys become its parameters."""
-Own = Annotated[dict[str, Any], msgspec.Meta(extra={"read": "own"})]
+Own = Annotated[dict[str, Any], msgspec.Meta(extra={"own": True})]
 """Collects the parameters of your own class."""
-
-
-def _per(item: object) -> msgspec.Meta:
-    return msgspec.Meta(extra={"read": "per_name", "item": item})
-
-
-PerJoint = Annotated[PerName, _per(Finite)]
+PerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Finite]})]
 """One number for all `joints`, a list with one per joint, or a map by joint."""
-NonNegativePerJoint = Annotated[PerName, _per(NonNegative)]
+NonNegativePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[NonNegative]})]
 """Like `PerJoint`, each number at least 0."""
-PositivePerJoint = Annotated[PerName, _per(Positive)]
+PositivePerJoint = Annotated[PerName, msgspec.Meta(extra={"values": _PerName[Positive]})]
 """Like `PerJoint`, each number positive."""

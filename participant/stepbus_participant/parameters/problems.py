@@ -1,13 +1,8 @@
-"""All problems of a configuration, each with file, line and path.
-
-WiringError
-└─ SettingsError      lists every problem, one a line
-   └─ TooManyProblems the first hundred: a user reads no more, and to find them takes its time
-"""
+"""All problems of a configuration, each with file, line and path."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -18,10 +13,10 @@ Keys = tuple[str | int, ...]
 
 _T = TypeVar("_T")
 _SHOWN_CHARACTERS = 60
-_MOST = 100
+_SHOWN_PROBLEMS = 100
 
 
-@dataclass(frozen=True, kw_only=True, order=True)
+@dataclass(frozen=True, kw_only=True)
 class Place:
     """A line of a file, counted from 1; 0 stands for the entire file."""
 
@@ -29,18 +24,20 @@ class Place:
     line: int
 
 
-@dataclass(frozen=True, kw_only=True, order=True)
+@dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong: in which line of which file, at which path, and why.
-
-    keys: those of the path, where they are known.
-    """
+    """One thing that is wrong: in which line of which file, at which keys, and why."""
 
     file: str
     line: int
-    path: str
     message: str
     keys: Keys = ()
+
+    @property
+    def path(self) -> str:
+        """The keys as text: `participants.plant.exec[2]`."""
+        text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in self.keys)
+        return text.removeprefix(".")
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
@@ -56,18 +53,9 @@ class SettingsError(WiringError):
         super().__init__(self.problems)
 
     def __str__(self) -> str:
-        more = ["there may be more; fix these first"] if len(self.problems) >= _MOST else []
-        return "\n".join([*map(str, self.problems), *more])
-
-
-class TooManyProblems(SettingsError):
-    """A configuration has too many problems; the search stopped."""
-
-
-def refuse_many(problems: Sequence[Problem]) -> None:
-    """Raise TooManyProblems if there are too many."""
-    if len(problems) >= _MOST:
-        raise TooManyProblems(problems[:_MOST])
+        more = len(self.problems) - _SHOWN_PROBLEMS
+        rest = [f"and {more} more; fix these first"] if more > 0 else []
+        return "\n".join([*map(str, self.problems[:_SHOWN_PROBLEMS]), *rest])
 
 
 class Problems:
@@ -87,38 +75,29 @@ class Problems:
     ) -> None:
         self._file_place = Place(file=file, line=0)
         self._places = places or {}
-        self._problems = list(problems)
-        self._above = above
-        self.plain: list[tuple[Keys, str]] = []
-        """Whole path and message of what `add` got, without places."""
+        self.above = above
+        self._problems: list[Problem] = []
+        self._with_problems: set[Keys] = set()
+        self._extend(problems)
 
     def __len__(self) -> int:
         return len(self._problems)
 
     def has(self, keys: Keys) -> bool:
         """Return whether there is a problem at or below `keys`."""
-        path = dotted(self.path(keys))
-        return any(
-            problem.path == path or problem.path.startswith((f"{path}.", f"{path}["))
-            for problem in self._problems
-        )
+        return (*self.above, *keys) in self._with_problems
 
     def add(self, keys: Keys, message: str) -> None:
-        """Add a problem of the value at `keys`; raises TooManyProblems at the hundredth."""
-        keys = self.path(keys)
-        self.plain.append((keys, message))
+        """Add a problem of the value at `keys`."""
+        keys = (*self.above, *keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
-        self._problems.append(
-            Problem(file=place.file, line=place.line, path=dotted(keys), message=message, keys=keys)
-        )
-        refuse_many(self._problems)
+        self._extend([Problem(file=place.file, line=place.line, message=message, keys=keys)])
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
-            self._problems += error.problems
-            refuse_many(self._problems)
+            self._extend(error.problems)
             return
         for line in str(error).splitlines():
             self.add(keys, line)
@@ -127,20 +106,14 @@ class Problems:
         """Return the result of a call; on WiringError, add it at `keys` and return None."""
         try:
             return make()
-        except TooManyProblems:
-            raise
         except WiringError as exc:
             self.add_error(keys, exc)
             return None
 
-    def path(self, keys: Keys) -> Keys:
-        """Return the whole path of `keys`."""
-        return (*self._above, *keys)
-
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; its problems are added here too."""
-        part = Problems(self._file_place.file, self._places, above=(*self._above, *above))
-        part._problems, part.plain = self._problems, self.plain
+        part = Problems(self._file_place.file, self._places, above=(*self.above, *above))
+        part._problems, part._with_problems = self._problems, self._with_problems
         return part
 
     def refuse(self) -> None:
@@ -152,17 +125,18 @@ class Problems:
         """Return all problems as one error."""
         return SettingsError(self._problems)
 
-
-def dotted(keys: Keys) -> str:
-    """Return a path as text: `participants.plant.exec[2]`."""
-    text = "".join(f"[{key}]" if isinstance(key, int) else f".{key}" for key in keys)
-    return text.removeprefix(".")
+    def _extend(self, problems: Iterable[Problem]) -> None:
+        for problem in problems:
+            self._problems.append(problem)
+            self._with_problems |= {problem.keys[:n] for n in range(len(problem.keys) + 1)}
 
 
 def show(value: object) -> str:
     """Return a value as shown in error messages."""
-    if isinstance(value, Mapping | list | tuple):
-        return "a map" if isinstance(value, Mapping) else "a list"
+    if isinstance(value, Mapping):
+        return "a map"
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
     if value is None or isinstance(value, bool):
         return {None: "nothing", True: "true", False: "false"}[value]
     text = repr(value)

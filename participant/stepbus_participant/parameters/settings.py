@@ -9,7 +9,8 @@
         \"\"\"Proportional gain [N·m/rad].\"\"\"
 
 From it come the reading with all problems at once (`read.py`), the tables of the documentation
-and the JSON Schema for editors (`describe.py`). docs/reference/parameters.md is the guide.
+and the JSON Schema for editors (`scripts/parameter_docs.py`). docs/reference/parameters.md is the
+guide.
 """
 
 from collections.abc import Iterable, Mapping

@@ -1,47 +1,30 @@
 """YAML 1.2 as plain data, with the line of each value: the one place where YAML is read."""
 
 import dataclasses
-import io
-import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.composer import Composer, MaxDepthExceededError
+from ruamel.yaml.composer import MaxDepthExceededError
 from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from stepbus_participant.files import read_text
 
-from .problems import Keys, Place, Problem, Problems, SettingsError, dotted, refuse_many
+from .problems import Keys, Place, Problem, Problems, SettingsError
 
 _STANDARD = "tag:yaml.org,2002:"
+_TEXTS = ("str", "timestamp", "value")
+"""Dates are no type of YAML 1.2's core schema, nor is '='."""
+_OTHERS = ("bool", "float", "int")
+_MOST_CHARACTERS = 1_000_000
 _MOST_VALUES = 50_000
 """Aliases of aliases can stand for billions of values in a few lines."""
-_MOST_NODES = 2 * _MOST_VALUES
-"""Keys and values as they are written: what is longer is not read to its end."""
 _DEEPEST = 100
-_TOO_DEEP = f"is nested too deeply: more than {_DEEPEST} levels of maps and lists"
-
-_HINTS = (
-    (
-        "cannot start any token",
-        "indent with spaces, not tabs; a text that starts with this character needs quotes",
-    ),
-    (
-        "mapping values are not allowed",
-        "check the indentation; a text that contains ': ' needs quotes",
-    ),
-    ("expected <block end>", "check the indentation of this line and the lines above"),
-    ("could not find expected ':'", "a key needs ': ' after it; check the line above too"),
-    ("but got '<stream end>'", "a bracket is not closed"),
-    ("unexpected end of stream", "a quote is not closed"),
-    ("another document", "a file must hold one document: remove the '---'"),
-)
-"""Part of a sentence of ruamel's → what to do."""
+_HINT = "check the indentation (no tabs), brackets and quotes; special characters need quotes"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -94,60 +77,34 @@ def read_yaml(path: Path, expected: str, *, file: str = "") -> YamlFile:
 def parse_yaml(file: str, text: str) -> Any:
     """Return a YAML value; raises SettingsError when it is none. file: named in messages."""
     conversion = _Conversion(file)
-    problems: tuple[Problem, ...] = ()
     try:
         value = conversion.run(text)
+        Problems(problems=conversion.problems).refuse()
     except SettingsError as exc:
-        problems = exc.problems
-    problems = (*problems, *conversion.problems)
-    if problems:
         # The command line has no lines.
-        raise SettingsError(dataclasses.replace(problem, line=0) for problem in problems)
+        raise SettingsError(
+            dataclasses.replace(problem, line=0) for problem in exc.problems
+        ) from exc
     return value
-
-
-class _TooLong(MarkedYAMLError):
-    """A file is not worth reading to its end."""
-
-
-class _CountingComposer(Composer):
-    count = 0
-
-    def compose_node(self, parent: Any, index: Any) -> Any:
-        self.count += 1
-        if self.count > _MOST_NODES:
-            raise _TooLong(problem_mark=self.parser.peek_event().start_mark)
-        return super().compose_node(parent, index)
-
-
-@contextmanager
-def _translated(file: str, text: str) -> Iterator[None]:
-    """Raise SettingsError, with what to do, for the errors of ruamel."""
-    try:
-        yield
-    except MarkedYAMLError as exc:
-        line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
-        if isinstance(exc, MaxDepthExceededError):
-            raise fatal(file, _TOO_DEEP, line) from exc
-        if isinstance(exc, _TooLong):
-            raise fatal(file, f"has more than {_MOST_NODES} keys and values", line) from exc
-        hint = _hint(str(exc.problem), text.splitlines()[line - 1 : line])
-        raise fatal(file, f"not YAML: {exc.problem}{hint}", line) from exc
-    except YAMLError as exc:
-        raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
-
-
-def _hint(problem: str, lines: list[str]) -> str:
-    """Return what to do about a problem of ruamel's; lines: the one that it is in, if any."""
-    bare = re.search(r"[^\s\"',:{}\[\]]+[\[{][^\]}]*[\]}]", lines[0]) if lines else None
-    if problem.startswith("expected ',' or") and bare is not None:
-        return f"; put {bare[0]} in quotes: '{bare[0]}'"
-    return next((f"; {hint}" for part, hint in _HINTS if part in problem), "")
 
 
 def fatal(file: str, message: str, line: int = 0) -> SettingsError:
     """Return the error of a file that is not worth reading on."""
-    return SettingsError([Problem(file=file, line=line, path="", message=message)])
+    return SettingsError([Problem(file=file, line=line, message=message)])
+
+
+@contextmanager
+def _translated(file: str) -> Iterator[None]:
+    """Raise SettingsError for the errors of ruamel."""
+    try:
+        yield
+    except MarkedYAMLError as exc:
+        line = 0 if exc.problem_mark is None else exc.problem_mark.line + 1
+        is_deep = isinstance(exc, MaxDepthExceededError)
+        why = f"more than {_DEEPEST} levels" if is_deep else f"{exc.problem}; {_HINT}"
+        raise fatal(file, f"not YAML: {why}", line) from exc
+    except YAMLError as exc:
+        raise fatal(file, f"not YAML: {str(exc).splitlines()[0]}") from exc
 
 
 class _Conversion:
@@ -157,100 +114,65 @@ class _Conversion:
         self.file = file
         self.places: dict[Keys, Place] = {}
         self.problems: list[Problem] = []
-        self._open: list[Node] = []
+        self._yaml = YAML(typ="safe", pure=True)
+        self._yaml.max_depth = _DEEPEST
 
     def run(self, text: str) -> Any:
-        yaml = YAML(typ="safe", pure=True)
-        yaml.max_depth, yaml.Composer = _DEEPEST, _CountingComposer
-        with _translated(self.file, text):
-            root = yaml.compose(io.StringIO(text))
+        if len(text) > _MOST_CHARACTERS:
+            raise fatal(self.file, f"has more than {_MOST_CHARACTERS} characters")
+        with _translated(self.file):
+            root = self._yaml.compose(text)
             return None if root is None else self._value(root, ())
 
     def _value(self, node: Node, keys: Keys) -> Any:
-        if any(node is parent for parent in self._open):
-            return self._refuse(node, keys, "an alias must not contain itself")
-        if len(self.places) > _MOST_VALUES:
-            raise fatal(self.file, f"has more than {_MOST_VALUES} values", node.start_mark.line + 1)
-        self._open.append(node)
-        try:
-            return self._content(node, keys)
-        finally:
-            self._open.pop()
-
-    def _content(self, node: Node, keys: Keys) -> Any:
+        if len(self.places) > _MOST_VALUES or len(keys) > _DEEPEST:
+            text = f"has more than {_MOST_VALUES} values or {_DEEPEST} levels"
+            raise fatal(self.file, text, node.start_mark.line + 1)
         tag = str(node.tag).removeprefix(_STANDARD)
         if isinstance(node, MappingNode) and tag == "map":
             return self._map(node, keys)
         if isinstance(node, SequenceNode) and tag == "seq":
             return [self._item(item, (*keys, i), item) for i, item in enumerate(node.value)]
-        if isinstance(node, ScalarNode) and tag in _SCALARS:
-            try:
-                return _SCALARS[tag](node.value)
-            except ValueError as exc:
-                return self._refuse(node, keys, str(exc))
+        if isinstance(node, ScalarNode):
+            return self._scalar(node, tag, keys)
         return self._refuse(node, keys, f"the tag {node.tag} is not supported")
 
     def _map(self, node: MappingNode, keys: Keys) -> dict[str, Any]:
         content: dict[str, Any] = {}
         for key, value in node.value:
-            name, tag = key.value, str(key.tag).removeprefix(_STANDARD)
+            tag = str(key.tag).removeprefix(_STANDARD)
             if tag == "merge":
                 self._refuse(key, keys, "'<<' is not YAML 1.2; write the keys out, or use extends")
-            elif not isinstance(key, ScalarNode) or _SCALARS.get(tag) is not _text:
-                shown = name if isinstance(key, ScalarNode) else "a list or map"
+            elif not isinstance(key, ScalarNode) or tag not in _TEXTS:
+                shown = key.value if isinstance(key, ScalarNode) else "a list or map"
                 self._refuse(key, keys, f"a key must be text, not {shown}; put it in quotes")
-            elif name in content:
-                line = self.places[*keys, name].line
-                self._refuse(key, (*keys, name), f"is a duplicate key, first in line {line}")
+            elif key.value in content:
+                line = self.places[*keys, key.value].line
+                self._refuse(key, (*keys, key.value), f"is a duplicate key, first in line {line}")
             else:
-                content[name] = self._item(value, (*keys, name), key)
+                content[key.value] = self._item(value, (*keys, key.value), key)
         return content
 
     def _item(self, node: Node, keys: Keys, at: Node) -> Any:
         self.places[keys] = Place(file=self.file, line=at.start_mark.line + 1)
         return self._value(node, keys)
 
+    def _scalar(self, node: ScalarNode, tag: str, keys: Keys) -> Any:
+        if tag == "null":
+            return None
+        if tag not in (*_TEXTS, *_OTHERS):
+            return self._refuse(node, keys, f"the tag {node.tag} is not supported")
+        try:
+            if tag in _TEXTS:
+                node.value.encode()
+                return node.value
+            value = getattr(self._yaml.constructor, f"construct_yaml_{tag}")(node)
+        except (LookupError, ValueError):
+            return self._refuse(node, keys, f"{node.value[:40]!a} is not a valid {tag}")
+        if tag == "int" and not -(2**63) <= value < 2**64:
+            return self._refuse(node, keys, f"{node.value[:40]} does not fit into 64 bits")
+        return value
+
     def _refuse(self, node: Node, keys: Keys, message: str) -> None:
         line = node.start_mark.line + 1
-        self.problems.append(Problem(file=self.file, line=line, path=dotted(keys), message=message))
-        refuse_many(self.problems)
-
-
-def _integer(text: str) -> int:
-    digits = text.replace("_", "").lower()
-    is_based = digits.lstrip("+-")[:2] in {"0x", "0o", "0b"}
-    try:
-        value = int(digits, 0 if is_based else 10)
-    except ValueError as exc:
-        raise ValueError(f"{text[:40]!r} is not an integer") from exc
-    if not -(2**63) <= value < 2**64:
-        raise ValueError(f"the integer {text[:40]} does not fit into 64 bits")
-    return value
-
-
-def _float(text: str) -> float:
-    digits = text.replace("_", "").lower()
-    try:
-        return float(digits.replace(".inf", "inf").replace(".nan", "nan"))
-    except ValueError as exc:
-        raise ValueError(f"{text[:40]!r} is not a number") from exc
-
-
-def _text(text: str) -> str:
-    try:
-        text.encode()
-    except UnicodeEncodeError as exc:
-        raise ValueError(f"the text {text[:40]!a} is not valid Unicode") from exc
-    return text
-
-
-_SCALARS: Mapping[str, Callable[[str], Any]] = {
-    "null": lambda _: None,
-    "bool": lambda text: text.lower() in {"true", "yes", "on", "y"},
-    "int": _integer,
-    "float": _float,
-    "str": _text,
-    # Dates are no type of YAML 1.2's core schema, nor is '='.
-    "timestamp": _text,
-    "value": _text,
-}
+        self.problems.append(Problem(file=self.file, line=line, message=message, keys=keys))

@@ -188,7 +188,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         Planner(config(tmp_path, latency="fast", margin=-1, max_check=5))
     text = str(caught.value)
     for part in (
-        "'fast' is not a duration", "margin: must be at least 0, not -1",
+        "'fast' is not a duration", "margin: must be a number of at least 0, not -1",
         "max_check: unknown key 'max_check'; did you mean 'max_checks'?",
     ):  # fmt: skip
         assert part in text

@@ -90,7 +90,7 @@ def test_without_faults_in_the_scenario_those_of_the_command_line_are_all():
     ("setting", "sentence"),
     [
         ("plant.on_fault=hold", "hold is not possible for a participant that publishes first"),
-        ("controller.on_fault=halt", "must be hold or stop, not 'halt'"),
+        ("controller.on_fault=halt", "must be stop, hold or a map, not 'halt'"),
         ("controller.on_fault={hald: 1s}", "did you mean 'hold'?"),
         ("controller.on_fault={safe: {comand: {}}}", "did you mean 'command'?"),
         (

@@ -58,7 +58,7 @@ def problems(scenario, *settings):
     ("setting", "found"),
     [
         (LAW % ("Stif", 1), ["controller.params.law: {folder}/own.py has no class 'Stif'"]),
-        (LAW % ("Stiff", -1), ["controller.params.stiffness: must be above 0, not -1"]),
+        (LAW % ("Stiff", -1), ["controller.params.stiffness: must be a number above 0, not -1"]),
         (LAW % ("NoTorque", 1), ["controller.params.law: class own.py:NoTorque needs a method 'torque'"]),
         ("mission.params={task: own.py:Still, joints: [joint1, joint2]}", ["mission.params.task: cannot create Still: KeyError: 'pose'"]),
         ("controller.params.kp={joint1: 1, jont2: 2}", [

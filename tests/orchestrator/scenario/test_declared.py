@@ -46,7 +46,7 @@ def scenario(params, participant="main.py:Own"):
 @pytest.mark.parametrize(
     ("setting", "message"),
     [
-        ("plant.params.sense=[positoin]", "sense[0]: must be effort, position or … did you mean 'position'"),
+        ("plant.params.sense=[positoin]", "sense[0]: must be position, velocity or effort … did you mean 'position'"),
         ("plant.params.jonts=[joint1]", "jonts: unknown key 'jonts'; did you"),
         ("plant.params.world=wrld.yaml", "world: file 'wrld.yaml' not found"),
         ("controller.params.law=pidd", "law: must be computed_torque, pd … did you mean 'pid'"),
@@ -92,7 +92,7 @@ def test_a_class_of_the_scenarios_folder_is_checked(tmp_path, files, participant
     }
     found = problems_of(tmp_path, scenario("{gain: -1, mode: sft}", participant))
     gain, mode = (row.removeprefix("scenario.yaml:6: participants.own.params.") for row in found)
-    assert gain == "gain: must be above 0, not -1"
+    assert gain == "gain: must be a number above 0, not -1"
     assert mode.endswith("did you mean 'soft'?")
 
 

@@ -28,4 +28,4 @@ def test_names_of_a_scenario_are_no_paths(tmp_path, what, name):
         f'  "{names["participant"]}": {{exec: [python], outputs: '
         f'{{"{names["port"]}": JointState/1}}}}\n'
     )
-    assert any("is not a valid name" in problem for problem in problems_of(tmp_path, text))
+    assert any("must be a name of 1 to 64" in problem for problem in problems_of(tmp_path, text))

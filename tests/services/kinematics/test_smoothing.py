@@ -73,10 +73,13 @@ def test_the_error_of_the_status_counts_from_the_measured_position_not_the_smoot
     [
         (
             {"smoothing": "lowpass"},
-            "smoothing: must be low_pass, moving_average, none or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
+            "smoothing: must be none, low_pass, moving_average or savitzky_golay, not 'lowpass'; did you mean 'low_pass'",
         ),
         ({"smoothing": "low_pass"}, "the key 'time_constant' is missing"),
-        ({"smoothing": "low_pass", "time_constant": 0}, "time_constant: must be above 0, not 0"),
+        (
+            {"smoothing": "low_pass", "time_constant": 0},
+            "time_constant: must be a number above 0, not 0",
+        ),
         (
             {"smoothing": "moving_average", "window": 1},
             "window: must be an odd number from 3 to 999, not 1",

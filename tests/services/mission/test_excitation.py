@@ -119,7 +119,7 @@ def test_the_noise_of_one_seed_is_that_of_another_only_thousands_of_bits_later()
 @pytest.mark.parametrize(
     ("task", "params", "text"),
     [
-        ("Chirp", {"sweep": 0}, "sweep: must be above 0"),
+        ("Chirp", {"sweep": 0}, "sweep: must be a number above 0"),
         ("Ramp", {}, "target"),
         ("Noise", {"hold": 1e-12}, "it must be longer than"),
         ("Chirp", {"end_when_done": True}, "this task never ends"),

@@ -80,7 +80,7 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
     [
         (
             ["--vary", "controller.params.kpp=1,2", "--vary", "controller.params.kp=x"],
-            ["did you mean 'kp'?", "must be a number, not 'x'"],
+            ["did you mean 'kp'?", "must be a number of at least 0, a list or a map, not 'x'"],
         ),
         (["--vary", "plant.params.gravity~normal(1, -1)"], ["does not accept these parameters"]),
         (["--vary", "controler.params.kp=1,2"], ["no participant or key 'controler'"]),
@@ -105,8 +105,8 @@ def test_a_sweep_is_a_table_a_page_and_runs_that_can_be_made_again(tmp_path: Pat
                 "SciPy has no distribution 'nrmal'; did you mean 'normal'?",
                 "--set durtion=1s: no participant or key 'durtion'; did you mean 'duration'?",
                 "metrics[0]: no.py:f: no file no.py",
-                "repeats: must be an integer, not 'many'",
-                "sampling: must be halton, latin, random or sobol, not 'latn'; did you mean",
+                "repeats: must be an integer of at least 1, not 'many'",
+                "sampling: must be random, latin, sobol or halton, not 'latn'; did you mean",
             ],
         ),
         (
@@ -160,7 +160,7 @@ def test_all_mistakes_of_a_sweep_file_are_listed_with_their_lines(
         "optimize: needs the name of a metric, as trials are for an optimizer",
         "sweep.yaml:2: vary[0]: controller.params.kp=50:200: a range needs a count",
         "sweep.yaml:3: sampels: unknown key 'sampels'; did you mean 'samples'?",
-        "sweep.yaml:4: repeats: must be an integer, not 'x'",
+        "sweep.yaml:4: repeats: must be an integer of at least 1, not 'x'",
         (
             "sweep.yaml:5: metrics[0]: mine.py:mesure: mine.py has no function 'mesure'; "
             "did you mean 'measure'?"

@@ -77,7 +77,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         ArmController(config(tmp_path, settle_steps=1.5, acceleration_limit=0, velocty_limit=1,
                              not_holdable="maybe"))  # fmt: skip
     text = str(caught.value)
-    for part in ("settle_steps: must be an integer, not 1.5", "acceleration_limit: must be above 0",
+    for part in ("settle_steps: must be an integer of at least 1, not 1.5", "acceleration_limit: must be a number above 0",
                  "not_holdable: must be refuse or try, not 'maybe'",
                  "unknown key 'velocty_limit'; did you mean 'velocity_limit'"):  # fmt: skip
         assert part in text

@@ -79,7 +79,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         )  # fmt: skip
     text = str(caught.value)
     for part in ("no port has type GripperState/1", "no port has type GripperCommand/1",
-                 "base_speed: must be above 0, not 0", "arm_creep: must be above 0, not -2",
+                 "base_speed: must be a number above 0, not 0", "arm_creep: must be a number above 0, not -2",
                  "unknown key 'base_sped'; did you mean 'base_speed'",
                  "a planner needs an input of type Plan/1"):  # fmt: skip
         assert part in text
@@ -92,7 +92,7 @@ def test_all_mistakes_of_a_scenario_are_listed_at_once(tmp_path):
         ({"tip": "chassis"}, "tip: no joint of this controller moves 'chassis'"),
         ({"pads": ["left_pad"]}, "pads: names 1 links"),
         ({"ignore": ["wheels"]}, "ignore: link 'wheels' is not in the model"),
-        ({"arm_brake": 0}, "arm_brake: must be above 0"),
+        ({"arm_brake": 0}, "arm_brake: must be a number above 0"),
     ],
 )
 def test_a_parameter_that_does_not_fit_the_robot_is_refused(tmp_path, params, text):

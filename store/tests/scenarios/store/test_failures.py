@@ -113,7 +113,7 @@ def test_a_failure_has_its_sentence_and_everything_comes_to_rest(name, tmp_path)
 
 
 def test_a_grip_without_force_is_refused_before_anything_moves(tmp_path):
-    with pytest.raises(ScenarioError, match="must be above 0, not 0"):
+    with pytest.raises(ScenarioError, match="must be a number above 0, not 0"):
         store(tmp_path, "mission.params.force=0")
 
 

@@ -124,7 +124,7 @@ def test_a_module_that_fails_is_a_mistake(tmp_path, monkeypatch, code, reason):
         ("[types.yaml, no_module]", "module 'no_module'"),
         ("json", "the module 'json' has no message class"),
         ("[types.yaml, {Thruster/1: {a: int}}]", "types[1]: Thruster/1 is declared twice"),
-        ("3", "must be text or a map or a list"),
+        ("3", "must be text, a map or a list"),
     ],
 )
 def test_a_source_that_has_no_types_has_its_sentence(tmp_path, types, sentence):

@@ -72,7 +72,7 @@ def test_an_item_of_a_list_is_set_by_its_index(tmp_path):
         (f"plant.exec.{'9' * 5000}=x", "the list has 3 values"),
         ("seed=[1,", "not YAML: "),
         ("plant.evry=2", "participants.plant.evry: unknown key"),
-        ("plant.every=0", "participants.plant.every: must be at least 1"),
+        ("plant.every=0", "participants.plant.every: must be an integer of at least 1"),
     ],
 )
 def test_a_setting_that_cannot_be_is_named(tmp_path, setting, message):

@@ -206,7 +206,7 @@ def test_with_two_cameras_a_port_names_the_camera_too(tmp_path):
         ("10ms", "12ms", "period: 12ms is not a multiple of the plant's step (5ms)"),
         ("fov: 1.0", "latency: 12ms", "latency: 12ms is not a multiple of the plant's step (5ms)"),
         ("10ms", "often", "period: 'often' is not a duration"),
-        ("near: 0.1", "width: 0", "width: must be at least 1, not 0"),
+        ("near: 0.1", "width: 0", "width: must be an integer from 1 to 4096, not 0"),
         ("near: 0.1", "nera: 0.1", "wrist.nera: unknown key 'nera'; did you mean 'near'"),
     ],
 )

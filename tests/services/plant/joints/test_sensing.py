@@ -99,7 +99,7 @@ def test_all_mistakes_of_the_parameters_are_listed():
         ({"sense": ["position"], "noise": {"effort": 1}}, r"noise\.effort: effort is not in"),
         ({"sense": []}, "sense: is empty"),
         ({"sense": ["position", "position"]}, "sense: names 'position' twice"),
-        ({"joints": []}, "joints: is empty"),
+        ({"joints": []}, "joints: must be a list of one or more names"),
         ({"joints": ["a", "b", "a"]}, "joints: names 'a' twice"),
         ({"physics_step": "8"}, "physics_step: '8' is not a duration"),
     ],
