@@ -21,7 +21,7 @@ PYBULLET_CONTACT = (
     "inertia_scaling",
 )
 """Elements of a link's `<contact>` that PyBullet alone reads."""
-PLANES = "a plane on a link that moves"
+PLANES = "a `<plane>` in a URDF"
 
 DIFFERENCES = (
     Difference("Python", "3.11", "3.11 and later"),
