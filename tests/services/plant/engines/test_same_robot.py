@@ -169,7 +169,7 @@ def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, n
 OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 
 
-def test_a_concave_mesh_is_its_hull_for_rays_and_its_box(tmp_path, engine):
+def test_a_concave_mesh_has_its_box_and_rays_hit_its_hull_or_itself(tmp_path, engine):
     solid = trimesh.creation.extrude_triangulation(
         vertices=np.array(OUTLINE, dtype=float),
         faces=[(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)],
@@ -185,7 +185,9 @@ def test_a_concave_mesh_is_its_hull_for_rays_and_its_box(tmp_path, engine):
     # In the leg, in the notch but within the hull, and outside of the hull.
     downwards = np.array([[0.5, 0.5, 3.0], [1.2, 1.2, 3.0], [1.6, 1.6, 3.0]])
     hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
-    assert hits[:2] == pytest.approx([1 / 3, 1 / 3], abs=1e-3)
+    assert hits[0] == pytest.approx(1 / 3, abs=1e-3)
+    # Contacts of both are with the hull; MuJoCo's rays are with the mesh.
+    assert hits[1] == pytest.approx(1 / 3, abs=1e-3) if engine == "pybullet" else np.isinf(hits[1])
     assert np.isinf(hits[2])
 
 

@@ -95,47 +95,54 @@ class Source:
 def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool) -> Source:
     """Return a URDF as MuJoCo reads it; friction: over its own."""
     root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
-    if any(root.iter("plane")):
-        raise WiringError(refused(PLANES))
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _PARSER)
-    for element in (*root.iter("link"), *root.iter("parent"), *root.iter("child")):
-        for key in ("name", "link"):
-            if element.get(key) == "world":
-                element.set(key, _ROOT)
+    _rename(root)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(Path(mesh_path(mesh.get("filename", ""), urdf.parent)).absolute()))
     colours = {m.get("name"): m.find("color") for m in root.iter("material") if len(m)}
-    for link in root.iter("link"):
-        if not has_visuals:
-            for visual in link.findall("visual"):
-                link.remove(visual)
-        _colour(link, colours)
+    links = root.findall("link")
+    for link in links:
+        _dress(link, colours, has_visuals=has_visuals)
     joints = {part(joint, "child").get("link", ""): joint for joint in root.findall("joint")}
     for joint in joints.values():
         _simplify(joint)
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     _read_meshes(spec)
-    for link in root.iter("link"):
-        _rub(spec.body(link.get("name", "")).geoms, {**_contact(link), **friction})
+    for link in links:
+        geoms = spec.body(link.get("name", "")).geoms
+        _rub(geoms, {**_contact(link), **friction})
+        for geom in filter(_is_solid, geoms):
+            geom.rgba = [1.0, 1.0, 1.0, 1.0]
     return Source(spec=spec, is_urdf=True, joints=joints)
 
 
-def _colour(link: ET.Element, palette: Mapping[str | None, Any]) -> None:
-    """Give each shape of a link its own colour; without one, it is white.
+def _rename(root: ET.Element) -> None:
+    """Rename a link that MuJoCo would take for the world itself."""
+    for element in (*root.iter("link"), *root.iter("parent"), *root.iter("child")):
+        for key in ("name", "link"):
+            if element.get(key) == "world":
+                element.set(key, _ROOT)
+
+
+def _dress(link: ET.Element, palette: Mapping[str | None, Any], *, has_visuals: bool) -> None:
+    """Give each visual of a link its own colour; without one, it is white.
 
     What is half transparent has no depth in OpenGL: a camera sees it, or it does not.
     """
-    for n, shape in enumerate((*link.iter("visual"), *link.iter("collision"))):
-        material = shape.find("material")
+    if link.find("*/geometry/plane") is not None:
+        raise WiringError(f"link {link.get('name')!r}: {refused(PLANES)}")
+    for n, visual in enumerate(link.findall("visual")):
+        if not has_visuals:
+            link.remove(visual)
+        material = visual.find("material")
         own = None if material is None else material.find("color")
         if material is not None:
             own = palette.get(material.get("name")) if own is None else own
-            shape.remove(material)
-        rgba = "1 1 1 1" if own is None else own.get("rgba", "")
-        *colour, alpha = rgba.split()
-        colour.append("0" if float(alpha) == 0.0 else "1")
+            visual.remove(material)
+        red, green, blue, alpha = ("1 1 1 1" if own is None else own.get("rgba", "")).split()
+        colour = f"{red} {green} {blue} {int(float(alpha) > 0.0)}"
         name = f"{link.get('name')} {n}"
-        ET.SubElement(ET.SubElement(shape, "material", name=name), "color", rgba=" ".join(colour))
+        ET.SubElement(ET.SubElement(visual, "material", name=name), "color", rgba=colour)
 
 
 def _simplify(joint: ET.Element) -> None:
