@@ -22,7 +22,7 @@ from stepbus_plant.engine import (
     PhysicsError,
 )
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import LEAST_RANGE, Body, add, read_mjcf, read_urdf
+from stepbus_plant.engines.mujoco.model import LEAST_RANGE, Body, add, read_mjcf, read_urdf, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
 from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Geometry, Pose
@@ -136,7 +136,7 @@ class MujocoEngine:
             if is_mjcf(model):
                 source = read_mjcf(model, friction)
             else:
-                source = read_urdf(model, friction, has_visuals=has_visuals)
+                source = read_urdf(model, friction, has_visuals=has_visuals, dt=self._dt)
             body = add(self._spec, source, number, pose, is_fixed=is_fixed)
         except WiringError:
             raise
@@ -221,7 +221,7 @@ class MujocoEngine:
         erp: float,
         force: float,
     ) -> None:
-        """See `Engine`; with MuJoCo's own stiffness and no limit, whatever `erp` and `force`."""
+        """See `Engine`; as stiff as can be and without a limit, whatever `erp` and `force` are."""
         name_of = self._bodies[body].joint_name
         self._spec.add_equality(
             type=mujoco.mjtEq.mjEQ_JOINT,
@@ -229,6 +229,7 @@ class MujocoEngine:
             name1=name_of(follower),
             name2=name_of(leader),
             data=[offset, multiplier, *[0.0] * 10],
+            solref=rigid(self._dt),
         )
         self._is_changed = True
 

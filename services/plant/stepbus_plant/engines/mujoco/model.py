@@ -92,8 +92,16 @@ class Source:
 # --- URDF ---------------------------------------------------------------------------------
 
 
-def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool) -> Source:
-    """Return a URDF as MuJoCo reads it; friction: over its own."""
+def rigid(dt: float) -> list[float]:
+    """Return the `solref` of what a URDF calls rigid: as stiff as MuJoCo lets a substep dt [s]."""
+    return [2 * dt, 1.0]
+
+
+def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool, dt: float) -> Source:
+    """Return a URDF as MuJoCo reads it.
+
+    friction: over its own. dt: length of a substep [s].
+    """
     root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _PARSER)
     _rename(root)
@@ -112,7 +120,9 @@ def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool) -
         geoms = spec.body(link.get("name", "")).geoms
         _rub(geoms, {**_contact(link), **friction})
         for geom in filter(_is_solid, geoms):
-            geom.rgba = [1.0, 1.0, 1.0, 1.0]
+            geom.rgba, geom.solref = [1.0, 1.0, 1.0, 1.0], rigid(dt)
+    for joint in spec.joints:
+        joint.solref_limit = rigid(dt)
     return Source(spec=spec, is_urdf=True, joints=joints)
 
 
@@ -190,29 +200,15 @@ def part(element: ET.Element, tag: str) -> ET.Element:
 
 
 def read_mjcf(mjcf: Path, friction: Mapping[str, float]) -> Source:
-    """Return an MJCF as it is, but for what the world file has; friction: over its own.
-
-    Raises WiringError unless its world has one body.
-    """
+    """Return an MJCF as it is, but for what the world file has; friction: over its own."""
     spec = mujoco.MjSpec.from_file(str(mjcf.absolute()))
-    roots = list(spec.worldbody.bodies)
-    if len(roots) != 1:
-        names = "".join(f" {body.name!r}" for body in roots)
-        text = f"has {len(roots)} bodies in its <worldbody>:{names}; give each its own file"
-        raise WiringError(f"{mjcf}: {text}")
-    for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
+    for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints)):
         for n, element in enumerate(elements):
             element.name = element.name or f"{kind}{n}"
-    scenery = [*spec.worldbody.geoms, *spec.worldbody.lights, *spec.worldbody.cameras]
-    notes = ["geoms of its <worldbody> are left out"] if spec.worldbody.geoms else []
-    for element in (*spec.keys, *scenery):
-        spec.delete(element)
-    (root,) = roots
-    if not (set(_TYPES) & {joint.type for joint in root.joints}):
-        root.pos, root.quat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
-        root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    for key in list(spec.keys):
+        spec.delete(key)
     _rub(spec.geoms, friction)
-    return Source(spec=spec, is_urdf=False, notes=notes)
+    return Source(spec=spec, is_urdf=False)
 
 
 def _efforts(spec: Any) -> tuple[dict[str, float], list[str]]:
@@ -226,7 +222,7 @@ def _efforts(spec: Any) -> tuple[dict[str, float], list[str]]:
         if actuator.gaintype == mujoco.mjtGain.mjGAIN_MUSCLE:
             continue
         if actuator.trntype in _ON_JOINTS:
-            force = _force(actuator) * abs(actuator.gear[0])
+            force = _force(actuator) * abs(float(actuator.gear[0]))
             efforts[actuator.target] = efforts.get(actuator.target, 0.0) + force
         else:
             others.append(actuator.name or "without a name")
@@ -254,11 +250,11 @@ def add(world: Any, source: Source, number: int, pose: Pose, *, is_fixed: bool) 
         source.notes.append(f"actuators that act on no joint are off: {', '.join(others)}")
     for body in spec.bodies:
         _group(body.geoms, hides_solids=source.is_urdf)
-    moves_in_world = _stand(spec, is_fixed=is_fixed)
+    in_world = _stand(source, is_fixed=is_fixed)
     model = spec.compile()
     made = Body(
         number=number,
-        rows=list(_rows(model, moves_in_world=moves_in_world)),
+        rows=list(_rows(model, in_world=in_world)),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
         infos=[],
         root=pose,
@@ -276,10 +272,12 @@ def add(world: Any, source: Source, number: int, pose: Pose, *, is_fixed: bool) 
     if not source.is_urdf and len(world.bodies) == 1:
         for option in _OPTIONS:
             setattr(world.option, option, getattr(spec.option, option))
-    place = world.worldbody
-    if moves_in_world:
-        place = place.add_body(name=made.body_name(BASE), mocap=True)
-    world.attach(spec, prefix=f"{number}/", frame=place.add_frame())
+    if in_world:
+        frame = world.worldbody.add_body(name=made.body_name(BASE), mocap=True).add_frame()
+    else:
+        position, (x, y, z, w) = pose
+        frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
+    world.attach(spec, prefix=f"{number}/", frame=frame)
     return made
 
 
@@ -313,28 +311,36 @@ def _rub(geoms: Iterable[Any], friction: Mapping[str, float]) -> None:
         geom.condim, geom.priority = (1, 2) if slides else (geom.condim, 1)
 
 
-def _stand(spec: Any, *, is_fixed: bool) -> bool:
-    """Fix the root of a model, or let it fly; return whether it moves in a world that stands."""
-    (root,) = spec.worldbody.bodies
-    joints = list(root.joints)
+def _stand(source: Source, *, is_fixed: bool) -> bool:
+    """Fix the root of a model, or let it fly; return whether its root is its world.
+
+    So it is where that has several bodies, or one that moves along or about its axes.
+    """
+    spec = source.spec
+    roots = list(spec.worldbody.bodies)
+    joints = [joint for root in roots for joint in root.joints]
     is_free = any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in joints)
-    if joints and not is_free:
+    if len(roots) != 1 or (joints and not is_free):
         if not is_fixed:
-            raise WiringError(f"its root {root.name!r} has joints; set `fixed_base: true`")
+            raise WiringError("its root is its world; set `fixed_base: true`")
         return True
-    if is_fixed:
-        for joint in joints:
-            spec.delete(joint)
-    elif not is_free:
+    (root,) = roots
+    if spec.worldbody.geoms:
+        source.notes.append("geoms of its <worldbody> are left out")
+    for element in (*spec.worldbody.geoms, *(joints if is_fixed else ())):
+        spec.delete(element)
+    root.pos, root.quat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+    root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if not (is_fixed or is_free):
         root.add_freejoint()
     root.mocap = is_fixed
     return False
 
 
-def _rows(model: Any, *, moves_in_world: bool) -> Iterator[tuple[str, str]]:
+def _rows(model: Any, *, in_world: bool) -> Iterator[tuple[str, str]]:
     """Yield the names of the root and nothing, then of each body and each of its joints."""
-    yield model.body(0 if moves_in_world else 1).name, ""
-    for n in range(1 if moves_in_world else 2, model.nbody):
+    yield model.body(0 if in_world else 1).name, ""
+    for n in range(1 if in_world else 2, model.nbody):
         first = int(model.body_jntadr[n])
         joints = [model.joint(first + k).name for k in range(model.body_jntnum[n])]
         yield from ((model.body(n).name, joint) for joint in joints or [""])
