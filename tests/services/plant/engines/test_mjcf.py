@@ -40,7 +40,9 @@ def arm(joint="", inside="", geom=FREE):
     return ARM.format(joint, geom, inside)
 
 
-LOOP = """<body name="other" pos=".1 0 -.3"><joint name="lower" axis="0 1 0"/>
+FOREARM = """<body name="forearm" pos="1 0 0"><joint name="elbow" axis="0 1 0"/>
+<geom size=".1" pos="0 0 -.2" contype="0" conaffinity="0"/></body>"""
+LOOP = """<body name="other" pos="0 0 -.3"><joint name="lower" axis="0 1 0"/>
 <geom size=".1" pos=".5 0 0" contype="0" conaffinity="0"/></body>"""
 PASSIVE = {
     "a spring": model(arm('stiffness="30" damping=".2" armature=".1" frictionloss=".3"')),
@@ -52,8 +54,8 @@ PASSIVE = {
         arm(inside=f'<body pos="1 0 0"><joint type="ball"/><geom size=".05" pos=".2 .1 0" {FREE}/></body>')
     ),
     "a closed loop": model(
-        arm() + LOOP,
-        '<equality><connect body1="arm" body2="other" anchor=".5 0 -.1"/></equality>',
+        arm(inside=FOREARM) + LOOP,
+        '<equality><connect body1="forearm" body2="other" anchor="0 0 -.3"/></equality>',
     ),
     "three hinges in a body": model(
         '<body name="wrist"><joint axis="1 0 0"/><joint axis="0 1 0"/><joint axis="0 0 1"/>'

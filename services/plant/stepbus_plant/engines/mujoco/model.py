@@ -42,6 +42,9 @@ _FRICTION = {"lateral": 1.0, "spinning": 0.005, "rolling": 0.0001}
 UNLIMITED = 1e12
 """What an actuator without limits can do [N or N·m]."""
 _OPTIONS = ("integrator", "cone", "impratio", "noslip_iterations", "density", "viscosity", "wind")
+_CONTACT_S = 0.01
+"""Time constant of the contacts of a URDF [s]: half of MuJoCo's own, with which grippers lose what
+they hold; with less, what slides is lifted and rattles."""
 _TYPES = {mujoco.mjtJoint.mjJNT_HINGE: "revolute", mujoco.mjtJoint.mjJNT_SLIDE: "prismatic"}
 _ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
@@ -120,7 +123,7 @@ def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool, d
         geoms = spec.body(link.get("name", "")).geoms
         _rub(geoms, {**_contact(link), **friction})
         for geom in filter(_is_solid, geoms):
-            geom.rgba, geom.solref = [1.0, 1.0, 1.0, 1.0], rigid(dt)
+            geom.rgba, geom.solref = [1.0, 1.0, 1.0, 1.0], [_CONTACT_S, 1.0]
     for joint in spec.joints:
         joint.solref_limit = rigid(dt)
     return Source(spec=spec, is_urdf=True, joints=joints)
