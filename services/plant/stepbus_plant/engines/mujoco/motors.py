@@ -18,7 +18,6 @@ _GAIN = 0.1
 """Share of the error of a position that a substep corrects, where nothing else is asked for."""
 _IMPEDANCE = 0.9999
 """The hardest that MuJoCo has: what a motor commands is reached within 1e-4 of the change."""
-_ROW = mujoco.mjtConstraint.mjCNSTR_FRICTION_TENDON
 
 
 def motor_of(joint: str) -> str:
@@ -48,6 +47,8 @@ class Motors:
         self._gains = np.full(count, _GAIN)
         self._fastest = np.full(count, np.inf)
         self._torques = np.zeros(count)
+        # Of the friction that joints have themselves, before that of tendons.
+        self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
 
     def _arrays(self) -> tuple[Array, ...]:
         return (
@@ -78,19 +79,22 @@ class Motors:
     def step(self, data: Any) -> None:
         """Advance by one substep."""
         mujoco.mj_step1(self._model, data)
-        first, last = data.ne, data.ne + data.nf
-        rows = first + np.flatnonzero(data.efc_type[first:last] == _ROW)
-        motors = data.efc_id[rows]
-        if len(rows):
-            data.efc_aref[rows] += self._wanted(data, motors) / self._dt
-        mujoco.mj_step2(self._model, data)
+        first, last = data.ne + self._joint_rows, data.ne + data.nf
         self._torques[:] = 0.0
-        self._torques[motors] = data.efc_force[rows]
+        if last <= first:
+            mujoco.mj_step2(self._model, data)
+            return
+        motors = data.efc_id[first:last]
+        data.efc_aref[first:last] += self._wanted(data, motors) / self._dt
+        mujoco.mj_step2(self._model, data)
+        self._torques[motors] = data.efc_force[first:last]
 
     def _wanted(self, data: Any, motors: NDArray[np.int32]) -> Array:
         """Return velocities, with what corrects the positions of those that have a goal."""
         velocities, goals = self._velocities[motors], self._goals[motors]
         has_goal = ~np.isnan(goals)
+        if not has_goal.any():
+            return velocities
         error = np.where(has_goal, goals - data.ten_length[motors], 0.0)
         wanted = velocities + self._gains[motors] * error / self._dt
         fastest = np.where(has_goal, self._fastest[motors], np.inf)
