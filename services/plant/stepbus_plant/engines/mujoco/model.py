@@ -45,6 +45,8 @@ _OPTIONS = ("integrator", "cone", "impratio", "noslip_iterations", "density", "v
 _CONTACT_S = 0.01
 """Time constant of the contacts of a URDF [s]: half of MuJoCo's own, with which grippers lose what
 they hold; with less, what slides is lifted and rattles."""
+_GREY, _WHITE = [0.5, 0.5, 0.5, 1.0], [1.0, 1.0, 1.0, 1.0]
+"""MuJoCo's default colour, and ours, as PyBullet's."""
 _TYPES = {mujoco.mjtJoint.mjJNT_HINGE: "revolute", mujoco.mjtJoint.mjJNT_SLIDE: "prismatic"}
 _ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
@@ -107,55 +109,41 @@ def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool, d
     """
     root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
     ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _PARSER)
-    _rename(root)
+    for element in root.iterfind(".//*[@link='world']"):
+        element.set("link", _ROOT)
     for mesh in root.iter("mesh"):
         mesh.set("filename", str(Path(mesh_path(mesh.get("filename", ""), urdf.parent)).absolute()))
-    colours = {m.get("name"): m.find("color") for m in root.iter("material") if len(m)}
     links = root.findall("link")
     for link in links:
-        _dress(link, colours, has_visuals=has_visuals)
+        link.set("name", _ROOT if link.get("name") == "world" else link.get("name", ""))
+        if link.find("*/geometry/plane") is not None:
+            raise WiringError(f"link {link.get('name')!r}: {refused(PLANES)}")
+        for visual in link.findall("visual") if not has_visuals else ():
+            link.remove(visual)
     joints = {part(joint, "child").get("link", ""): joint for joint in root.findall("joint")}
     for joint in joints.values():
         _simplify(joint)
     spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
     _read_meshes(spec)
     for link in links:
-        geoms = spec.body(link.get("name", "")).geoms
-        _rub(geoms, {**_contact(link), **friction})
-        for geom in filter(_is_solid, geoms):
-            geom.rgba, geom.solref = [1.0, 1.0, 1.0, 1.0], [_CONTACT_S, 1.0]
-    for joint in spec.joints:
-        joint.solref_limit = rigid(dt)
+        _finish(spec.body(link.get("name", "")), {**_contact(link), **friction}, dt)
     return Source(spec=spec, is_urdf=True, joints=joints)
 
 
-def _rename(root: ET.Element) -> None:
-    """Rename a link that MuJoCo would take for the world itself."""
-    for element in (*root.iter("link"), *root.iter("parent"), *root.iter("child")):
-        for key in ("name", "link"):
-            if element.get(key) == "world":
-                element.set(key, _ROOT)
+def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:
+    """Give a link what MuJoCo's parser does not: friction, and how rigid it is.
 
-
-def _dress(link: ET.Element, palette: Mapping[str | None, Any], *, has_visuals: bool) -> None:
-    """Give each visual of a link its own colour; without one, it is white.
-
-    What is half transparent has no depth in OpenGL: a camera sees it, or it does not.
+    What has no colour is white. What is half transparent has no depth in OpenGL: a camera sees it,
+    or it does not.
     """
-    if link.find("*/geometry/plane") is not None:
-        raise WiringError(f"link {link.get('name')!r}: {refused(PLANES)}")
-    for n, visual in enumerate(link.findall("visual")):
-        if not has_visuals:
-            link.remove(visual)
-        material = visual.find("material")
-        own = None if material is None else material.find("color")
-        if material is not None:
-            own = palette.get(material.get("name")) if own is None else own
-            visual.remove(material)
-        red, green, blue, alpha = ("1 1 1 1" if own is None else own.get("rgba", "")).split()
-        colour = f"{red} {green} {blue} {int(float(alpha) > 0.0)}"
-        name = f"{link.get('name')} {n}"
-        ET.SubElement(ET.SubElement(visual, "material", name=name), "color", rgba=colour)
+    _rub(body.geoms, friction)
+    for geom in body.geoms:
+        *colour, alpha = geom.rgba
+        has_none = _is_solid(geom) or list(geom.rgba) == _GREY
+        geom.rgba = _WHITE if has_none else [*colour, float(alpha > 0.0)]
+        geom.solref = [_CONTACT_S, 1.0]
+    for joint in body.joints:
+        joint.solref_limit = rigid(dt)
 
 
 def _simplify(joint: ET.Element) -> None:
