@@ -248,3 +248,69 @@ def test_a_plant_that_ends_takes_no_image_of_another_one_along(tmp_path, engine)
     junk = [np.full_like(image, number) for number in range(100)]
     del junk
     assert np.array_equal(look(second)[0], image)
+
+
+# --- what readers of a URDF do differently by themselves -----------------------------------
+
+
+def test_links_behind_fixed_joints_keep_their_names_masses_and_places(tmp_path, engine):
+    tool = link("tool", 0.5, (MOMENT,) * 3)
+    mount = joint("mount", "fixed", "tool", parent="rod", origin='xyz="0.7 0 0"')
+    urdf = arm("0 1 0").replace("</robot>", f"{tool}{mount}</robot>")
+    physics = start(tmp_path, engine, urdf).physics
+    assert list(physics.links) == ["root", "rod", "tool"]
+    assert physics.fixed == {"mount"}
+    assert physics.engine.mass(physics.links["tool"]) == 0.5
+    assert physics.engine.frame(physics.links["tool"])[0] == pytest.approx((0.7, 0, 0))
+
+
+def test_a_link_may_be_called_world(tmp_path, engine):
+    plant = start(tmp_path, engine, arm("0 1 0").replace('"root"', '"world"'))
+    assert list(plant.physics.links) == ["world", "rod"]
+    acceleration = state(advance(plant, 1), "hinge")[1] / STEP
+    assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
+
+
+def test_a_link_without_an_inertial_weighs_next_to_nothing_whatever_its_shape(tmp_path, engine):
+    ball = '<link name="bulb"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
+    seen = '<link name="lamp"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
+    joints = [joint(f"to {n}", "continuous", n) for n in ("bulb", "lamp")]
+    physics = start(tmp_path, engine, robot(ROOT, ball, seen, *joints)).physics
+    masses = [physics.engine.mass(physics.links[name]) for name in ("bulb", "lamp")]
+    assert masses == pytest.approx([1e-6, 1e-6])
+
+
+def test_a_turned_inertia_with_products_is_that_of_the_file(tmp_path, engine):
+    moments = '<inertia ixx="0.1" iyy="0.2" izz="0.25" ixy="0.03" ixz="-0.01" iyz="0.02"/>'
+    turned = f'<origin xyz="{LEVER} 0 0" rpy="0.3 -0.4 0.5"/><mass value="1.0"/>{moments}'
+    urdf = re.sub(
+        r'(<link name="rod"><inertial>).*?(</inertial>)', rf"\g<1>{turned}\g<2>", arm("0 0 1")
+    )
+    plant = start(tmp_path, engine, urdf, "gravity: [0, 0, 0]")
+    command(plant, "torque", 1.0)
+    model = RobotModel(tmp_path / "arm.urdf", ["hinge"])
+    whole = model.inverse_dynamics(*np.array([[0.0], [0.0], [1.0]]))[0]
+    assert state(advance(plant, 1), "hinge")[1] / STEP == pytest.approx(1.0 / whole, rel=1e-6)
+
+
+def test_meshes_of_the_same_name_in_two_folders_are_two(tmp_path, engine):
+    for folder, edge in (("a", 0.2), ("b", 0.6)):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "part.stl").write_text(text_stl(edge))
+    for name, (folder, top) in {"small": ("a", 0.1), "large": ("b", 0.3)}.items():
+        urdf = robot(link(name, 1.0, (1.0,) * 3, f'<mesh filename="{folder}/part.stl"/>'))
+        physics = make(tmp_path, engine, {name: fixed(urdf)}).physics
+        (hit,) = physics.engine.cast(np.array([[0, 0, 1.0]]), np.array([[0, 0, -1.0]]))
+        assert 1.0 - 2.0 * hit == pytest.approx(top, abs=2e-3)
+
+
+def test_damping_and_friction_of_a_urdf_are_not_used(tmp_path, engine):
+    urdf = arm("0 1 0").replace("</joint>", '<dynamics damping="9" friction="9"/></joint>')
+    acceleration = state(advance(start(tmp_path, engine, urdf), 1), "hinge")[1] / STEP
+    assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
+
+
+def test_limits_of_effort_and_velocity_are_those_of_the_file(tmp_path, engine):
+    limit = 'lower="-1" upper="2" effort="7" velocity="3"'
+    hinge = start(tmp_path, engine, arm("0 1 0", "revolute", limit)).physics.joints["hinge"]
+    assert (hinge.lower, hinge.upper, hinge.effort, hinge.max_velocity) == (-1.0, 2.0, 7.0, 3.0)
