@@ -114,6 +114,9 @@ def test_actuators_of_joints_are_the_limits_of_their_motors(tmp_path):
     assert plant.physics.joints["hinge"].effort == 30.0 + 2 * 5.0
     (note,) = [text for _, text in plant.physics.notes]
     assert note == "actuators that act on no joint are off: pull"
+    (tmp_path / "own").mkdir()
+    limited = plant_of(tmp_path / "own", model(arm('actuatorfrcrange="-4 3"'), extra))
+    assert limited.physics.joints["hinge"].effort == 4.0
 
 
 def test_a_coupled_joint_follows_without_a_motor(tmp_path):

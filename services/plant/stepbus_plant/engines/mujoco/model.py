@@ -258,8 +258,10 @@ def add(world: Any, source: Source, number: int, pose: Pose, *, is_fixed: bool) 
     for index, (link, name) in enumerate(made.rows[1:]):
         joint = model.joint(name) if name else None
         info = _info(index, link, joint, source.joints.get(link), leaders.get(name))
-        effort = efforts.get(name, UNLIMITED) if joint is not None else 0.0
-        made.infos.append(info if source.is_urdf else replace(info, effort=effort))
+        if joint is not None and not source.is_urdf:
+            own = abs(joint.actfrcrange).max() if joint.actfrclimited[0] else UNLIMITED
+            info = replace(info, effort=min(efforts.get(name, UNLIMITED), float(own)))
+        made.infos.append(info)
     if not source.is_urdf and len(world.bodies) == 1:
         for option in _OPTIONS:
             setattr(world.option, option, getattr(spec.option, option))
