@@ -259,7 +259,8 @@ def add(world: Any, source: Source, number: int, pose: Pose, *, is_fixed: bool) 
         joint = model.joint(name) if name else None
         info = _info(index, link, joint, source.joints.get(link), leaders.get(name))
         if joint is not None and not source.is_urdf:
-            own = abs(joint.actfrcrange).max() if joint.actfrclimited[0] else UNLIMITED
+            is_limited = model.jnt_actfrclimited[joint.id]
+            own = abs(model.jnt_actfrcrange[joint.id]).max() if is_limited else UNLIMITED
             info = replace(info, effort=min(efforts.get(name, UNLIMITED), float(own)))
         made.infos.append(info)
     if not source.is_urdf and len(world.bodies) == 1:
