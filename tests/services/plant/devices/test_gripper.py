@@ -117,7 +117,7 @@ def test_what_is_held_does_not_creep_while_the_arm_swings(tmp_path):
     lifted = lift(stand)
     swung = swing(stand)
     # MuJoCo's friction is soft.
-    off = 2e-4 if default_engine() == "pybullet" else 1e-3
+    off = 2e-4 if default_engine() == "pybullet" else 2e-3
     assert shift_on_pads(stand, swung) == pytest.approx(shift_on_pads(stand, lifted), abs=off)
     assert swung["gripper"].slip < off
 
@@ -127,7 +127,7 @@ def test_slip_is_how_far_the_can_has_slid_down_between_the_pads(tmp_path):
     run(stand, 100, gripper=GripperCommand(width=0.0, force=8.0))
     before = run(stand, 1)
     lifted = lift(stand)
-    assert before["gripper"].slip < 1e-4
+    assert before["gripper"].slip < (1e-4 if default_engine() == "pybullet" else 2e-4)
     assert lifted["gripper"].holding
     below = 0.1 + height_of(stand, before) - height_of(stand, lifted)
     assert lifted["gripper"].slip == pytest.approx(below, abs=2e-4)
