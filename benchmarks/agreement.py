@@ -131,9 +131,11 @@ def _downhill(
     x, _, z = (turn @ (0.0, 0.0, above)).tolist()
     rpy = f"orientation_rpy: [0, {_SLOPE}, 0]"
     there = f"position: [{x}, 0, {z}], {rpy}, friction: {{lateral: {mu}}}"
+    # Of two frictions PyBullet takes the product, MuJoCo the larger one, or the one that is given.
+    rough = ", friction: {lateral: 1}" if engine == "pybullet" else ""
     text = (
         "bodies:\n"
-        f"  floor: {{urdf: floor.urdf, fixed_base: true, {rpy}, friction: {{lateral: 1}}}}\n"
+        f"  floor: {{urdf: floor.urdf, fixed_base: true, {rpy}{rough}}}\n"
         f"  thing: {{urdf: thing.urdf, {there}}}\n"
     )
     plant = _world(engine, folder, text, floor=_FLOOR, thing=urdf)

@@ -17,7 +17,7 @@ import tempfile
 import threading
 from dataclasses import replace
 from importlib import import_module
-from importlib.resources import files
+from importlib.resources import as_file, files
 from pathlib import Path
 from typing import Any
 
@@ -99,7 +99,8 @@ def scenario_of(spec: dict[str, Any], folder: Path) -> str:
 
 
 def _store(folder: Path, latency: str) -> str:
-    shutil.copytree(files("stepbus_store") / "scenarios/store", folder)
+    with as_file(files("stepbus_store") / "scenarios/store") as source:
+        shutil.copytree(source, folder)
     scenario, world = folder / "scenario.yaml", folder / "world.yaml"
     text = scenario.read_text().replace("      camera: mission.camera ", "      # ")
     scenario.write_text(text.replace("request: {from: mission.camera, delay: 1}", ""))

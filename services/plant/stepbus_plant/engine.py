@@ -25,12 +25,20 @@ class PhysicsError(RunError, ArithmeticError):
     """The physics engine failed, or its state is not finite."""
 
 
+class Leader(NamedTuple):
+    """The joint that a joint follows: q = multiplier · q of that + offset [rad or m]."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
 @dataclass(frozen=True, kw_only=True)
 class JointInfo:
     """A joint as its model has it; without stops, lower is above upper.
 
     type: revolute, prismatic, fixed, or nothing that is supported. link: its child. axis: in the
-    frame of that.
+    frame of that. damping: of an MJCF [N·m·s/rad]; leader: in an MJCF, which couples them itself.
     """
 
     index: int
@@ -42,6 +50,8 @@ class JointInfo:
     velocity: float
     link: str
     axis: Point
+    damping: float = 0.0
+    leader: Leader | None = None
 
 
 class Contact(NamedTuple):
@@ -92,12 +102,13 @@ class Engine(Protocol):
 
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
-    copy of the process can draw images.
+    copy of the process can draw images. reads_mjcf: whether `load` takes an MJCF, too.
     """
 
     name: str
     geometry: Geometry
     draws_in_copies: bool
+    reads_mjcf: bool
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 
@@ -125,7 +136,7 @@ class Engine(Protocol):
 
     def load(
         self,
-        urdf: Path,
+        model: Path,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -139,6 +150,10 @@ class Engine(Protocol):
         friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth:
         its cylinders are exact. Raises WiringError for a model that cannot be loaded.
         """
+        ...
+
+    def notes(self, body: int) -> list[str]:
+        """Return what of a body's model is not used, a sentence each."""
         ...
 
     def joints(self, body: int) -> list[JointInfo]:

@@ -133,7 +133,7 @@ def make_joint(body: int, info: JointInfo, settings: JointSettings, actuation: A
         motor=settings.motor is not False,
         actuation=settings.actuation or actuation,
         brake=settings.brake,
-        damping=settings.damping or 0.0,
+        damping=either(settings.damping, info.damping),
         friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,

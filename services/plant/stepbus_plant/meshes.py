@@ -15,7 +15,7 @@ from stepbus_schemas import WiringError
 _BARE_POINT = re.compile(rb"(?<![\w.])([+-]?)\.(?=\d)")
 """Of a number such as `.5`, which coal's reader of OBJ files drops with its vertex (3.0.3)."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
-_HEADER_BYTES = 80
+_HEADER_BYTES, _COUNT_BYTES = 80, 4
 
 
 def load_mesh(file: str) -> tuple[Array, Any]:
@@ -56,18 +56,15 @@ def _read(file: str, named: str) -> tuple[Array, Any]:
     return np.array(loaded.vertices(), dtype=float), np.array(faces, dtype=int)
 
 
-def convex_hull(vertices: Array) -> tuple[Array, Any]:
-    """Return vertices and faces of the convex hull of points with a volume, as `load_mesh`."""
-    import coal  # noqa: PLC0415  as above
-
-    points = coal.StdVec_Vec3s()
-    points.extend(list(vertices))
-    hull = coal.Convex.convexHull(points, True, "Qt")
-    faces = (hull.polygons(n) for n in range(hull.num_polygons))
-    return (
-        np.array([hull.point(n) for n in range(hull.num_points)]),
-        np.array([[face[0], face[1], face[2]] for face in faces], dtype=int),
-    )
+def is_text_stl(path: Path) -> bool:
+    """Return whether a file is an STL written as text; a binary one may begin with `solid`, too."""
+    if path.suffix.lower() != ".stl":
+        return False
+    with path.open("rb") as file:
+        head = file.read(_HEADER_BYTES + _COUNT_BYTES)
+    count = int.from_bytes(head[_HEADER_BYTES:], "little")
+    is_binary = path.stat().st_size == len(head) + _TRIANGLE.itemsize * count
+    return not is_binary and head.lstrip().startswith(b"solid")
 
 
 def binary_stl(file: str) -> bytes:
@@ -75,4 +72,4 @@ def binary_stl(file: str) -> bytes:
     vertices, faces = load_mesh(file)
     triangles = np.zeros(len(faces), dtype=_TRIANGLE)
     triangles["vertices"] = vertices[faces]
-    return bytes(_HEADER_BYTES) + len(faces).to_bytes(4, "little") + triangles.tobytes()
+    return bytes(_HEADER_BYTES) + len(faces).to_bytes(_COUNT_BYTES, "little") + triangles.tobytes()

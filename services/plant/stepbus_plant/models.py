@@ -52,11 +52,23 @@ def loadable(urdf: Path, edit: Callable[[ET.Element], None] | None = None) -> It
         yield copy
 
 
+def is_mjcf(path: Path) -> bool:
+    """Return whether a model is an MJCF: XML whose root is <mujoco>. What is no XML is none."""
+    try:
+        for _, element in ET.iterparse(path, events=["start"]):  # noqa: S314
+            return bool(element.tag == "mujoco")
+    except (OSError, ET.ParseError):
+        pass
+    return False
+
+
 def refuse_missing_meshes(urdf: Path) -> None:
     """Raise WiringError that lists the meshes of a model that are not there.
 
-    PyBullet loads no such model.
+    PyBullet loads no such model. MuJoCo itself says what is wrong with an MJCF.
     """
+    if is_mjcf(urdf):
+        return
     text, is_made = read_model(urdf)
     _refuse_missing_meshes(urdf, parse_urdf(text), is_made=is_made)
 

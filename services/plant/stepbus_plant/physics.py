@@ -3,7 +3,8 @@
 import dataclasses
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TypeVar
@@ -16,7 +17,7 @@ from stepbus_plant.engine import BASE, JointInfo, Link, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
-from stepbus_plant.models import loadable, pairs_without_collision
+from stepbus_plant.models import is_mjcf, loadable, pairs_without_collision
 from stepbus_plant.params import Params
 from stepbus_plant.stock import fit
 from stepbus_plant.world import Body, JointSettings
@@ -59,6 +60,7 @@ class Physics:
         self._actuation = params.actuation
         self._followers: dict[Link, list[Joint]] = {}
         self._items: list[int] = []
+        self._coupled: set[int] = set()
         self._number = next(_NUMBERS)
         _OPEN[self._number] = self
         try:
@@ -143,10 +145,10 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            with loadable(body.urdf, None if item is None else partial(fit, item)) as urdf:
-                root = parse_urdf(urdf.read_text(encoding="utf-8"))
+            with self._model(body.urdf, None if item is None else partial(fit, item)) as model:
+                root = None if is_mjcf(model) else parse_urdf(model.read_text(encoding="utf-8"))
                 number = self.engine.load(
-                    urdf,
+                    model,
                     (body.position, quaternion(body.orientation_rpy)),
                     friction,
                     is_fixed=body.fixed_base,
@@ -154,14 +156,21 @@ class Physics:
                     has_visuals=body.visuals,
                     is_smooth=item is not None,
                 )
-                self._refuse_shapeless(body.urdf, root, number)
-                self.urdfs.append(urdf.read_bytes())
+                if root is not None:
+                    self._refuse_shapeless(body.urdf, root, number)
+                self.urdfs.append(model.read_bytes())
         except (PhysicsError, WiringError) as exc:
             file = f"{body.urdf}: " if isinstance(exc, PhysicsError) else ""
             self.mistakes.append((("bodies", name, "urdf"), f"{file}{exc}"))
             return
-        self.notes += [(f"body {name}", note) for note in urdf_warnings(root)]
+        notes = [] if root is None else urdf_warnings(root)
+        self.notes += [(f"body {name}", note) for note in (*notes, *self.engine.notes(number))]
         infos = self.engine.joints(number)
+        if root is None:
+            self._coupled.add(number)
+            followed = {i.name: Mimic(**i.leader._asdict()) for i in infos if i.leader}
+        else:
+            followed = mimics(root)
         movable = [info for info in infos if info.type in {"revolute", "prismatic"}]
         self.fixed |= {info.name for info in infos if info.type == "fixed"}
         if self.world.sleeping:
@@ -170,13 +179,26 @@ class Physics:
                 self.engine.let_sleep(number)
             self._items += [] if item is None else [number]
         self._disable_collisions(number, name, body)
-        joints = self._joints_of(number, movable, name, body, mimics(root))
+        joints = self._joints_of(number, movable, name, body, followed)
         self._check_joints(name, body, joints)
         solid = (self.engine.is_solid((number, index)) for index in range(BASE, len(infos)))
         if not body.fixed_base and joints and not any(solid):
             text = "it is not fixed to the world and has no collision shape, so it falls"
             self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
+
+    def _model(
+        self, path: Path, edit: Callable[[ET.Element], None] | None
+    ) -> AbstractContextManager[Path]:
+        """Return a model as the engine reads it; edit: see `loadable`."""
+        if not is_mjcf(path):
+            return loadable(path, edit)
+        if not self.engine.reads_mjcf:
+            raise WiringError(
+                f"{path}: is an MJCF, which engine {self.engine.name} does not read; "
+                "use `engine: mujoco`"
+            )
+        return nullcontext(path)
 
     def _refuse_shapeless(self, urdf: Path, root: ET.Element, number: int) -> None:
         """Raise WiringError for a link whose collision shapes the engine has dropped."""
@@ -263,6 +285,8 @@ class Physics:
             self.teleport(joint, joint.start, joint.start_velocity)
             engine.resist(*where, joint.friction)
         for body, leader in self._followers:
+            if body in self._coupled:
+                continue
             for follower, mimic in self._followers_of((body, leader)):
                 engine.couple(
                     body,

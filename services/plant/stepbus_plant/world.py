@@ -14,7 +14,6 @@ from stepbus_participant import (
     Duration,
     File,
     Finite,
-    ModelFile,
     NonNegative,
     Own,
     Plugin,
@@ -92,9 +91,9 @@ class Friction(Settings):
 
 
 class Body(Settings):
-    """A body, read from a URDF."""
+    """A body, read from a URDF; with engine mujoco, from an MJCF, too."""
 
-    urdf: ModelFile
+    urdf: File
     """Absolute, relative to the world file, or `package://<package>/<path>`, where the package
     is an installed Python package such as `pybullet_data` or a model package such as
     `example-robot-data`."""

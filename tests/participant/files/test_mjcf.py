@@ -77,7 +77,7 @@ def test_links_are_where_mujoco_has_their_bodies(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("engine", ["mujoco", "pybullet"])
+@pytest.mark.parametrize("engine", ["mujoco"])
 def test_it_swings_as_in_mujoco(tmp_path, name, engine):
     pytest.importorskip(engine, reason=f"{engine} is not installed")
     model, data = standing(MODELS[name])
@@ -148,13 +148,6 @@ def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, monkeypat
     assert len(there) == 4
     for corner in there:
         assert np.linalg.norm(here - corner, axis=1).min() < 1e-6
-
-
-def test_a_body_of_the_plant_says_what_it_lacks(tmp_path):
-    save(tmp_path, part(joint='armature=".1"'))
-    world = save(tmp_path, "bodies: {arm: {urdf: arm.xml, fixed_base: true}}", "world.yaml")
-    plant = SimulatedPlant(load_world(world), Params(world=world), 1_000_000, 0)
-    assert "`armature` of joints (hinge)" in str(plant.physics.notes)
 
 
 @pytest.mark.parametrize(

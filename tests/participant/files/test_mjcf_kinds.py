@@ -4,10 +4,9 @@ import warnings
 
 import pytest
 from support.mjcf import FINGER, converted, part
-from support.paths import CHECKOUT
 
 from stepbus_participant import mjcf_model, urdf_warnings
-from stepbus_participant.mjcf_kinds import KINDS, table
+from stepbus_participant.mjcf_kinds import KINDS
 from stepbus_schemas import WiringError
 
 pytest.importorskip("mujoco", reason="the package mujoco is not installed")
@@ -76,10 +75,6 @@ def test_what_urdf_has_no_words_for_is_refused_or_named(tmp_path, start):
         lead = "URDF cannot express some of this MJCF, which is ignored: "
         assert warning.startswith(f"{lead}{kind.what} (")
         assert ";" not in warning
-
-
-def test_the_docs_have_the_table_of_the_code():
-    assert table() in (CHECKOUT / "docs/reference/world.md").read_text(encoding="utf-8")
 
 
 def test_what_changes_nothing_is_left_out_silently(tmp_path):

@@ -117,12 +117,6 @@ def test_validate_lists_all_of_them_at_once(arm, capsys):
     assert [row.startswith(start) for row, start in zip(rows, starts, strict=True)] == [True] * 4
 
 
-MJCF = """<mujoco model="arm"><worldbody><body name="base">
-<body name="link1"><joint name="joint1" axis="0 1 0" armature="0.1"/><geom size="0.1" pos="0.5 0 0"/>
-<body name="link2" pos="1 0 0"><joint name="joint2" axis="0 1 0"/><geom size="0.1" pos="0.5 0 0"/></body>
-</body></body></worldbody></mujoco>"""
-
-
 @pytest.mark.parametrize(
     ("change", "warning"),
     [
@@ -130,7 +124,6 @@ MJCF = """<mujoco model="arm"><worldbody><body name="base">
             lambda urdf: re.sub("<inertia .*?/>", '<inertia ixx="1" iyy="1" izz="3" ixy="0" ixz="0" iyz="0"/>', urdf, count=1),
             "no body can have the inertia (1, 1, 3)",
         ),
-        (lambda _urdf: MJCF, "armature"),
     ],
 )  # fmt: skip
 def test_validate_and_the_run_show_what_a_robot_lacks(arm, tmp_path, capsys, change, warning):

@@ -172,7 +172,15 @@ def between(plant: SimulatedPlant, one: str, other: str) -> list[Contact]:
     return [contact for contact in contacts if contact.other[0] == number(plant, other)]
 
 
-def slope(angle: float, friction: float, height: float) -> tuple[str, np.ndarray, str]:
+def rough(engine: str) -> str:
+    """Return the keys of a floor on which the friction of other bodies is that of the contact.
+
+    PyBullet takes the product; MuJoCo the one that is given, and of two the larger.
+    """
+    return "friction: {lateral: 1.0}" if engine == "pybullet" else ""
+
+
+def slope(engine: str, angle: float, friction: float, height: float) -> tuple[str, np.ndarray, str]:
     """Return the keys of a floor that falls along x, the direction down, and those of what lies on it.
 
     angle: [rad]. friction: of what lies on it. height: of its centre above the slope [m].
@@ -181,7 +189,7 @@ def slope(angle: float, friction: float, height: float) -> tuple[str, np.ndarray
     down = rotation((0.0, math.sin(angle / 2), 0.0, math.cos(angle / 2)))
     place = ", ".join(map(str, (down @ (0.0, 0.0, height)).tolist()))
     thing = f"position: [{place}], {turned}, friction: {{lateral: {friction}}}"
-    return f"{turned}, friction: {{lateral: 1.0}}", down @ (1.0, 0.0, 0.0), thing
+    return f"{turned}, {rough(engine)}", down @ (1.0, 0.0, 0.0), thing
 
 
 def acceleration(

@@ -11,11 +11,10 @@ from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from stepbus_participant import scratch_folder
-from stepbus_plant.meshes import binary_stl
+from stepbus_plant.meshes import binary_stl, is_text_stl
 from stepbus_plant.models import mesh_path
 
 _READS = (".stl", ".obj", ".dae")
-_HEADER_BYTES, _TRIANGLE_BYTES = 84, 50
 
 
 @contextmanager
@@ -26,7 +25,8 @@ def readable(urdf: Path) -> Iterator[Path]:
     """
     root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
     files = {m: mesh_path(m.get("filename", ""), urdf.parent) for m in root.iter("mesh")}
-    unread = sorted({file for file in files.values() if not _is_read(Path(file))})
+    paths = {file: Path(file) for file in files.values()}
+    unread = sorted(f for f, p in paths.items() if p.suffix.lower() not in _READS or is_text_stl(p))
     if not unread:
         yield urdf
         return
@@ -39,14 +39,3 @@ def readable(urdf: Path) -> Iterator[Path]:
         model = Path(folder) / urdf.name
         ET.ElementTree(root).write(model, encoding="utf-8")
         yield model
-
-
-def _is_read(path: Path) -> bool:
-    """Return whether PyBullet reads a file; a binary STL may begin with `solid`, too."""
-    if path.suffix.lower() != ".stl":
-        return path.suffix.lower() in _READS
-    with path.open("rb") as file:
-        head = file.read(_HEADER_BYTES)
-    count = int.from_bytes(head[-4:], "little")
-    is_binary = path.stat().st_size == _HEADER_BYTES + _TRIANGLE_BYTES * count
-    return is_binary or not head.lstrip().startswith(b"solid")

@@ -44,6 +44,7 @@ class BulletEngine:
 
     name = "pybullet"
     draws_in_copies = True
+    reads_mjcf = False
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
@@ -92,7 +93,7 @@ class BulletEngine:
 
     def load(
         self,
-        urdf: Path,
+        model: Path,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -113,9 +114,9 @@ class BulletEngine:
         flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
         try:
-            with readable(urdf) as model:
+            with readable(model) as urdf:
                 body: int = bullet.loadURDF(
-                    str(model), *pose, useFixedBase=is_fixed, flags=flags, **self._here
+                    str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
                 )
         except bullet.error as exc:
             raise WiringError(str(exc)) from exc
@@ -126,6 +127,10 @@ class BulletEngine:
         # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
         bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
         return body
+
+    def notes(self, body: int) -> list[str]:
+        """See `Engine`."""
+        return []
 
     def joints(self, body: int) -> list[JointInfo]:
         """See `Engine`."""

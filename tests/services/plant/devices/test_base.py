@@ -4,6 +4,7 @@ import pytest
 from support.services.devices import make_stand, write_base
 
 from stepbus_plant.commander import CommandError
+from stepbus_plant.engines import default_engine
 from stepbus_schemas import BaseCommand, JointCommand, WiringError
 
 WORLD = """
@@ -46,10 +47,12 @@ def drive(stand, commands):
     return shown["odometry"], (x, y, 2 * math.atan2(qz, qw))
 
 
-def test_a_base_drives_straight_with_less_than_a_millimetre_of_odometry_error(stand):
+def test_a_base_drives_straight_as_its_odometry_says(stand):
     odometry, truth = drive(stand, [BaseCommand(vx=v) for v in ramp(0.5, 3.5)])
     assert odometry.x == pytest.approx(1.5, abs=5e-3)
-    assert math.dist((odometry.x, odometry.y), truth[:2]) < 1e-3
+    # MuJoCo's wheels sink into the floor by 0.3 mm of their 100, and roll on what is left.
+    off = 1e-3 if default_engine() == "pybullet" else 5e-3
+    assert math.dist((odometry.x, odometry.y), truth[:2]) < off
 
 
 def test_a_base_turns_on_the_spot(stand):

@@ -2,6 +2,7 @@ import pytest
 from support.services.control import STEP_NS
 from support.services.devices import make_stand, write_can, write_ground
 
+from stepbus_plant.engines import default_engine
 from stepbus_schemas import WiringError
 
 WORLD = """
@@ -117,8 +118,9 @@ def test_a_blow_between_two_readings_is_in_the_log(tmp_path):
     every, _ = falls(tmp_path, 1)
     seldom, seconds = falls(tmp_path, 30)
     peak = max(row[1] for row in every)
-    # It hits the floor at 2.4 m/s, and once it is read it stands.
-    assert peak > 40.0 * WEIGHT
+    # It hits the floor at 2.4 m/s, and once it is read it stands. MuJoCo's contact is a critically
+    # damped spring of 10 ms: v / 10 ms, spread over its way.
+    assert peak > (40.0 if default_engine() == "pybullet" else 10.0) * WEIGHT
     assert max(row[0] for row in seldom) < 2.0 * WEIGHT
     assert max(row[1] for row in seldom) == peak
     assert sum(row[2] for row in seldom) == pytest.approx(WEIGHT * seconds, rel=5e-3)

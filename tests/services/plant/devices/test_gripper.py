@@ -4,6 +4,7 @@ import pytest
 from support.services.devices import box, link, make_stand, write_gripper, write_urdf
 
 from stepbus_plant.commander import CommandError
+from stepbus_plant.engines import default_engine
 from stepbus_schemas import GripperCommand, JointCommand
 
 CAN = """
@@ -31,6 +32,8 @@ WIDTH_OF_CAN = 0.066
 
 def make_gripper(folder, *, can=True, mu=0.8, boom=0.0, carton=None):
     write_gripper(folder, boom=boom)
+    # PyBullet takes the product of both, MuJoCo the larger one.
+    mu = mu if default_engine() == "pybullet" else mu * mu
     world = (WORLD + CAN if can else WORLD).replace("MU", str(mu))
     if carton is not None:
         world = world.replace("can.urdf", f"carton.urdf, orientation_rpy: [0, 0, {carton}]")
@@ -113,8 +116,10 @@ def test_what_is_held_does_not_creep_while_the_arm_swings(tmp_path):
     run(stand, 100, gripper=GripperCommand(width=0.0, force=15.0))
     lifted = lift(stand)
     swung = swing(stand)
-    assert shift_on_pads(stand, swung) == pytest.approx(shift_on_pads(stand, lifted), abs=2e-4)
-    assert swung["gripper"].slip < 2e-4
+    # MuJoCo's friction is soft.
+    off = 2e-4 if default_engine() == "pybullet" else 2e-3
+    assert shift_on_pads(stand, swung) == pytest.approx(shift_on_pads(stand, lifted), abs=off)
+    assert swung["gripper"].slip < off
 
 
 def test_slip_is_how_far_the_can_has_slid_down_between_the_pads(tmp_path):
@@ -122,7 +127,7 @@ def test_slip_is_how_far_the_can_has_slid_down_between_the_pads(tmp_path):
     run(stand, 100, gripper=GripperCommand(width=0.0, force=8.0))
     before = run(stand, 1)
     lifted = lift(stand)
-    assert before["gripper"].slip < 1e-4
+    assert before["gripper"].slip < (1e-4 if default_engine() == "pybullet" else 2e-4)
     assert lifted["gripper"].holding
     below = 0.1 + height_of(stand, before) - height_of(stand, lifted)
     assert lifted["gripper"].slip == pytest.approx(below, abs=2e-4)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from support.services.mechanics import (
     FLOOR,
+    STEP,
     G,
     Row,
     acceleration,
@@ -17,18 +18,30 @@ from support.services.mechanics import (
     fixed,
     make,
     number,
+    rough,
     slope,
     velocity,
 )
 
 from stepbus_plant.engine import BASE
+from stepbus_plant.geometry import rotation
 
 FLAT = (0.2, 0.2, 0.05)
+SOFT_S = 2 * STEP
+"""Time constant of MuJoCo's contacts: two substeps [s]."""
+
+
+def assert_lies(plant, engine):
+    """Assert that a box lies on a slope; in MuJoCo it rattles, which lifts its edges by 1 mm."""
+    ground, thing = (rotation(plant.physics.engine.frame((n, BASE))[1]) for n in (0, 1))
+    assert np.dot(ground[:, 2], thing[:, 2]) == pytest.approx(1.0, abs=(1e-3 / FLAT[0]) ** 2)
+    if engine == "pybullet":
+        assert plant.physics.engine.motion((1, BASE)).spin == pytest.approx((0, 0, 0), abs=0.05)
 
 
 def on_slope(tmp_path, engine, tangent):
-    """Return a box of friction 0.5 on a slope of friction 1, and the direction down."""
-    ground, down, thing = slope(math.atan(tangent), 0.5, FLAT[2] / 2)
+    """Return a box on a slope, with a friction of 0.5, and the direction down."""
+    ground, down, thing = slope(engine, math.atan(tangent), 0.5, FLAT[2] / 2)
     bodies = {"ground": fixed(FLOOR, ground), "thing": Row(box("thing", 1.0, *FLAT), thing)}
     return make(tmp_path, engine, bodies), down
 
@@ -45,15 +58,14 @@ def test_a_box_slides_on_a_slope_above_the_angle_of_friction(tmp_path, engine):
     angle = math.atan(0.7)
     expected = G * (math.sin(angle) - 0.5 * math.cos(angle))
     assert acceleration(plant, "thing", down, 200, 700) == pytest.approx(expected, rel=0.03)
-    spin = plant.physics.engine.motion((1, BASE)).spin
-    assert spin == pytest.approx((0, 0, 0), abs=0.05)
+    assert_lies(plant, engine)
 
 
 @pytest.mark.parametrize("share", [2 / 5, 1 / 2])
 def test_a_ball_rolls_down_a_slope_without_slipping(tmp_path, engine, share):
     """0.4: a solid ball, 5/7 g sin; 0.5: the moment of a disc, 2/3 g sin."""
     angle, radius = math.radians(20), 0.1
-    ground, down, thing = slope(angle, 1.0, radius)
+    ground, down, thing = slope(engine, angle, 1.0, radius)
     thing = thing.replace("friction: {lateral: 1.0}", "friction: {lateral: 1.0, rolling: 0}")
     rolling = Row(ball("ball", 1.0, radius, share), thing)
     plant = make(tmp_path, engine, {"ground": fixed(FLOOR, ground), "ball": rolling})
@@ -149,7 +161,7 @@ def test_the_nearest_points_of_two_boxes(tmp_path, engine):
 
 def test_friction_is_the_same_in_every_direction(tmp_path, engine):
     angle = math.atan(0.7)
-    ground, down, thing = slope(angle, 0.5, FLAT[2] / 2)
+    ground, down, thing = slope(engine, angle, 0.5, FLAT[2] / 2)
     plant = make(
         tmp_path,
         engine,
@@ -160,8 +172,7 @@ def test_friction_is_the_same_in_every_direction(tmp_path, engine):
     plant.physics.engine.put(1, plant.physics.engine.geometry.compose(frame, ((0, 0, 0), yaw)))
     expected = G * (math.sin(angle) - 0.5 * math.cos(angle))
     assert acceleration(plant, "thing", down, 200, 700) == pytest.approx(expected, rel=0.03)
-    spin = plant.physics.engine.motion((1, BASE)).spin
-    assert spin == pytest.approx((0, 0, 0), abs=0.05)
+    assert_lies(plant, engine)
 
 
 def on_floor(tmp_path, engine, friction):
@@ -190,18 +201,24 @@ def test_spinning_friction_slows_a_ball_that_turns_on_the_spot(tmp_path, engine)
 
 
 def test_a_fixed_body_that_moves_pushes_what_is_before_it(tmp_path, engine):
-    """A wall goes 0.3 m in 1 s; the crate is pushed ahead of it, and slides on by v² / 2 μ g."""
+    """A wall goes 0.3 m in 1 s; the crate is pushed ahead of it, and slides on by v² / 2 μ g.
+
+    MuJoCo's contacts do not know how fast a wall comes: the crate is pushed by what gives way, which
+    is 2 v times their time constant, and comes out of it afterwards.
+    """
+    crate = "position: [0.1, 0, 0.05], friction: {lateral: 0.5}"
     bodies = {
-        "ground": fixed(FLOOR, "friction: {lateral: 1}"),
-        "crate": Row(box("crate", 1.0, 0.1, 0.1, 0.1), "position: [0.1, 0, 0.05]"),
+        "ground": fixed(FLOOR, rough(engine)),
+        "crate": Row(box("crate", 1.0, 0.1, 0.1, 0.1), crate),
         "wall": fixed(box("wall", 1.0, 0.1, 0.4, 0.4), "position: [0, 0, 0.21]"),
     }
     script = [{"at": "100ms", "body": "wall", "to": [0.3, 0.0, 0.21], "over": "1s"}]
     plant = advance(make(tmp_path, engine, bodies, script=script), 600)
-    assert velocity(plant, "crate")[0] == pytest.approx(0.3, rel=0.03)
+    soft = 0.0 if engine == "pybullet" else 2 * 0.3 * SOFT_S
+    assert velocity(plant, "crate")[0] == pytest.approx(0.3, rel=0.15 if soft else 0.03)
     assert plant.physics.engine.motion((2, BASE)).velocity == pytest.approx((0.3, 0, 0), abs=1e-6)
     slides = 0.3**2 / (2 * 0.5 * G)
-    assert centre(advance(plant, 1000), "crate")[0] == pytest.approx(0.4 + slides, abs=5e-3)
+    assert centre(advance(plant, 1000), "crate")[0] == pytest.approx(0.4 + slides, abs=5e-3 + soft)
 
 
 def test_what_stands_on_a_plate_that_sinks_goes_with_it(tmp_path, engine):
@@ -211,7 +228,10 @@ def test_what_stands_on_a_plate_that_sinks_goes_with_it(tmp_path, engine):
     }
     script = [{"at": "100ms", "body": "plate", "to": [0.0, 0.0, -0.06], "over": "300ms"}]
     plant = advance(make(tmp_path, engine, bodies, script=script), 250)
-    assert velocity(plant, "crate")[2] == pytest.approx(-0.2, rel=0.03)
+    # On average: in MuJoCo it falls after the plate, again and again.
+    before = centre(plant, "crate")[2]
+    fallen = centre(advance(plant, 100), "crate")[2] - before
+    assert fallen / 0.1 == pytest.approx(-0.2, rel=0.03 if engine == "pybullet" else 0.1)
     assert centre(advance(plant, 500), "crate")[2] == pytest.approx(0.04, abs=2e-3)
 
 

@@ -1,7 +1,8 @@
 """The engine MuJoCo: bodies, joints and their motors, and the substep."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -21,16 +22,14 @@ from stepbus_plant.engine import (
     PhysicsError,
 )
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import Body, Builder, hard
+from stepbus_plant.engines.mujoco.model import LEAST_RANGE, Body, add, read_mjcf, read_urdf, rigid
+from stepbus_plant.engines.mujoco.motors import add_motor
 from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Geometry, Pose
+from stepbus_plant.models import is_mjcf
 from stepbus_schemas import Point, WiringError
 
-_FRICTION_RATIO = 30.0
-"""How much harder friction is than what presses: what is held does not creep."""
-_TOLERANCE = 1e-12
-_LEAST_RANGE = 1e-9
-"""MuJoCo has no joint that is locked by its stops [rad]."""
+_FRICTION_RATIO = 10.0
 
 
 class MujocoEngine:
@@ -41,6 +40,7 @@ class MujocoEngine:
 
     name = "mujoco"
     draws_in_copies = False
+    reads_mjcf = True
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry = Geometry()
@@ -48,17 +48,15 @@ class MujocoEngine:
         self._spec = mujoco.MjSpec()
         option = self._spec.option
         option.timestep, option.gravity = step_s, gravity
-        option.iterations, option.tolerance = solver_iterations, _TOLERANCE
-        option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-        option.impratio = _FRICTION_RATIO
+        option.iterations = solver_iterations
+        # What MuJoCo recommends for grippers: otherwise what is held or lies aslant creeps.
+        option.cone, option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, _FRICTION_RATIO
         # Otherwise MuJoCo begins anew where a state has diverged. Rows of islands are copies.
         disabled = mujoco.mjtDisableBit
         option.disableflags |= disabled.mjDSBL_AUTORESET | disabled.mjDSBL_ISLAND
-        compiler = self._spec.compiler
-        compiler.degree, compiler.balanceinertia = False, True
-        self._builder = Builder(self._spec, step_s)
+        self._spec.compiler.degree = False
         self._bodies: list[Body] = []
-        self._waiting: dict[Link, tuple[float, float]] = {}
+        self._waiting: list[Callable[[World], None]] = []
         self._painter: Painter | None = None
         self._compiled: World | None = None
         self._is_changed = True
@@ -71,6 +69,9 @@ class MujocoEngine:
         if self._compiled is None or self._is_changed:
             self._compiled = self._compile()
             self._is_changed = False
+            for act in self._waiting:
+                act(self._compiled)
+            self._waiting = []
         return self._compiled
 
     def _compile(self) -> World:
@@ -82,15 +83,18 @@ class MujocoEngine:
             else:
                 model, data = self._spec.recompile(before.model, before.data)
         except (ValueError, mujoco.FatalError) as exc:
-            text = " ".join(str(exc).removeprefix("Error: ").split())
-            raise PhysicsError(f"MuJoCo cannot build the world: {text}") from exc
+            raise PhysicsError(f"MuJoCo cannot build the world: {_text(exc)}") from exc
         self._close_painter()
         world = World(model, data, self._bodies, self._dt)
         world.follow(before)
-        for (body, index), (position, velocity) in self._waiting.items():
-            world.put_joint(body, index, position, velocity)
-        self._waiting = {}
         return world
+
+    def _then(self, act: Callable[[World], None]) -> None:
+        """Change the state of the world once it is compiled, which takes its time."""
+        if self._is_changed:
+            self._waiting.append(act)
+        else:
+            act(self._world)
 
     def step(self) -> None:
         """See `Engine`."""
@@ -117,7 +121,7 @@ class MujocoEngine:
 
     def load(
         self,
-        urdf: Path,
+        model: Path,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -126,25 +130,31 @@ class MujocoEngine:
         has_visuals: bool,
         is_smooth: bool,
     ) -> int:
-        """See `Engine`; cylinders are always exact."""
+        """See `Engine`; cylinders are always exact. An MJCF says itself what collides."""
         number = len(self._bodies)
         try:
-            body = self._builder.add(
-                number, urdf, pose, friction, is_fixed=is_fixed, has_visuals=has_visuals
-            )
+            if is_mjcf(model):
+                source = read_mjcf(model, friction)
+            else:
+                source = read_urdf(model, friction, has_visuals=has_visuals, dt=self._dt)
+            body = add(self._spec, source, number, pose, is_fixed=is_fixed)
         except WiringError:
             raise
-        except ValueError as exc:
-            raise PhysicsError(str(exc)) from exc
+        except (ValueError, mujoco.FatalError) as exc:
+            raise PhysicsError(f"MuJoCo cannot read it: {_text(exc)}") from exc
         self._bodies.append(body)
-        solid = sorted(body.solid)
-        for n, one in enumerate(solid):
-            for other in solid[n + 1 :]:
-                related = body.parents.get(other) == one or body.parents.get(one) == other
-                if related or not collides_with_itself:
-                    self.let_through((number, one), (number, other))
+        for info in body.infos:
+            if info.type in {"revolute", "prismatic"}:
+                add_motor(self._spec, body.joint_name(info.index), self._dt)
+        if source.is_urdf and not collides_with_itself:
+            for one, other in combinations(sorted(body.solid), 2):
+                self._let_through(f"{number}/{one}", f"{number}/{other}")
         self._is_changed = True
         return number
+
+    def notes(self, body: int) -> list[str]:
+        """See `Engine`."""
+        return self._bodies[body].notes
 
     def joints(self, body: int) -> list[JointInfo]:
         """See `Engine`."""
@@ -152,16 +162,20 @@ class MujocoEngine:
 
     def links(self, body: int) -> dict[str, Link]:
         """See `Engine`."""
-        return {name: (body, n + BASE) for n, name in enumerate(self._bodies[body].names)}
+        return {name: (body, index) for name, index in self._bodies[body].links().items()}
 
     def is_solid(self, link: Link) -> bool:
         """See `Engine`."""
-        return link[1] in self._bodies[link[0]].solid
+        body, index = link
+        return self._bodies[body].rows[index - BASE][0] in self._bodies[body].solid
 
     def let_through(self, one: Link, other: Link) -> None:
         """See `Engine`."""
-        names = (self._bodies[body].body_name(link) for body, link in (one, other))
-        self._spec.add_exclude(**dict(zip(("bodyname1", "bodyname2"), names, strict=True)))
+        first, second = (self._bodies[body].body_name(link) for body, link in (one, other))
+        self._let_through(first, second)
+
+    def _let_through(self, one: str, other: str) -> None:
+        self._spec.add_exclude(bodyname1=one, bodyname2=other)
         self._is_changed = True
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
@@ -178,21 +192,22 @@ class MujocoEngine:
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """See `Engine`."""
-        if self._compiled is None:
-            self._waiting[body, index] = position, velocity
-        else:
-            self._world.put_joint(body, index, position, velocity)
+        self._then(lambda world: world.put_joint(body, index, position, velocity))
 
     def set_joint(
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
         """See `Engine`; damping is implicit, and so always stable."""
-        joint = self._spec.joint(f"{body}/{index}")
-        # One value each, but a ball joint could have three.
-        joint.damping = [damping, 0.0, 0.0] if np.size(joint.damping) > 1 else damping
+        own, info = self._bodies[body], self._bodies[body].infos[index]
+        joint = self._spec.joint(own.joint_name(index))
+        if damping != info.damping or own.is_urdf:
+            # A ball joint could have three.
+            joint.damping = [damping, 0.0, 0.0] if np.size(joint.damping) > 1 else damping
         is_limited = math.isfinite(lower) and math.isfinite(upper)
-        joint.limited = int(is_limited)
-        joint.range = [lower, max(upper, lower + _LEAST_RANGE)] if is_limited else [0.0, 0.0]
+        stops = [lower, max(upper, lower + LEAST_RANGE)] if is_limited else [0.0, 0.0]
+        if own.in_degrees and info.type == "revolute":
+            stops = [math.degrees(stop) for stop in stops]
+        joint.limited, joint.range = int(is_limited), stops
         self._is_changed = True
 
     def couple(
@@ -206,21 +221,23 @@ class MujocoEngine:
         erp: float,
         force: float,
     ) -> None:
-        """See `Engine`; as hard as contacts, whatever `erp` and `force` are."""
+        """See `Engine`; as stiff as can be and without a limit, whatever `erp` and `force` are."""
+        name_of = self._bodies[body].joint_name
         self._spec.add_equality(
             type=mujoco.mjtEq.mjEQ_JOINT,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
-            name1=f"{body}/{follower}",
-            name2=f"{body}/{leader}",
+            name1=name_of(follower),
+            name2=name_of(leader),
             data=[offset, multiplier, *[0.0] * 10],
-            **hard(self._dt),
+            solref=rigid(self._dt),
         )
         self._is_changed = True
 
     def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
         """See `Engine`."""
         world = self._world
-        world.data.qfrc_applied[world.dofs(body, indices)] = torques
+        _, dofs, _ = world.numbers(body, indices)
+        world.data.qfrc_applied[dofs] = torques
 
     def turn(
         self,
@@ -230,13 +247,13 @@ class MujocoEngine:
         torques: Sequence[float],
     ) -> None:
         """See `Engine`."""
-        world = self._world
-        world.motors.turn(world.dofs(body, indices), velocities, torques)
+        self._then(
+            lambda world: world.motors.turn(world.numbers(body, indices)[2], velocities, torques)
+        )
 
     def resist(self, body: int, index: int, torque: float) -> None:
         """See `Engine`."""
-        if torque or self._compiled is not None:
-            self.turn(body, [index], [0.0], [torque])
+        self.turn(body, [index], [0.0], [torque])
 
     def bring(
         self,
@@ -250,9 +267,9 @@ class MujocoEngine:
         gain: float = 0.0,
     ) -> None:
         """See `Engine`."""
-        world = self._world
-        dof = world.dofs(body, [index])[0]
-        world.motors.bring(dof, (position, velocity), torque, max_velocity or math.inf, gain)
+        world, goal = self._world, (position, velocity)
+        (motor,) = world.numbers(body, [index])[2]
+        world.motors.bring(motor, goal, torque, max_velocity or math.inf, gain)
 
     def watch_reaction(self, joint: Link) -> None:
         """See `Engine`."""
@@ -266,12 +283,12 @@ class MujocoEngine:
 
     def mass(self, link: Link) -> float:
         """See `Engine`."""
-        body = self._bodies[link[0]]
-        return 0.0 if body.is_fixed and link[1] == BASE else body.masses[link[1]]
+        is_fixed = self._bodies[link[0]].is_fixed and link[1] == BASE
+        return 0.0 if is_fixed else self._world.mass(link)
 
     def inertial(self, link: Link) -> Pose:
-        """See `Engine`."""
-        return self._bodies[link[0]].inertials[link[1]]
+        """See `Engine`; along the axes of the link."""
+        return self._world.inertial(link)
 
     def centre(self, body: int) -> Pose:
         """See `Engine`."""
@@ -291,7 +308,7 @@ class MujocoEngine:
 
     def put(self, body: int, frame: Pose) -> None:
         """See `Engine`."""
-        self._world.put(body, frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+        self.carry(body, frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
     def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
         """See `Engine`."""
@@ -380,3 +397,8 @@ def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
         on_other=contact.on_one,
         normal=(-x, -y, -z),
     )
+
+
+def _text(error: Exception) -> str:
+    """Return what MuJoCo says, on one line."""
+    return " ".join(str(error).removeprefix("XML Error: ").removeprefix("Error: ").split())

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from stepbus_participant import installed_version
 from stepbus_plant.engine import Light, PhysicsError
-from stepbus_plant.engines.mujoco.model import LOOKS
+from stepbus_plant.engines.mujoco.model import BOTH, SEEN
 from stepbus_plant.geometry import Array
 from stepbus_schemas import WiringError
 
@@ -35,7 +35,7 @@ class Painter:
         self._scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
         self._option = mujoco.MjvOption()
         self._option.geomgroup[:] = 0
-        self._option.geomgroup[LOOKS] = 1
+        self._option.geomgroup[[BOTH, SEEN]] = 1
         self.renderer = _describe()
 
     def _resize(self, width: int, height: int) -> None:

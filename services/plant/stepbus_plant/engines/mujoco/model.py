@@ -1,307 +1,376 @@
-"""URDFs as MuJoCo has them: each link is a body, also behind a fixed joint.
+"""Models as MuJoCo's own parsers read them, prepared to be part of a world.
 
-MuJoCo's own parser fuses links, drops root links and the limits of velocities, and finds no meshes
-of packages, so it is not used.
+An MJCF stays as it is. Of a URDF, a few attributes are written anew: those that MuJoCo's parser
+does not read, or reads otherwise than the rest of stepbus.
 """
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree as ET
 
 import mujoco
-import numpy as np
 
-from stepbus_plant.engine import BASE, JointInfo
-from stepbus_plant.engines.differences import PLANES, refused
-from stepbus_plant.engines.mujoco.urdf import (
-    Place,
-    attribute,
-    child_of,
-    colour,
-    joint_info,
-    origin,
-    parent_of,
-    part,
-    tree,
-    vector,
-    wxyz,
-)
-from stepbus_plant.geometry import Array, Pose, rotation
-from stepbus_plant.meshes import convex_hull, load_mesh
+from stepbus_plant.engine import BASE, JointInfo, Leader
+from stepbus_plant.engines.differences import PLANES, PYBULLET_CONTACT, refused
+from stepbus_plant.geometry import Pose
+from stepbus_plant.meshes import is_text_stl, load_mesh
 from stepbus_plant.models import mesh_path
-from stepbus_schemas import Point, WiringError
+from stepbus_schemas import WiringError
 
-SOLID, LOOKS = 3, 1
-"""Groups of geoms: collision shapes, and what cameras see."""
-_MOVES, _STANDS = 1, 2
-"""Bits of a shape: whether its link can move; what stands does not collide with what stands."""
-_LEAST_FRICTION = 1e-5
-_CONTACT = (0.99, 0.999, 1e-3, 0.5, 2.0)
-"""Impedance of contacts, stops and gears: as hard as the solver makes them."""
-_TINY_MASS, _TINY_INERTIA = 1e-9, 1e-12
-"""Less than that, MuJoCo takes for nothing [kg, kg·m²]."""
-_KINDS = {
-    "box": mujoco.mjtGeom.mjGEOM_BOX,
-    "sphere": mujoco.mjtGeom.mjGEOM_SPHERE,
-    "cylinder": mujoco.mjtGeom.mjGEOM_CYLINDER,
-    "capsule": mujoco.mjtGeom.mjGEOM_CAPSULE,
+BOTH, SOLID, SEEN, NEITHER = 2, 3, 1, 5
+"""Groups of geoms: collision shapes that cameras see or do not see, what only cameras see."""
+_SEEN_GROUPS = range(3)
+"""Groups that MuJoCo's viewer shows from the start."""
+LEAST_RANGE = 1e-9
+"""MuJoCo has no joint that is locked by its stops [rad]."""
+_ROOT = "world "
+"""For a link `world`, which MuJoCo's parser takes for the world itself."""
+_READS = (".stl", ".obj", ".msh")
+_PARSER = {
+    "fusestatic": "false",
+    "discardvisual": "false",
+    "strippath": "false",
+    "balanceinertia": "true",
+    "boundmass": "1e-9",
+    "boundinertia": "1e-12",
 }
+"""Links behind fixed joints, and visuals, stay; what has no mass can move."""
+_FRICTION = {"lateral": 1.0, "spinning": 0.005, "rolling": 0.0001}
+"""MuJoCo's own."""
+UNLIMITED = 1e12
+"""What an actuator without limits can do [N or N·m]."""
+_OPTIONS = ("integrator", "cone", "impratio", "noslip_iterations", "density", "viscosity", "wind")
+_CONTACT_S = 0.01
+"""Time constant of the contacts of a URDF [s]: half of MuJoCo's own, with which grippers lose what
+they hold; with less, what slides is lifted and rattles."""
+_GREY, _WHITE = [0.5, 0.5, 0.5, 1.0], [1.0, 1.0, 1.0, 1.0]
+"""MuJoCo's default colour, and ours, as PyBullet's."""
+_TYPES = {mujoco.mjtJoint.mjJNT_HINGE: "revolute", mujoco.mjtJoint.mjJNT_SLIDE: "prismatic"}
+_ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 
 
-@dataclass
+@dataclass(kw_only=True)
 class Body:
-    """A loaded body. names: of its links, the root first. infos: its joints.
+    """A loaded body.
 
-    parents: link → the one above it. inertials: link → pose of its centre of mass. is_fixed:
-    whether its root stands. standing: links that cannot move. solid: links with a shape.
-    root: its place when it was loaded. shift: the frame of a free root as the model has it, in that
-    of the URDF [m]: at its centre of mass, which flies in a straight line, however it spins.
-    frictions: lateral, spinning and rolling, by shape.
+    rows: names of a link and of the joint before it, if there is one, the root first. A link with
+    several joints has a row for each. solid: names of links with a shape. infos: of all rows but
+    the first. root: its place when it was loaded. is_fixed: whether its root stands. in_degrees:
+    whether its file has angles in these. notes: what is left out.
     """
 
     number: int
-    names: list[str]
+    rows: list[tuple[str, str]]
+    solid: set[str]
     infos: list[JointInfo]
-    parents: dict[int, int]
-    inertials: dict[int, Pose]
-    masses: dict[int, float]
     root: Pose
     is_fixed: bool
-    shift: Point = (0.0, 0.0, 0.0)
-    frictions: dict[str, tuple[float, float, float]] = field(default_factory=dict)
-    standing: set[int] = field(default_factory=set)
-    solid: set[int] = field(default_factory=set)
+    is_urdf: bool
+    in_degrees: bool
+    notes: list[str]
 
-    def body_name(self, link: int) -> str:
-        """Return the name of a link in the model."""
-        return f"{self.number}/{self.names[link - BASE]}"
+    def body_name(self, index: int) -> str:
+        """Return what MuJoCo calls a link."""
+        return f"{self.number}/{self.rows[index - BASE][0]}"
 
+    def joint_name(self, index: int) -> str:
+        """Return what MuJoCo calls the joint before a link."""
+        return f"{self.number}/{self.rows[index - BASE][1]}"
 
-def hard(dt: float) -> dict[str, Any]:
-    """Return the parameters of hard constraints; dt: length of a substep [s]."""
-    return {"solref": [2 * dt, 2.0], "solimp": list(_CONTACT)}
-
-
-class Builder:
-    """Adds a URDF to a model. dt: length of a substep [s]."""
-
-    def __init__(self, spec: Any, dt: float) -> None:
-        self._spec, self._dt = spec, dt
-        self._meshes: dict[tuple[str, Point, bool], str] = {}
-
-    def add(
-        self,
-        number: int,
-        urdf: Path,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        has_visuals: bool,
-    ) -> Body:
-        """Add a body; the other arguments are those of `Engine.load`."""
-        root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
-        links = {link.get("name", ""): link for link in root.findall("link")}
-        top, order = tree(urdf, root, links)
-        names = [top, *(child_of(joint) for joint in order)]
-        indices = {name: n + BASE for n, name in enumerate(names)}
-        body = Body(
-            number=number,
-            names=names,
-            infos=[joint_info(n, joint) for n, joint in enumerate(order)],
-            parents={n: indices[parent_of(joint)] for n, joint in enumerate(order)},
-            inertials={},
-            masses={},
-            root=pose,
-            is_fixed=is_fixed,
-        )
-        colours = ((m.get("name", ""), m.find("color")) for m in root.iter("material"))
-        # A material is defined once, and used by its name elsewhere.
-        palette = {name: colour for name, colour in colours if colour is not None}
-        place = Place(urdf.parent, palette if has_visuals else None, friction)
-        base = self._spec.worldbody.add_body(name=body.body_name(BASE))
-        base.mocap = is_fixed
-        if is_fixed:
-            body.standing.add(BASE)
-        else:
-            base.add_freejoint(name=f"{number}/free")
-            inertial = links[top].find("inertial")
-            body.shift = (0.0, 0.0, 0.0) if inertial is None else origin(inertial)[0]
-        made = {BASE: base}
-        self._fill(body, BASE, base, links[top], place)
-        for n, joint in enumerate(order):
-            above = body.parents[n]
-            made[n] = link = made[above].add_body(name=body.body_name(n))
-            at, turn = origin(joint)
-            link.pos, link.quat = _shifted(at, body, above), wxyz(turn)
-            if body.infos[n].type == "fixed":
-                body.standing |= {n} if above in body.standing else set()
-            else:
-                self._add_joint(body, n, link)
-            self._fill(body, n, link, links[names[n + 1]], place)
-        return body
-
-    def _add_joint(self, body: Body, n: int, link: Any) -> None:
-        info = body.infos[n]
-        slides = info.type == "prismatic"
-        link.add_joint(
-            name=f"{body.number}/{n}",
-            type=mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE,
-            axis=info.axis,
-            solref_limit=[2 * self._dt, 1.0],
-            solimp_limit=_CONTACT,
-        )
-
-    def _fill(self, body: Body, n: int, link: Any, element: ET.Element, place: Place) -> None:
-        """Give a link its mass, shapes and looks."""
-        try:
-            self._weigh(body, n, link, element)
-            self._add_shapes(body, n, link, element, place)
-        except WiringError as exc:
-            raise WiringError(f"link {element.get('name')!r}: {exc}") from exc
-
-    def _add_shapes(self, body: Body, n: int, link: Any, element: ET.Element, place: Place) -> None:
-        friction = place.friction_of(element)
-        for k, collision in enumerate(element.findall("collision")):
-            name = f"{body.number}/{n}/{k}"
-            shape = self._shape(collision, place.folder, is_solid=True)
-            if shape is None:
-                continue
-            if shape["type"] == mujoco.mjtGeom.mjGEOM_PLANE and n not in body.standing:
-                raise WiringError(refused(PLANES))
-            shape["pos"] = _shifted(shape["pos"], body, n)
-            stands = n in body.standing
-            link.add_geom(
-                **shape,
-                name=name,
-                group=SOLID,
-                contype=_STANDS if stands else _MOVES,
-                conaffinity=_MOVES if stands else _MOVES | _STANDS,
-                condim=3 if not (friction[1] or friction[2]) else 6 if friction[2] else 4,
-                **hard(self._dt),
-            )
-            body.frictions[name] = friction
-            body.solid.add(n)
-        visuals = [] if place.palette is None else element.findall("visual")
-        for seen in visuals or element.findall("collision"):
-            shape = self._shape(seen, place.folder, is_solid=False)
-            if shape is not None:
-                shape["pos"] = _shifted(shape["pos"], body, n)
-                rgba = colour(seen, place.palette or {})
-                link.add_geom(**shape, group=LOOKS, contype=0, conaffinity=0, rgba=rgba)
-
-    def _weigh(self, body: Body, n: int, link: Any, element: ET.Element) -> None:
-        inertial = element.find("inertial")
-        if inertial is None:
-            raise WiringError("has no <inertial>")
-        pose = origin(inertial)
-        mass = attribute(part(inertial, "mass"), "value", 1, "0")[0]
-        body.inertials[n], body.masses[n] = pose, mass
-        tensor = part(inertial, "inertia")
-        xx, yy, zz, xy, xz, yz = (
-            attribute(tensor, key, 1, "0")[0] for key in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
-        )
-        link.explicitinertial = True
-        moves = n not in body.standing
-        mass, least = (max(mass, _TINY_MASS), _TINY_INERTIA) if moves else (mass, 0.0)
-        xx, yy, zz = (max(moment, least) for moment in (xx, yy, zz))
-        link.mass, link.ipos = mass, _shifted(pose[0], body, n)
-        if not (xy or xz or yz):
-            link.inertia, link.iquat = [xx, yy, zz], wxyz(pose[1])
-            return
-        turn = rotation(pose[1])
-        full = turn @ np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]) @ turn.T
-        link.fullinertia = [full[i, j] for i, j in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
-
-    def _shape(self, element: ET.Element, folder: Path, *, is_solid: bool) -> dict[str, Any] | None:
-        """Return the arguments of a geom; None: it has no extent, or is solid and flat."""
-        geometry = element.find("geometry/*")
-        if geometry is None:
-            return None
-        at, turn = origin(element)
-        shape: dict[str, Any] = {"pos": at, "quat": wxyz(turn)}
-        if geometry.tag == "mesh":
-            file = mesh_path(geometry.get("filename", ""), folder)
-            words = len(geometry.get("scale", "1").split())
-            factors = attribute(geometry, "scale", 1 if words == 1 else 3, "1")
-            x, y, z = factors * 3 if words == 1 else factors
-            mesh = self._mesh(file, (x, y, z), is_solid=is_solid)
-            return (
-                None
-                if not mesh
-                else {**shape, "type": mujoco.mjtGeom.mjGEOM_MESH, "meshname": mesh}
-            )
-        if geometry.tag == "plane":
-            shape["quat"] = _towards(shape["quat"], vector(geometry, "normal", "0 0 1"))
-            return {**shape, "type": mujoco.mjtGeom.mjGEOM_PLANE, "size": [0, 0, 1]}
-        if geometry.tag not in _KINDS:
-            raise WiringError(
-                f"<{geometry.tag}> is not supported; use one of {', '.join(_KINDS)}, mesh or plane"
-            )
-        if geometry.tag == "box":
-            size = [edge / 2 for edge in _extent(geometry, "size", 3)]
-        else:
-            length = 0.0 if geometry.tag == "sphere" else _extent(geometry, "length", 1)[0]
-            size = [*_extent(geometry, "radius", 1), length / 2, 0.0]
-        return {**shape, "type": _KINDS[geometry.tag], "size": size}
-
-    def _mesh(self, file: str, scale: Point, *, is_solid: bool) -> str:
-        """Return the name of a mesh; empty: it has no extent, or is solid and has no volume."""
-        key = (file, scale, is_solid)
-        if key not in self._meshes:
-            vertices, faces = load_mesh(file)
-            scaled = vertices * scale
-            # A mirrored one would be inside out.
-            faces = faces[:, ::-1] if np.prod(scale) < 0.0 else faces
-            rank = np.linalg.matrix_rank(scaled - scaled[0], tol=1e-9)
-            name = f"mesh {len(self._meshes)}" if rank >= (3 if is_solid else 2) else ""
-            if name and is_solid:
-                # MuJoCo's contacts are with the hull; so are its rays then, as in PyBullet.
-                scaled, faces = convex_hull(scaled)
-            if name:
-                mesh = self._spec.add_mesh(name=name)
-                mesh.uservert, mesh.userface = scaled.ravel().tolist(), faces.ravel().tolist()
-                kinds = mujoco.mjtMeshInertia
-                hull, shell = kinds.mjMESH_INERTIA_CONVEX, kinds.mjMESH_INERTIA_SHELL
-                mesh.inertia = hull if rank == 3 else shell
-            self._meshes[key] = name
-        return self._meshes[key]
+    def links(self) -> dict[str, int]:
+        """Return each link by its name; what has several joints has the number of the last."""
+        return {name.strip(): n + BASE for n, (name, _) in enumerate(self.rows)}
 
 
-def mixed(one: Array, other: Array) -> Array:
-    """Return the friction of contacts, shape (n, 5), as PyBullet mixes it.
+@dataclass(kw_only=True)
+class Source:
+    """A model that is read. joints: of a URDF, by their children; notes: see `Body`."""
 
-    one, other: lateral, spinning and rolling friction of both sides, shape (n, 3) each.
+    spec: Any
+    is_urdf: bool
+    joints: Mapping[str, ET.Element] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+
+# --- URDF ---------------------------------------------------------------------------------
+
+
+def rigid(dt: float) -> list[float]:
+    """Return the `solref` of what a URDF calls rigid: as stiff as MuJoCo lets a substep dt [s]."""
+    return [2 * dt, 1.0]
+
+
+def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool, dt: float) -> Source:
+    """Return a URDF as MuJoCo reads it.
+
+    friction: over its own. dt: length of a substep [s].
     """
-    lateral = one[:, :1] * other[:, :1]
-    rest = one[:, 1:] * other[:, :1] + other[:, 1:] * one[:, :1]
-    both = np.hstack([lateral, lateral, rest[:, :1], rest[:, 1:], rest[:, 1:]])
-    return np.maximum(both, _LEAST_FRICTION)
+    root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
+    ET.SubElement(ET.SubElement(root, "mujoco"), "compiler", _PARSER)
+    for element in root.iterfind(".//*[@link='world']"):
+        element.set("link", _ROOT)
+    for mesh in root.iter("mesh"):
+        mesh.set("filename", str(Path(mesh_path(mesh.get("filename", ""), urdf.parent)).absolute()))
+    links = root.findall("link")
+    for link in links:
+        link.set("name", _ROOT if link.get("name") == "world" else link.get("name", ""))
+        if link.find("*/geometry/plane") is not None:
+            raise WiringError(f"link {link.get('name')!r}: {refused(PLANES)}")
+        for visual in link.findall("visual") if not has_visuals else ():
+            link.remove(visual)
+    joints = {part(joint, "child").get("link", ""): joint for joint in root.findall("joint")}
+    for joint in joints.values():
+        _simplify(joint)
+    spec = mujoco.MjSpec.from_string(ET.tostring(root, encoding="unicode"))
+    _read_meshes(spec)
+    for link in links:
+        _finish(spec.body(link.get("name", "")), {**_contact(link), **friction}, dt)
+    return Source(spec=spec, is_urdf=True, joints=joints)
 
 
-def _extent(geometry: ET.Element, key: str, count: int) -> list[float]:
-    """Return lengths of a shape, which has none without them [m]."""
-    lengths = attribute(geometry, key, count)
-    if min(lengths) <= 0.0:
-        raise WiringError(f"{key}={geometry.get(key)!r} of <{geometry.tag}> must be above 0")
-    return lengths
+def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:
+    """Give a link what MuJoCo's parser does not: friction, and how rigid it is.
+
+    What has no colour is white. What is half transparent has no depth in OpenGL: a camera sees it,
+    or it does not.
+    """
+    _rub(body.geoms, friction)
+    for geom in body.geoms:
+        *colour, alpha = geom.rgba
+        has_none = _is_solid(geom) or list(geom.rgba) == _GREY
+        geom.rgba = _WHITE if has_none else [*colour, float(alpha > 0.0)]
+        geom.solref = [_CONTACT_S, 1.0]
+    for joint in body.joints:
+        joint.solref_limit = rigid(dt)
 
 
-def _towards(orientation: list[float], normal: Point) -> list[float]:
-    """Return an orientation w, x, y, z, turned so that its z axis is a normal."""
-    if not any(normal):
-        raise WiringError("normal='0 0 0' of <plane> has no direction")
-    turn, turned = np.zeros(4), np.zeros(4)
-    mujoco.mju_quatZ2Vec(turn, np.array(normal))
-    mujoco.mju_mulQuat(turned, np.array(orientation), turn)
-    return [float(part) for part in turned]
+def _simplify(joint: ET.Element) -> None:
+    """Leave to the plant what it sets itself: damping, friction, followers.
+
+    MuJoCo ignores stops at one place.
+    """
+    for tag in ("dynamics", "mimic"):
+        if (found := joint.find(tag)) is not None:
+            joint.remove(found)
+    limit = part(joint, "limit")
+    if (lower := limit.get("lower")) and lower == limit.get("upper"):
+        limit.set("upper", repr(float(lower) + LEAST_RANGE))
 
 
-def _shifted(position: Point, body: Body, link: int) -> Point:
-    """Return a position in the frame of a link as the model has it."""
-    if link != BASE:
-        return position
-    x, y, z = (a - b for a, b in zip(position, body.shift, strict=True))
-    return x, y, z
+def _contact(link: ET.Element) -> dict[str, float]:
+    """Return the friction that a link gives itself."""
+    for tag in PYBULLET_CONTACT:
+        given = link.find(f"contact/{tag}")
+        if given is not None and given.get("value") not in {"0", "0.0"}:
+            text = refused(f"<{tag}> of a link's <contact>")
+            raise WiringError(f"link {link.get('name')!r}: {text}")
+    found = {kind: link.find(f"contact/{kind}_friction") for kind in _FRICTION}
+    return {k: float(e.get("value", "")) for k, e in found.items() if e is not None}
+
+
+def _read_meshes(spec: Any) -> None:
+    """Read the meshes of a URDF that MuJoCo cannot; one that is flat has an area all the same."""
+    for mesh in spec.meshes:
+        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        file = Path(mesh.file)
+        if file.suffix.lower() not in _READS or is_text_stl(file):
+            vertices, faces = load_mesh(mesh.file)
+            mesh.uservert, mesh.userface = vertices.ravel().tolist(), faces.ravel().tolist()
+            mesh.file = ""
+
+
+def part(element: ET.Element, tag: str) -> ET.Element:
+    """Return a child of an element; an empty one where there is none."""
+    found = element.find(tag)
+    return ET.Element(tag) if found is None else found
+
+
+# --- MJCF ---------------------------------------------------------------------------------
+
+
+def read_mjcf(mjcf: Path, friction: Mapping[str, float]) -> Source:
+    """Return an MJCF as it is, but for what the world file has; friction: over its own."""
+    spec = mujoco.MjSpec.from_file(str(mjcf.absolute()))
+    for kind, elements in (("body", spec.bodies[1:]), ("joint", spec.joints)):
+        for n, element in enumerate(elements):
+            element.name = element.name or f"{kind}{n}"
+    for key in list(spec.keys):
+        spec.delete(key)
+    _rub(spec.geoms, friction)
+    return Source(spec=spec, is_urdf=False)
+
+
+def _efforts(spec: Any) -> tuple[dict[str, float], list[str]]:
+    """Remove the actuators that the plant's motors replace; return joint → what they can do.
+
+    Muscles stay, without activation. Those that act on no joint have no command: the second value.
+    """
+    efforts: dict[str, float] = {}
+    others = []
+    for actuator in list(spec.actuators):
+        if actuator.gaintype == mujoco.mjtGain.mjGAIN_MUSCLE:
+            continue
+        if actuator.trntype in _ON_JOINTS:
+            force = _force(actuator) * abs(float(actuator.gear[0]))
+            efforts[actuator.target] = efforts.get(actuator.target, 0.0) + force
+        else:
+            others.append(actuator.name or "without a name")
+        spec.delete(actuator)
+    return efforts, others
+
+
+def _force(actuator: Any) -> float:
+    """Return the largest force of an actuator; `UNLIMITED`: nothing limits it."""
+    if any(actuator.forcerange):
+        return float(max(map(abs, actuator.forcerange)))
+    if actuator.biastype == mujoco.mjtBias.mjBIAS_NONE and any(actuator.ctrlrange):
+        return float(abs(actuator.gainprm[0]) * max(map(abs, actuator.ctrlrange)))
+    return UNLIMITED
+
+
+# --- both ---------------------------------------------------------------------------------
+
+
+def add(world: Any, source: Source, number: int, pose: Pose, *, is_fixed: bool) -> Body:
+    """Add a model to a world; raises ValueError for what MuJoCo cannot compile."""
+    spec = source.spec
+    efforts, others = _efforts(spec)
+    if others:
+        source.notes.append(f"actuators that act on no joint are off: {', '.join(others)}")
+    for body in spec.bodies:
+        _group(body.geoms, hides_solids=source.is_urdf)
+    in_world = _stand(source, is_fixed=is_fixed)
+    model = spec.compile()
+    made = Body(
+        number=number,
+        rows=list(_rows(model, in_world=in_world)),
+        solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
+        infos=[],
+        root=pose,
+        is_fixed=is_fixed,
+        is_urdf=source.is_urdf,
+        in_degrees=bool(spec.compiler.degree),
+        notes=source.notes,
+    )
+    leaders = _leaders(model)
+    for index, (link, name) in enumerate(made.rows[1:]):
+        joint = model.joint(name) if name else None
+        info = _info(index, link, joint, source.joints.get(link), leaders.get(name))
+        if joint is not None and not source.is_urdf:
+            is_limited = model.jnt_actfrclimited[joint.id]
+            own = abs(model.jnt_actfrcrange[joint.id]).max() if is_limited else UNLIMITED
+            info = replace(info, effort=min(efforts.get(name, UNLIMITED), float(own)))
+        made.infos.append(info)
+    if not source.is_urdf and len(world.bodies) == 1:
+        for option in _OPTIONS:
+            setattr(world.option, option, getattr(spec.option, option))
+    if in_world:
+        frame = world.worldbody.add_body(name=made.body_name(BASE), mocap=True).add_frame()
+    else:
+        position, (x, y, z, w) = pose
+        frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
+    world.attach(spec, prefix=f"{number}/", frame=frame)
+    return made
+
+
+def _group(geoms: Iterable[Any], *, hides_solids: bool) -> None:
+    """Sort the geoms of a body into groups; hides_solids: where it has others."""
+    hides_solids &= not all(map(_is_solid, geoms))
+    for geom in geoms:
+        is_seen = geom.group in _SEEN_GROUPS and geom.rgba[3] > 0.0
+        if _is_solid(geom):
+            geom.group = BOTH if is_seen and not hides_solids else SOLID
+        else:
+            geom.group = SEEN if is_seen else NEITHER
+
+
+def _is_solid(geom: Any) -> bool:
+    return bool(geom.contype or geom.conaffinity)
+
+
+def _rub(geoms: Iterable[Any], friction: Mapping[str, float]) -> None:
+    """Give collision shapes a friction, which goes over that of shapes without a given one.
+
+    What has none, such as a caster, slides on everything.
+    """
+    if not friction:
+        return
+    values = {**_FRICTION, **friction}
+    slides = values["lateral"] == 0.0
+    for geom in filter(_is_solid, geoms):
+        geom.friction = [values["lateral"], values["spinning"], values["rolling"]]
+        geom.condim = 6 if friction.get("rolling") else 4 if friction.get("spinning") else 3
+        geom.condim, geom.priority = (1, 2) if slides else (geom.condim, 1)
+
+
+def _stand(source: Source, *, is_fixed: bool) -> bool:
+    """Fix the root of a model, or let it fly; return whether its root is its world.
+
+    So it is where that has several bodies, or one that moves along or about its axes.
+    """
+    spec = source.spec
+    roots = list(spec.worldbody.bodies)
+    joints = [joint for root in roots for joint in root.joints]
+    is_free = any(joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in joints)
+    if len(roots) != 1 or (joints and not is_free):
+        if not is_fixed:
+            raise WiringError("its root is its world; set `fixed_base: true`")
+        return True
+    (root,) = roots
+    if spec.worldbody.geoms:
+        source.notes.append("geoms of its <worldbody> are left out")
+    for element in (*spec.worldbody.geoms, *(joints if is_fixed else ())):
+        spec.delete(element)
+    root.pos, root.quat = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
+    root.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+    if not (is_fixed or is_free):
+        root.add_freejoint()
+    root.mocap = is_fixed
+    return False
+
+
+def _rows(model: Any, *, in_world: bool) -> Iterator[tuple[str, str]]:
+    """Yield the names of the root and nothing, then of each body and each of its joints."""
+    yield model.body(0 if in_world else 1).name, ""
+    for n in range(1 if in_world else 2, model.nbody):
+        first = int(model.body_jntadr[n])
+        joints = [model.joint(first + k).name for k in range(model.body_jntnum[n])]
+        yield from ((model.body(n).name, joint) for joint in joints or [""])
+
+
+def _info(
+    index: int, link: str, joint: Any, described: ET.Element | None, leader: Leader | None
+) -> JointInfo:
+    """Return a joint as `Engine.joints` has it; joint: None: fixed. described: in a URDF."""
+    limit = ET.Element("limit") if described is None else part(described, "limit")
+    name = f"{link}_fixed" if joint is None else joint.name
+    is_limited = joint is not None and bool(joint.limited[0])
+    return JointInfo(
+        index=index,
+        name=name if described is None else described.get("name", ""),
+        type="fixed" if joint is None else _TYPES.get(mujoco.mjtJoint(joint.type[0]), ""),
+        lower=float(joint.range[0]) if is_limited else 0.0,
+        upper=float(joint.range[1]) if is_limited else -1.0,
+        effort=float(limit.get("effort", 0.0)),
+        velocity=float(limit.get("velocity", 0.0)),
+        link=link.strip(),
+        axis=(0.0, 0.0, 1.0) if joint is None else tuple(joint.axis.tolist()),
+        damping=0.0 if joint is None else float(joint.damping[0]),
+        leader=leader,
+    )
+
+
+def _leaders(model: Any) -> dict[str, Leader]:
+    """Return joint → the one that it follows, by the linear couplings of a model."""
+    found: dict[str, Leader] = {}
+    for row in range(model.neq):
+        one, other = int(model.eq_obj1id[row]), int(model.eq_obj2id[row])
+        is_joint = model.eq_type[row] == mujoco.mjtEq.mjEQ_JOINT and other >= 0
+        if is_joint and model.eq_active0[row] and not model.eq_data[row, 2:5].any():
+            here, there = (float(model.qpos0[model.jnt_qposadr[n]]) for n in (one, other))
+            constant, slope = model.eq_data[row, :2].tolist()
+            offset = here + constant - slope * there
+            found[model.joint(one).name] = Leader(model.joint(other).name, slope, offset)
+    return found

@@ -1,7 +1,8 @@
-"""Motors of joints: velocities that are reached with limited torques, as friction is.
+"""Motors of joints: velocities that are reached with limited torques.
 
-MuJoCo solves dry friction of a joint together with contacts: it takes the torque, within a limit,
-that stops the joint. A motor is the same with another velocity than 0.
+A motor is dry friction of MuJoCo, of a tendon along its joint, with another velocity than 0: the
+solver takes the torque, within a limit, that a substep needs, together with all contacts. An
+actuator with as stiff a gain would chatter at its limit of force.
 """
 
 from collections.abc import Sequence
@@ -15,96 +16,94 @@ from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
 """Share of the error of a position that a substep corrects, where nothing else is asked for."""
-_SOFTER = 1e-3
-"""Of the constraint's compliance: what a motor commands is reached within 1e-4 of the change."""
+_IMPEDANCE = 0.9999
+"""The hardest that MuJoCo has: what a motor commands is reached within 1e-4 of the change."""
+
+
+def motor_of(joint: str) -> str:
+    """Return the name of the motor of a joint."""
+    return f"{joint} motor"
+
+
+def add_motor(spec: Any, joint: str, dt: float) -> None:
+    """Add the motor of a joint, without torque; dt: length of a substep [s]."""
+    tendon = spec.add_tendon(
+        name=motor_of(joint),
+        # Of a negative one, MuJoCo takes the damping [1/s]: it stops within a substep.
+        solref_friction=[-1.0, -_IMPEDANCE / dt],
+        solimp_friction=[_IMPEDANCE, _IMPEDANCE, 1e-3, 0.5, 2.0],
+    )
+    tendon.wrap_joint(joint, 1.0)
 
 
 class Motors:
-    """The motors of all degrees of freedom, shape (n,) each.
-
-    places: where each one's position is in the state. torques: of the latest substep [N·m].
-    """
+    """The motors of a model, arrays of shape (n,) by the number of their tendon."""
 
     def __init__(self, model: Any, dt: float) -> None:
-        count = model.nv
-        self._dt = dt
-        self._limits = np.zeros(count)
+        count = model.ntendon
+        self._model, self._dt = model, dt
         self._velocities = np.zeros(count)
         self._goals = np.full(count, np.nan)
         self._gains = np.full(count, _GAIN)
         self._fastest = np.full(count, np.inf)
-        self.torques = np.zeros(count)
-        self.places = np.zeros(count, dtype=np.int64)
-        for joint in range(model.njnt):
-            if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
-                self.places[model.jnt_dofadr[joint]] = model.jnt_qposadr[joint]
-        self._model = model
-        self._has_goals, self._has_changed = False, True
+        self._torques = np.zeros(count)
+        # Of the friction that joints have themselves, before that of tendons.
+        self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
 
     def _arrays(self) -> tuple[Array, ...]:
         return (
-            *(self._limits, self._velocities, self._goals),
-            *(self._gains, self._fastest, self.torques),
+            *(self._model.tendon_frictionloss, self._velocities, self._goals),
+            *(self._gains, self._fastest, self._torques),
         )
 
     def take(self, before: "Motors") -> None:
-        """Go on as other motors, of fewer or as many degrees of freedom, before these."""
+        """Go on as other motors, of fewer or as many joints, before these."""
         for own, old in zip(self._arrays(), before._arrays(), strict=True):
             own[: len(old)] = old
-        self._has_goals = before._has_goals
 
     def turn(
-        self, dofs: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
+        self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
     ) -> None:
         """Track velocities [rad/s] with limited torques [N·m]."""
-        self._velocities[dofs], self._limits[dofs] = velocities, torques
-        if self._has_goals:
-            self._goals[dofs] = np.nan
-            self._has_goals = not np.isnan(self._goals).all()
-        self._has_changed = True
+        self._velocities[motors], self._goals[motors] = velocities, np.nan
+        self._model.tendon_frictionloss[motors] = torques
 
     def bring(
-        self, dof: int, goal: tuple[float, float], torque: float, fastest: float, gain: float
+        self, motor: int, goal: tuple[float, float], torque: float, fastest: float, gain: float
     ) -> None:
         """Track a position [rad] and its velocity, no faster than `fastest` [rad/s]."""
-        (self._goals[dof], self._velocities[dof]), self._limits[dof] = goal, torque
-        self._fastest[dof], self._gains[dof] = fastest, gain or _GAIN
-        self._has_goals = self._has_changed = True
+        self._goals[motor], self._velocities[motor] = goal
+        self._fastest[motor], self._gains[motor] = fastest, gain or _GAIN
+        self._model.tendon_frictionloss[motor] = torque
 
-    def set_limits(self, data: Any) -> None:
-        """Tell MuJoCo the limits; before it makes its constraints."""
-        if self._has_changed:
-            self._model.dof_frictionloss[:] = self._limits
-            self._has_changed = False
-
-    def aim(self, data: Any) -> None:
-        """Tell MuJoCo which velocities; after it has made its constraints."""
-        if not data.nf:
+    def step(self, data: Any) -> None:
+        """Advance by one substep."""
+        mujoco.mj_step1(self._model, data)
+        first, last = data.ne + self._joint_rows, data.ne + data.nf
+        self._torques[:] = 0.0
+        if last <= first:
+            mujoco.mj_step2(self._model, data)
             return
-        rows = slice(data.ne, data.ne + data.nf)
-        dofs = data.efc_id[rows]
-        wanted = self._velocities[dofs]
-        if self._has_goals:
-            wanted = self._towards_goals(data, dofs, wanted)
-        data.efc_aref[rows] = (wanted - data.qvel[dofs]) / self._dt
-        softness = data.efc_R[rows]
-        softness *= _SOFTER
-        data.efc_D[rows] = 1.0 / softness
+        motors = data.efc_id[first:last]
+        data.efc_aref[first:last] += self._wanted(data, motors) / self._dt
+        mujoco.mj_step2(self._model, data)
+        self._torques[motors] = data.efc_force[first:last]
 
-    def _towards_goals(self, data: Any, dofs: NDArray[np.int64], velocities: Array) -> Array:
+    def _wanted(self, data: Any, motors: NDArray[np.int32]) -> Array:
         """Return velocities, with what corrects the positions of those that have a goal."""
-        goals = self._goals[dofs]
-        error = np.where(np.isnan(goals), 0.0, goals - data.qpos[self.places[dofs]])
-        wanted = velocities + self._gains[dofs] * error / self._dt
-        fastest = np.where(np.isnan(goals), np.inf, self._fastest[dofs])
+        velocities, goals = self._velocities[motors], self._goals[motors]
+        has_goal = ~np.isnan(goals)
+        if not has_goal.any():
+            return velocities
+        error = np.where(has_goal, goals - data.ten_length[motors], 0.0)
+        wanted = velocities + self._gains[motors] * error / self._dt
+        fastest = np.where(has_goal, self._fastest[motors], np.inf)
         return np.clip(wanted, -fastest, fastest)
 
-    def feel(self, data: Any) -> None:
-        """Keep the torques of a substep."""
-        self.torques[:] = 0.0
-        if data.nf:
-            rows = slice(data.ne, data.ne + data.nf)
-            self.torques[data.efc_id[rows]] = data.efc_force[rows]
+    def torques(self, motors: NDArray[np.int64]) -> list[float]:
+        """Return the torques of the latest substep [N·m]."""
+        found: list[float] = self._torques[motors].tolist()
+        return found
 
     def save(self) -> list[list[float]]:
         """Return their state."""
@@ -114,4 +113,3 @@ class Motors:
         """Take what `save` returned."""
         for array, values in zip(self._arrays(), saved, strict=True):
             array[:] = values
-        self._has_goals, self._has_changed = not np.isnan(self._goals).all(), True

@@ -8,11 +8,11 @@ import mujoco
 import numpy as np
 
 from stepbus_plant.engine import ANY_LINK, Contact, Link
-from stepbus_plant.engines.mujoco.model import SOLID
+from stepbus_plant.engines.mujoco.model import BOTH, SOLID
 from stepbus_plant.geometry import Array
 from stepbus_schemas import Point
 
-_SEEN = np.array([n == SOLID for n in range(6)], dtype=np.uint8)
+_SOLID = np.array([n in (BOTH, SOLID) for n in range(6)], dtype=np.uint8)
 
 
 class Space:
@@ -20,7 +20,7 @@ class Space:
 
     def __init__(self, model: Any, data: Any, link_of: Mapping[int, Link]) -> None:
         self._model, self._data = model, data
-        shapes = [n for n in range(model.ngeom) if model.geom_group[n] == SOLID]
+        shapes = [n for n in range(model.ngeom) if _SOLID[model.geom_group[n]]]
         self._link = [link_of.get(int(body), (-1, -1)) for body in model.geom_bodyid]
         self._shapes = np.array(shapes, dtype=np.int64)
         self._corners = {
@@ -38,10 +38,10 @@ class Space:
         # The first axis of a frame points from the first shape to the second one.
         normals = found.frame[:, :3]
         halves = (0.5 * found.dist)[:, np.newaxis] * normals
-        forces = np.zeros(len(normals))
-        if has_forces:
-            is_solved = found.efc_address >= 0
-            forces[is_solved] = self._data.efc_force[found.efc_address[is_solved]]
+        forces, wrench = np.zeros(len(normals)), np.zeros(6)
+        for n in range(len(normals) if has_forces else 0):
+            mujoco.mj_contactForce(self._model, self._data, n, wrench)
+            forces[n] = wrench[0]
         vectors = [_points(rows) for rows in (found.pos - halves, found.pos + halves, -normals)]
         links = ((link[one], link[other]) for one, other in found.geom.tolist())
         numbers = found.dist.tolist(), forces.tolist()
@@ -108,7 +108,7 @@ class Space:
         hit = np.zeros(1, dtype=np.int32)
         shares = np.empty(len(starts))
         for n, (start, along) in enumerate(zip(starts, ends - starts, strict=True)):
-            share = mujoco.mj_ray(self._model, self._data, start, along, _SEEN, True, -1, hit)
+            share = mujoco.mj_ray(self._model, self._data, start, along, _SOLID, True, -1, hit)
             shares[n] = share if 0.0 <= share <= 1.0 else math.inf
         return shares
 

@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_plant.engine import BASE, Contact, Link, Motion
-from stepbus_plant.engines.mujoco.model import Body, mixed
-from stepbus_plant.engines.mujoco.motors import Motors
+from stepbus_plant.engines.mujoco.model import Body
+from stepbus_plant.engines.mujoco.motors import Motors, motor_of
 from stepbus_plant.engines.mujoco.space import Space
 from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_schemas import Point
@@ -19,8 +19,9 @@ from stepbus_schemas import Point
 # By default MuJoCo writes them into a file in the current folder.
 mujoco.set_mju_user_warning(logging.getLogger("stepbus_plant").warning)
 
-_SLIDES = int(mujoco.mjtConstraintState.mjCNSTRSTATE_CONE)
-_ROUNDS = 3
+_INTEGRATION = mujoco.mjtState.mjSTATE_INTEGRATION
+_RESTS = np.zeros(3), np.zeros(3)
+_Numbers = NDArray[np.int64]
 
 
 class _State(msgspec.Struct, forbid_unknown_fields=True):
@@ -36,15 +37,6 @@ class _State(msgspec.Struct, forbid_unknown_fields=True):
     reactions: list[tuple[Link, list[float], list[float]]]
     contacts: list[Contact]
 
-    def encode(self) -> bytes:
-        """Return the bytes."""
-        return msgspec.msgpack.encode(self)
-
-    @classmethod
-    def decode(cls, data: bytes) -> "_State":
-        """Return the state of bytes."""
-        return msgspec.msgpack.decode(data, type=cls)
-
 
 class World:
     """A compiled model, its state, and what we keep beside it."""
@@ -57,171 +49,97 @@ class World:
             for body in bodies
             for n in range(BASE, len(body.infos))
         }
-        self._joint = {
-            (body.number, n): model.joint(f"{body.number}/{n}").id
-            for body in bodies
-            for n, info in enumerate(body.infos)
-            if info.type != "fixed"
-        }
-        known = {name: value for body in bodies for name, value in body.frictions.items()}
-        frictions = [known.get(model.geom(n).name, (1.0, 0.0, 0.0)) for n in range(model.ngeom)]
-        self._friction = np.array(frictions).reshape(-1, 3)
+        # A link with several joints has more than one number, of which contacts have the last.
         self.space = Space(model, data, {number: link for link, number in self._id.items()})
         self.motors = Motors(model, dt)
-        self._drift: dict[int, tuple[Array, Array]] = {}
         self.reactions: dict[Link, tuple[Array, Array]] = {}
+        self._drift: dict[int, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
         self._is_seen = False
-        self._dofs: dict[tuple[int, tuple[int, ...]], NDArray[np.int64]] = {}
+        self._numbers: dict[tuple[int, tuple[int, ...]], tuple[_Numbers, _Numbers, _Numbers]] = {}
 
     def follow(self, before: "World | None") -> None:
         """Go on as the world did before its model was compiled anew; None: this is the first."""
         if before is not None:
             self.motors.take(before.motors)
-            self._drift, self.reactions = before._drift, before.reactions
+            self.reactions = before.reactions
+            self._drift_with(before._drift)
         for body in self._bodies[0 if before is None else len(before._bodies) :]:
             self.place(body.number, body.root)
 
-    # --- the substep ----------------------------------------------------------------------
-
     def step(self) -> None:
         """Advance by one substep."""
-        model, data = self.model, self.data
         self._contacts, self._is_seen = None, False
-        mujoco.mj_kinematics(model, data)
-        mujoco.mj_comPos(model, data)
-        mujoco.mj_makeM(model, data)
-        mujoco.mj_factorM(model, data)
-        mujoco.mj_collision(model, data)
-        self._mix_friction()
-        self.motors.set_limits(data)
-        mujoco.mj_makeConstraint(model, data)
-        mujoco.mj_transmission(model, data)
-        mujoco.mj_fwdVelocity(model, data)
-        self.motors.aim(data)
-        self._push_along()
-        mujoco.mj_fwdActuation(model, data)
-        mujoco.mj_fwdAcceleration(model, data)
-        mujoco.mj_fwdConstraint(model, data)
-        self._let_slide()
-        self.motors.feel(data)
+        self.motors.step(self.data)
         if self.reactions:
             self._feel()
-        mujoco.mj_Euler(model, data)
-        data.qfrc_applied[:] = 0.0
-
-    def _mix_friction(self) -> None:
-        """Give each contact the product of both frictions; MuJoCo takes the larger one."""
-        if self.data.ncon:
-            geoms = self.data.contact.geom
-            self.data.contact.friction[:] = mixed(
-                self._friction[geoms[:, 0]], self._friction[geoms[:, 1]]
-            )
-
-    def _push_along(self) -> None:
-        """Let contacts with standing bodies that are moved know their velocity."""
-        data = self.data
-        if not (self._drift and data.ncon):
-            return
-        bodies = self.model.body_rootid[self.model.geom_bodyid[data.contact.geom]]
-        for n in np.flatnonzero(np.isin(bodies, list(self._drift)).any(axis=1)):
-            contact = data.contact[int(n)]
-            if contact.efc_address < 0:
-                continue
-            for side, sign in ((0, 1.0), (1, -1.0)):
-                body = int(bodies[n, side])
-                if body in self._drift:
-                    velocity, spin = self._drift[body]
-                    moved = velocity + np.cross(spin, contact.pos - data.xpos[body])
-                    along = contact.frame.reshape(3, 3) @ moved
-                    rows = slice(contact.efc_address, contact.efc_address + min(contact.dim, 3))
-                    damping = data.efc_KBIP.reshape(-1, 4)[rows, 1]
-                    data.efc_aref[rows] += sign * damping * along[: len(damping)]
-
-    def _let_slide(self) -> None:
-        """Keep what slides on what it slides on.
-
-        MuJoCo's convex cone lifts a sliding contact at a rate of friction times speed: it would
-        rattle. Less of that is asked for, by as much as it lifts, until it does not.
-        """
-        model, data = self.model, self.data
-        if not (data.ncon and data.nefc):
-            return
-        first = data.contact.efc_address
-        keep = (first >= 0) & (data.efc_state[first] == _SLIDES)
-        if not keep.any():
-            return
-        rows, friction = first[keep], data.contact.friction[keep, 0]
-        wanted, acceleration = data.efc_aref[rows].copy(), np.empty(data.nefc)
-        for _ in range(_ROUNDS):
-            mujoco.mj_mulJacVec(model, data, acceleration, data.qacc)
-            along = acceleration - data.efc_aref
-            data.efc_aref[rows] = wanted - friction * np.hypot(along[rows + 1], along[rows + 2])
-            mujoco.mj_fwdConstraint(model, data)
+        self.data.qfrc_applied[:] = 0.0
 
     def _feel(self) -> None:
-        """Keep the reactions of watched joints, as they are before the bodies move."""
-        model, data = self.model, self.data
-        mujoco.mj_rnePostConstraint(model, data)
+        """Keep the reactions of watched joints, as they were before the bodies moved."""
+        data = self.data
+        mujoco.mj_rnePostConstraint(self.model, data)
         for link in self.reactions:
             body = self._id[link]
             torque, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]
-            about = data.subtree_com[model.body_rootid[body]]
+            about = data.subtree_com[self.model.body_rootid[body]]
             moved = torque + np.cross(about - data.xipos[body], force)
-            inertial = self._bodies[link[0]].inertials[link[1]]
-            turn = data.xmat[body].reshape(3, 3) @ _matrix(inertial)
+            turn = data.xmat[body].reshape(3, 3)
             self.reactions[link] = turn.T @ force, turn.T @ moved
 
     # --- state ----------------------------------------------------------------------------
 
     def save(self) -> bytes:
         """Return everything that the next substep, or a reading before it, depends on."""
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        physics = np.empty(mujoco.mj_stateSize(self.model, kind))
-        mujoco.mj_getState(self.model, self.data, physics, kind)
-        return _State(
-            physics=physics.tolist(),
-            motors=self.motors.save(),
-            drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
-            reactions=[(link, f.tolist(), t.tolist()) for link, (f, t) in self.reactions.items()],
-            contacts=self.contacts(),
-        ).encode()
+        physics = np.empty(mujoco.mj_stateSize(self.model, _INTEGRATION))
+        mujoco.mj_getState(self.model, self.data, physics, _INTEGRATION)
+        return msgspec.msgpack.encode(
+            _State(
+                physics=physics.tolist(),
+                motors=self.motors.save(),
+                drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
+                reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self.reactions.items()],
+                contacts=self.contacts(),
+            )
+        )
 
     def restore(self, data: bytes) -> None:
         """Take what `save` returned."""
-        saved = _State.decode(data)
-        kind = mujoco.mjtState.mjSTATE_INTEGRATION
-        mujoco.mj_setState(self.model, self.data, np.array(saved.physics), kind)
+        saved = msgspec.msgpack.decode(data, type=_State)
+        mujoco.mj_setState(self.model, self.data, np.array(saved.physics), _INTEGRATION)
         self.motors.restore(saved.motors)
-        self._drift = {n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()}
         self.reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
+        self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
 
     # --- joints ---------------------------------------------------------------------------
 
-    def dofs(self, body: int, indices: Sequence[int]) -> NDArray[np.int64]:
-        """Return the degrees of freedom of joints."""
+    def numbers(self, body: int, indices: Sequence[int]) -> tuple[_Numbers, _Numbers, _Numbers]:
+        """Return where joints have their position, and their velocity, and their motors."""
         key = body, tuple(indices)
-        if key not in self._dofs:
-            joints = [self._joint[body, index] for index in indices]
-            self._dofs[key] = self.model.jnt_dofadr[joints].astype(np.int64)
-        return self._dofs[key]
+        if key not in self._numbers:
+            names = [self._bodies[body].joint_name(index) for index in indices]
+            joints = [self.model.joint(name) for name in names]
+            found = (
+                [joint.qposadr[0] for joint in joints],
+                [joint.dofadr[0] for joint in joints],
+                [self.model.tendon(motor_of(name)).id for name in names],
+            )
+            places, dofs, motors = (np.array(row, dtype=np.int64) for row in found)
+            self._numbers[key] = places, dofs, motors
+        return self._numbers[key]
 
     def read(self, body: int, indices: Sequence[int]) -> Any:
         """Return (position, velocity, nothing, torque of the motor) of joints."""
-        dofs = self.dofs(body, indices)
-        places = self.motors.places[dofs]
-        torques = self.motors.torques[dofs].tolist()
-        rows = zip(
-            self.data.qpos[places].tolist(), self.data.qvel[dofs].tolist(), torques, strict=True
-        )
-        return [(position, velocity, None, torque) for position, velocity, torque in rows]
+        places, dofs, motors = self.numbers(body, indices)
+        positions, velocities = self.data.qpos[places].tolist(), self.data.qvel[dofs].tolist()
+        nothing = [None] * len(positions)
+        return list(zip(positions, velocities, nothing, self.motors.torques(motors), strict=True))
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
         """Set position and velocity of a joint."""
-        dof = self.dofs(body, [index])[0]
-        self.data.qpos[self.motors.places[dof]] = position
-        self.data.qvel[dof] = velocity
+        places, dofs, _ = self.numbers(body, [index])
+        self.data.qpos[places], self.data.qvel[dofs] = position, velocity
         self._is_seen = False
 
     def watch(self, joint: Link) -> None:
@@ -239,15 +157,18 @@ class World:
             self._is_seen = True
         return self
 
+    def mass(self, link: Link) -> float:
+        """Return the mass of a link [kg]."""
+        return float(self.model.body_mass[self._id[link]])
+
+    def inertial(self, link: Link) -> Pose:
+        """Return the centre of mass of a link in its frame, and no turn."""
+        return _point(self.model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
+
     def frame(self, link: Link) -> Pose:
         """Return the pose of a link's frame."""
-        data = self.looked().data
-        number = self._id[link]
-        x, y, z = data.xpos[number].tolist()
-        w, i, j, k = data.xquat[number].tolist()
-        if link[1] == BASE and any(shift := self._bodies[link[0]].shift):
-            x, y, z = (data.xpos[number] - data.xmat[number].reshape(3, 3) @ shift).tolist()
-        return (x, y, z), (i, j, k, w)
+        data, number = self.looked().data, self._id[link]
+        return _pose(data.xpos[number], data.xquat[number])
 
     def motion(self, link: Link) -> Motion:
         """Return pose and velocity of a link."""
@@ -264,31 +185,39 @@ class World:
 
     def place(self, body: int, frame: Pose) -> None:
         """Put the root of a body somewhere, and leave its velocity."""
-        (x, y, z), (i, j, k, w) = frame
+        place, (i, j, k, w) = frame
         data, number = self.data, self._id[body, BASE]
         if self._bodies[body].is_fixed:
             mocap = self.model.body_mocapid[number]
-            data.mocap_pos[mocap], data.mocap_quat[mocap] = (x, y, z), (w, i, j, k)
+            data.mocap_pos[mocap], data.mocap_quat[mocap] = place, (w, i, j, k)
         else:
             at = self.model.jnt_qposadr[self.model.body_jntadr[number]]
-            data.qpos[at : at + 3] = np.array(frame[0]) + _matrix(frame) @ self._bodies[body].shift
-            data.qpos[at + 3 : at + 7] = (w, i, j, k)
+            data.qpos[at : at + 7] = (*place, w, i, j, k)
         self._is_seen = False
 
     def put(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
         """Put the root of a body somewhere; velocity: of the centre of its mass."""
         self.place(body, frame)
         number = self._id[body, BASE]
-        turn = _matrix(frame)
-        linear, angular = np.array(velocity, dtype=float), np.array(spin, dtype=float)
-        if self._bodies[body].is_fixed:
-            linear -= np.cross(spin, turn @ self._bodies[body].inertials[BASE][0])
-            self._drift.pop(number, None)
-            if linear.any() or angular.any():
-                self._drift[number] = linear, angular
-            return
-        at = self.model.jnt_dofadr[self.model.body_jntadr[number]]
-        self.data.qvel[at : at + 3], self.data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
+        turn, angular = rotation(frame[1]), np.array(spin, dtype=float)
+        linear = np.subtract(velocity, np.cross(spin, turn @ self.model.body_ipos[number]))
+        if not self._bodies[body].is_fixed:
+            at = self.model.jnt_dofadr[self.model.body_jntadr[number]]
+            self.data.qvel[at : at + 3], self.data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
+        elif linear.any() or angular.any() or number in self._drift:
+            self._drift_with({**self._drift, number: (linear, angular)})
+
+    def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
+        """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
+        model, data, stopped = self.model, self.looked().data, dict.fromkeys(self._drift, _RESTS)
+        self._drift = drift
+        for number, (velocity, spin) in {**stopped, **drift}.items():
+            model.flg_surfacevel = True
+            stands = (model.body_rootid == number) & (model.body_treeid < 0)
+            for geom in np.flatnonzero(stands[model.geom_bodyid]):
+                turn = data.geom_xmat[geom].reshape(3, 3)
+                moved = velocity + np.cross(spin, data.geom_xpos[geom] - data.xpos[number])
+                model.geom_surfacevel[geom] = *(turn.T @ moved), *(turn.T @ spin)
 
     # --- contacts -------------------------------------------------------------------------
 
@@ -305,8 +234,9 @@ class World:
         return self._contacts
 
 
-def _matrix(pose: Pose) -> Array:
-    return rotation(pose[1])
+def _pose(place: Array, turn: Array) -> Pose:
+    w, i, j, k = turn.tolist()
+    return _point(place), (i, j, k, w)
 
 
 def _point(values: Array) -> Point:
