@@ -5,7 +5,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 from stepbus_orchestrator.cli.terminal.output import print_error
@@ -61,6 +61,8 @@ class _Viewer:
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
+            encoding="utf-8",
+            errors="replace",
         )
         self._has_begun = threading.Event()
         self._place = ""
@@ -74,28 +76,27 @@ class _Viewer:
         if stdout is None or stderr is None:
             return
         with stdout, stderr:
-            self._place = stdout.readline().decode().strip()
+            self._place = stdout.readline().strip()
             if not self._place:
-                words = stderr.read().decode(errors="replace")
-                why = words.strip().rpartition("\n")[2].removeprefix(_PREFIX)
-                self._why_not = why or "cannot start the view"
+                why = stderr.read().strip().rpartition("\n")[2]
+                self._why_not = why.removeprefix(_PREFIX) or "cannot start the view"
             self._has_begun.set()
-            _pass_on(self.process)
+            pass_on(stderr)
 
     def announce(self, interrupt: threading.Event, give_up: float) -> None:
         """Print where it is, as soon as it has begun; one that takes very long is left to itself.
 
         Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
         """
-        while not self._has_begun.wait(_POLL_S) and not interrupt.is_set():
+        while not self._has_begun.wait(_POLL_S):
+            if interrupt.is_set():
+                raise KeyboardInterrupt
             if time.monotonic() > give_up:
                 print_error(
                     f"the view (pid {self.process.pid}) has not started after "
                     f"{_START_S:.0f} s; is its process stopped? The run starts without it"
                 )
                 return
-        if interrupt.is_set() and not self._place:
-            raise KeyboardInterrupt
         if self._why_not:
             raise WiringError(self._why_not)
         print_error(self._place)
@@ -110,9 +111,9 @@ class _Viewer:
         self._listener.join(_END_S)
 
 
-def _pass_on(viewer: subprocess.Popen[bytes]) -> None:
-    for line in viewer.stderr or ():
-        text = line.decode(errors="replace").rstrip().removeprefix(_PREFIX)
-        # That it is ended with the run is no news.
+def pass_on(lines: Iterable[str]) -> None:
+    """Print what a view complains of; that it is ended with the run is no news."""
+    for line in lines:
+        text = line.rstrip().removeprefix(_PREFIX)
         if text != _INTERRUPTED:
             print_error(text)

@@ -34,7 +34,6 @@ class Bar(Progress):
             transient=True,
         )
         self._bar = self.add_task("", total=None, figures="")
-        self.start()
 
     def get_renderables(self) -> Iterator[RenderableType]:
         """Yield the bar and the lines below it."""
@@ -60,6 +59,7 @@ class Bar(Progress):
             completed=reached.done,
             figures=figures or reached.what,
         )
+        self.start()
         self.refresh()
 
     def close(self) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import IO, TYPE_CHECKING
 
-from stepbus_orchestrator.cli.terminal.output import has_screen, print_line
+from stepbus_orchestrator.cli.terminal.output import has_screen, write
 
 if TYPE_CHECKING:
     from stepbus_orchestrator.cli.terminal.bar import Bar
@@ -74,7 +74,7 @@ class Lines:
 
     def say(self, text: str) -> None:
         """Print a line."""
-        print_line(self._stream, text)
+        write(self._stream, f"{text}\n")
 
     def show(self, reached: Reached) -> None:
         """Print how far the command is, if it is time to."""
