@@ -3,6 +3,7 @@
 It loads little but the standard library by itself: the rest takes a second or more.
 """
 
+import errno
 import gc
 import os
 import signal
@@ -85,7 +86,7 @@ def _run_command() -> tuple[int, bool]:
     from .terminal.stdout_buffer import buffered  # noqa: PLC0415  (see the top)
 
     code: int | None = None
-    with buffered() as output:
+    with buffered() as (output, error):
         try:
             code = _execute(sys.argv[1:], _begin)
         except SystemExit as exc:
@@ -100,7 +101,7 @@ def _run_command() -> tuple[int, bool]:
         finally:
             on_signals(signal.SIG_IGN)
     is_lost = code == 0 and output.is_needed and output.is_incomplete
-    return _INTERNAL if is_lost else code, output.is_mute
+    return _INTERNAL if is_lost else code, error.failure == errno.EBADF
 
 
 def _begin() -> None:

@@ -12,7 +12,6 @@ import os
 import select
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any
@@ -21,43 +20,28 @@ from stepbus_orchestrator.cli.terminal.output import print_error
 
 _PATIENCE_S = 1.0
 """How long the end of a command waits for a reader that takes nothing [s]."""
-_POLL_S = 0.01
 _BACKLOG_BYTES = 1 << 20
 _CHUNK_BYTES = 4096
 """A pipe that takes anything takes as much (PIPE_BUF)."""
 
 
-class StdoutBuffer(io.RawIOBase):
+class StdoutBuffer(io.FileIO):
     """Writes to a copy of a descriptor, and keeps what its reader does not take yet.
 
     is_needed: without the output, the command has failed, so a write waits for the reader as long
     as it takes, as a pager needs; otherwise it never waits, and what comes beyond 1 MiB is left
     out. backlog: what was not written yet. failure: why nothing more can be written; 0: none.
-    is_incomplete: something was left out. is_mute: the buffer beside it, of standard error, was
-    closed.
+    is_incomplete: something was left out.
     """
 
     def __init__(self, descriptor: int) -> None:
         # A copy: a run in one process sends what libraries in C print elsewhere.
-        self._descriptor = _nonblocking_terminal(descriptor) or os.dup(descriptor)
+        super().__init__(_nonblocking_terminal(descriptor) or os.dup(descriptor), "w")
         self._lock = threading.Lock()
         self.backlog = bytearray()
         self.failure = 0
         self.is_needed = True
         self.is_incomplete = False
-        self.is_mute = False
-
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def isatty(self) -> bool:
-        """Return whether the descriptor is a terminal."""
-        return os.isatty(self._descriptor)
-
-    def fileno(self) -> int:
-        """Return the descriptor."""
-        return self._descriptor
 
     def write(self, data: Any) -> int:
         """Write bytes, or keep them for later."""
@@ -80,19 +64,16 @@ class StdoutBuffer(io.RawIOBase):
     def _drain(self, patience_s: float | None) -> None:
         """Write the backlog; give up once the reader has taken nothing for so long [s]."""
         with self._lock:
-            while self.backlog:
-                try:
-                    if not select.select([], [self._descriptor], [], patience_s)[1]:
+            try:
+                while self.backlog and select.select([], [self], [], patience_s)[1]:
+                    written = super().write(self.backlog[:_CHUNK_BYTES])
+                    # None: a terminal has room, but too little.
+                    if written is None and patience_s is not None:
                         return
-                    del self.backlog[: os.write(self._descriptor, self.backlog[:_CHUNK_BYTES])]
-                except BlockingIOError:
-                    # A terminal may have room, but too little.
-                    if patience_s == 0.0:
-                        return
-                    time.sleep(_POLL_S)
-                except OSError as exc:
-                    self.failure = exc.errno or errno.EIO
-                    self.backlog.clear()
+                    del self.backlog[: written or 0]
+            except OSError as exc:
+                self.failure = exc.errno or errno.EIO
+                self.backlog.clear()
 
 
 def _nonblocking_terminal(descriptor: int) -> int | None:
@@ -106,8 +87,8 @@ def _nonblocking_terminal(descriptor: int) -> int | None:
 
 
 @contextlib.contextmanager
-def buffered() -> Iterator[StdoutBuffer]:
-    """Yield the buffer of standard output, that of error beside it; report what was lost."""
+def buffered() -> Iterator[tuple[StdoutBuffer, StdoutBuffer]]:
+    """Yield the buffers of standard output and error; report what was lost at the end."""
     # Python has None where a stream is closed, as after `stepbus run … <&-`, and the next file that
     # is opened would get its descriptor.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
@@ -116,11 +97,11 @@ def buffered() -> Iterator[StdoutBuffer]:
     before = sys.stdout, sys.stderr
     output, error = (StdoutBuffer(stream.fileno()) for stream in before)
     sys.stdout, sys.stderr = (
-        io.TextIOWrapper(buffer, encoding=s.encoding, errors=s.errors, write_through=True)  # type: ignore[type-var]
+        io.TextIOWrapper(buffer, encoding=s.encoding, errors=s.errors, write_through=True)
         for buffer, s in zip((output, error), before, strict=True)
     )
     try:
-        yield output
+        yield output, error
     finally:
         output.finish()
         # A closed pipe is how `head` ends, and there is no user at a closed terminal.
@@ -130,7 +111,6 @@ def buffered() -> Iterator[StdoutBuffer]:
         elif output.is_incomplete:
             print_error("stdout: no process reads it; the output is incomplete")
         error.finish()
-        output.is_mute = error.failure == errno.EBADF
         sys.stdout, sys.stderr = before
 
 
