@@ -6,8 +6,9 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import IO
 
 from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_participant import environment
@@ -72,29 +73,31 @@ def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event, give_up
     stdout, stderr = viewer.stdout, viewer.stderr
     if stdout is None or stderr is None:
         return
-    while not select.select([stdout], [], [], _POLL_S)[0]:
-        if interrupt.is_set():
-            raise KeyboardInterrupt
-        if time.monotonic() > give_up:
-            print_error(
-                f"the view (pid {viewer.pid}) has not started after "
-                f"{_START_S:.0f} s; is its process stopped? The run starts without it"
-            )
-            break
-    else:
+    try:
+        while not select.select([stdout], [], [], _POLL_S)[0]:
+            if interrupt.is_set():
+                raise KeyboardInterrupt
+            if time.monotonic() > give_up:
+                print_error(
+                    f"the view (pid {viewer.pid}) has not started after "
+                    f"{_START_S:.0f} s; is its process stopped? The run starts without it"
+                )
+                return
         if not (place := stdout.readline().strip()):
             why = stderr.read().strip().rpartition("\n")[2]
             raise WiringError(why.removeprefix(_PREFIX) or "cannot start the view")
         print_error(place)
-    threading.Thread(target=pass_on, args=(stderr,), name="viewer", daemon=True).start()
+    finally:
+        threading.Thread(target=pass_on, args=(stderr,), name="viewer", daemon=True).start()
 
 
-def pass_on(lines: Iterable[str]) -> None:
+def pass_on(stream: IO[str]) -> None:
     """Print what a view complains of; that it is ended with the run is no news."""
-    for line in lines:
-        text = line.rstrip().removeprefix(_PREFIX)
-        if text != _INTERRUPTED:
-            print_error(text)
+    with stream:
+        for line in stream:
+            text = line.rstrip().removeprefix(_PREFIX)
+            if text != _INTERRUPTED:
+                print_error(text)
 
 
 def _end(viewer: subprocess.Popen[str]) -> None:
@@ -104,3 +107,5 @@ def _end(viewer: subprocess.Popen[str]) -> None:
     except subprocess.TimeoutExpired:
         viewer.kill()
         viewer.wait()  # no time-out: it was killed
+    if viewer.stdout is not None:
+        viewer.stdout.close()

@@ -1,6 +1,7 @@
 """Exports and views whose disk is full, whose recording is no good, or that are interrupted."""
 
 import contextlib
+import io
 import json
 import resource
 import signal
@@ -146,7 +147,7 @@ def test_a_view_that_stays_ends_with_a_signal_to_the_run_alone(tmp_path, capsys)
 
 
 def test_what_a_view_complains_of_is_passed_on_but_not_its_end(capsys):
-    pass_on(["stepbus: it is lost\n", "stepbus: interrupted\n"])
+    pass_on(io.StringIO("stepbus: it is lost\nstepbus: interrupted\n"))
     assert capsys.readouterr().err == "stepbus: it is lost\n"
 
 
