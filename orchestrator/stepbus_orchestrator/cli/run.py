@@ -1,5 +1,6 @@
 """`stepbus run`: run a scenario, show its progress and its result."""
 
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
@@ -19,7 +20,7 @@ from stepbus_orchestrator.cli.parameters import (
     number,
     step_or_time,
 )
-from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -40,10 +41,11 @@ from stepbus_orchestrator.scenario.load import load
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.program import check_installed
 from stepbus_participant import format_duration, whole_steps
-from stepbus_schemas import WiringError
+from stepbus_schemas import StepbusError, WiringError
 
 # The summary repeats at most this many warnings; each was shown when it came.
 _MOST_WARNINGS = 10
+_POLL_S = 0.1
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
 Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
@@ -202,7 +204,7 @@ def run_command(
         invites=bool(external_names(loaded)),
         keys=has_keys,
     )
-    with interruptible() as interrupt:
+    with interruptible(ends=True) as interrupt:
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if is_quiet else controlled(pace, interrupt)
         with viewed(options.out, views.options(), stays=has_keys, interrupt=interrupt):
@@ -215,7 +217,6 @@ def run_command(
             )
             error = result.reason if result.exit_code else ""
             Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=json)
-            settle()
     return result.exit_code
 
 
@@ -230,12 +231,22 @@ def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) 
         return []
     if is_interrupted and not result.exit_code:
         return [_NO_REPORT]
+    lines: list[str] = []
+    # A thread can be left alone; an exception might be swallowed, as in a destructor.
+    thread = threading.Thread(target=_call_after_run, args=(result, has_plots, lines), daemon=True)
+    thread.start()
+    with interruptible() as interrupt:
+        while thread.is_alive() and not interrupt.is_set():
+            thread.join(_POLL_S)
+    return [_NO_REPORT] if interrupt.is_set() else lines
+
+
+def _call_after_run(result: Result, has_plots: bool, lines: list[str]) -> None:
     try:
-        with abortable():
-            rows = [call(result.recording, has_plots=has_plots) for call in _load_after_run()]
-    except KeyboardInterrupt:
-        return [_NO_REPORT]
-    return [line for lines in rows for line in lines]
+        for call in _load_after_run():
+            lines += call(result.recording, has_plots=has_plots)
+    except (StepbusError, OSError) as exc:
+        lines.append(f"no report {exc}")
 
 
 def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:

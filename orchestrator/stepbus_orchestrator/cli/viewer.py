@@ -1,12 +1,14 @@
 """The views beside a run: processes of their own, which the run does not wait for."""
 
 import contextlib
+import select
 import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import IO
 
 from stepbus_orchestrator.cli.terminal.output import print_error
 from stepbus_participant import environment
@@ -32,87 +34,78 @@ def viewed(
     nothing.
     """
     more = [str(folder), "--follow", *([] if stays else ["--until-end"])]
-    viewers: list[_Viewer] = []
+    viewers: list[subprocess.Popen[str]] = []
     try:
         # At once: each takes a second to load.
-        viewers.extend(_Viewer([*_COMMAND, *more, *options]) for options in views)
+        viewers.extend(_started([*_COMMAND, *more, *options]) for options in views)
         give_up = time.monotonic() + _START_S
         for viewer in viewers:
-            viewer.announce(interrupt, give_up)
+            _announce(viewer, interrupt, give_up)
         yield
         if stays and views:
             print_error("the view stays open until Ctrl-C")
-            while not interrupt.wait(_POLL_S) and any(v.process.poll() is None for v in viewers):
+            while not interrupt.wait(_POLL_S) and any(v.poll() is None for v in viewers):
                 pass
     finally:
         for viewer in viewers:
-            viewer.process.terminate()
+            viewer.terminate()
         for viewer in viewers:
-            viewer.end()
+            _end(viewer)
 
 
-class _Viewer:
-    """The process of one view, which says first where it is, or why it has ended."""
+def _started(command: Sequence[str]) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        command,
+        env=environment(),
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        encoding="utf-8",
+        errors="replace",
+    )
 
-    def __init__(self, command: Sequence[str]) -> None:
-        self.process = subprocess.Popen(
-            command,
-            env=environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )
-        self._has_begun = threading.Event()
-        self._place = ""
-        self._why_not = ""
-        # A process that is stopped, or slow, makes its reader wait: the run must not.
-        self._listener = threading.Thread(target=self._listen, name="viewer", daemon=True)
-        self._listener.start()
 
-    def _listen(self) -> None:
-        stdout, stderr = self.process.stdout, self.process.stderr
-        if stdout is None or stderr is None:
-            return
-        with stdout, stderr:
-            self._place = stdout.readline().decode().strip()
-            if not self._place:
-                words = stderr.read().decode(errors="replace")
-                why = words.strip().rpartition("\n")[2].removeprefix(_PREFIX)
-                self._why_not = why or "cannot start the view"
-            self._has_begun.set()
-            _pass_on(self.process)
+def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event, give_up: float) -> None:
+    """Print where a view is, as soon as it says so; one that takes very long is left to itself.
 
-    def announce(self, interrupt: threading.Event, give_up: float) -> None:
-        """Print where it is, as soon as it has begun; one that takes very long is left to itself.
-
-        Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
-        """
-        while not self._has_begun.wait(_POLL_S) and not interrupt.is_set():
+    Raises WiringError for one that cannot start, KeyboardInterrupt where the user ends this.
+    """
+    stdout, stderr = viewer.stdout, viewer.stderr
+    if stdout is None or stderr is None:
+        return
+    try:
+        while not select.select([stdout], [], [], _POLL_S)[0]:
+            if interrupt.is_set():
+                raise KeyboardInterrupt
             if time.monotonic() > give_up:
                 print_error(
-                    f"the view (pid {self.process.pid}) has not started after "
+                    f"the view (pid {viewer.pid}) has not started after "
                     f"{_START_S:.0f} s; is its process stopped? The run starts without it"
                 )
                 return
-        if interrupt.is_set() and not self._place:
-            raise KeyboardInterrupt
-        if self._why_not:
-            raise WiringError(self._why_not)
-        print_error(self._place)
-
-    def end(self) -> None:
-        """Wait until its process, which was told to, has ended; kill it where it does not."""
-        try:
-            self.process.wait(_END_S)
-        except subprocess.TimeoutExpired:
-            self.process.kill()
-            self.process.wait()  # no time-out: it was killed
-        self._listener.join(_END_S)
+        if not (place := stdout.readline().strip()):
+            why = stderr.read().strip().rpartition("\n")[2]
+            raise WiringError(why.removeprefix(_PREFIX) or "cannot start the view")
+        print_error(place)
+    finally:
+        threading.Thread(target=pass_on, args=(stderr,), name="viewer", daemon=True).start()
 
 
-def _pass_on(viewer: subprocess.Popen[bytes]) -> None:
-    for line in viewer.stderr or ():
-        text = line.decode(errors="replace").rstrip().removeprefix(_PREFIX)
-        # That it is ended with the run is no news.
-        if text != _INTERRUPTED:
-            print_error(text)
+def pass_on(stream: IO[str]) -> None:
+    """Print what a view complains of; that it is ended with the run is no news."""
+    with stream:
+        for line in stream:
+            text = line.rstrip().removeprefix(_PREFIX)
+            if text != _INTERRUPTED:
+                print_error(text)
+
+
+def _end(viewer: subprocess.Popen[str]) -> None:
+    """Wait until a view, which was told to, has ended; kill it where it does not."""
+    try:
+        viewer.wait(_END_S)
+    except subprocess.TimeoutExpired:
+        viewer.kill()
+        viewer.wait()  # no time-out: it was killed
+    if viewer.stdout is not None:
+        viewer.stdout.close()

@@ -211,5 +211,5 @@ def test_what_runs_nothing_waits_for_its_reader_as_long_as_it_takes():
         content = stream.read(200_000)
     writer.join(30)
     assert (len(content), buffer.is_incomplete, buffer.failure) == (200_000, False, 0)
-    buffer.write(b"x")  # The reader has gone, which ends the buffer's thread.
+    buffer.close()
     os.close(write)

@@ -1,5 +1,6 @@
 """How far a command is: a bar in a terminal, calm lines elsewhere."""
 
+import io
 import os
 import re
 import subprocess
@@ -7,8 +8,8 @@ import subprocess
 import pytest
 from support.runs.terminal import STEPBUS, at_terminal
 
-from stepbus_orchestrator.cli.terminal.live import RunWatch
-from stepbus_orchestrator.cli.terminal.progress import CalmLines, Reached
+from stepbus_orchestrator.cli.terminal.live import Display
+from stepbus_orchestrator.cli.terminal.progress import Lines, Reached
 from stepbus_orchestrator.run.reports import Progress
 
 CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")
@@ -29,7 +30,8 @@ def progress(**given):
 def printed(reports):
     """Return the times at which lines come, of reports (time, whether it is paused)."""
     now, lines = [0.0], []
-    shown = CalmLines(lambda line: lines.append((now[0], line)), lambda: now[0])
+    shown = Lines(io.StringIO(), lambda: now[0])
+    shown.say = lambda line: lines.append((now[0], line))
     for time_s, is_paused in reports:
         now[0] = time_s
         what = "paused before step 3" if is_paused else "step 3"
@@ -55,18 +57,18 @@ def test_a_pause_is_said_once_and_so_is_its_end():
 
 
 def test_a_run_says_its_share_its_rate_and_the_time_left():
-    watch = RunWatch("arm")
-    watch.take(progress())
-    reached = watch.take(progress(step=400, elapsed_s=1.0))
+    display = Display(Lines(io.StringIO()), "arm")
+    display.reached(progress())
+    reached = display.reached(progress(step=400, elapsed_s=1.0))
     line = "arm: step 400 of 2000, t = 2.00 s, 20 %, 2.0 × real time, 4 s left"
     assert reached.line() == line
     assert reached.detail.startswith("400 steps/s; slowest: controller, 210 µs")
 
 
 def test_a_participant_that_holds_the_step_is_named():
-    watch = RunWatch("arm")
-    watch.take(progress(step=7, elapsed_s=1.0))
-    reached = watch.take(progress(step=7, elapsed_s=2.0, holders=("plant",)))
+    display = Display(Lines(io.StringIO()), "arm")
+    display.reached(progress(step=7, elapsed_s=1.0))
+    reached = display.reached(progress(step=7, elapsed_s=2.0, holders=("plant",)))
     assert "waits for plant" in reached.detail
     assert reached.left_s is None
 

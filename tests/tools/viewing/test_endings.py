@@ -9,7 +9,6 @@ import subprocess
 import sys
 import threading
 from pathlib import Path
-from types import SimpleNamespace
 
 import psutil
 import pytest
@@ -18,7 +17,7 @@ from support.surroundings import answers, comes_true
 
 import stepbus
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.viewer import _pass_on, viewed
+from stepbus_orchestrator.cli.viewer import pass_on, viewed
 from stepbus_schemas import JointState
 
 TARGETS = {
@@ -148,7 +147,7 @@ def test_a_view_that_stays_ends_with_a_signal_to_the_run_alone(tmp_path, capsys)
 
 
 def test_what_a_view_complains_of_is_passed_on_but_not_its_end(capsys):
-    _pass_on(SimpleNamespace(stderr=io.BytesIO(b"stepbus: it is lost\nstepbus: interrupted\n")))
+    pass_on(io.StringIO("stepbus: it is lost\nstepbus: interrupted\n"))
     assert capsys.readouterr().err == "stepbus: it is lost\n"
 
 

@@ -2,15 +2,14 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from typing import Any
 
 from stepbus import sweep
 from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
-from stepbus_orchestrator.cli.signals import interruptible, settle
-from stepbus_orchestrator.cli.terminal.live import shows_progress
+from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.cli.terminal.progress import Reached
+from stepbus_orchestrator.cli.terminal.progress import Reached, open_screen
 from stepbus_orchestrator.scenario.override import yaml_text
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
@@ -64,9 +63,8 @@ def sweep_command(*, json: Json = False, **given: Any) -> Answer:
     $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse
     $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
     """
-    with interruptible() as interrupt, _shown(quiet=json) as show:
+    with interruptible(ends=True) as interrupt, _shown(quiet=json) as show:
         result = sweep(**given, on_progress=show, interrupt=interrupt)
-        settle()
     return Answer(value=result, lines=_summary(result))
 
 
@@ -76,11 +74,8 @@ def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
     if quiet:
         yield lambda _progress: None
         return
-    _, show, clear = shows_progress(sys.stdout)
-    try:
-        yield lambda progress: show(_reached(progress))
-    finally:
-        clear()
+    with closing(open_screen(sys.stdout)) as screen:
+        yield lambda progress: screen.show(_reached(progress))
 
 
 def _reached(progress: SweepProgress) -> Reached:

@@ -9,6 +9,7 @@ import threading
 import tty
 from collections.abc import Iterator
 
+from stepbus_orchestrator.cli.terminal.output import has_screen
 from stepbus_orchestrator.run.extensions.pace import Pace
 
 HELP = "p or space: pause and resume · s or Enter: one step · q: stop"
@@ -18,9 +19,7 @@ _JOIN_S = 1.0
 
 def has_terminal() -> bool:
     """Return whether a user can press keys and see their effect."""
-    # By descriptor: while a live display is on, Rich stands in for sys.stdout; before Rich 15,
-    # it says of itself that it is no terminal.
-    return sys.stdin.isatty() and os.isatty(sys.stdout.fileno())
+    return sys.stdin.isatty() and has_screen(sys.stdout)
 
 
 @contextlib.contextmanager
@@ -50,27 +49,20 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
 
 
 def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threading.Event) -> None:
-    while not over.is_set():
-        ready, _, _ = select.select([descriptor], [], [], _POLL_S)
-        if not ready:
-            continue
-        try:
-            keys = os.read(descriptor, 64).decode(errors="ignore")
-        except OSError:
-            return
-        if not keys:
-            return
-        for key in keys:
-            press(key, pace, interrupt)
+    # The terminal may be gone.
+    with contextlib.suppress(OSError):
+        while not over.is_set():
+            if select.select([descriptor], [], [], _POLL_S)[0]:
+                if not (keys := os.read(descriptor, 64)):
+                    return
+                for key in keys.decode(errors="ignore"):
+                    press(key, pace, interrupt)
 
 
 def press(key: str, pace: Pace, interrupt: threading.Event) -> None:
     """Do what a key stands for."""
     if key in "p ":
-        if pace.paused:
-            pace.resume()
-        else:
-            pace.pause()
+        (pace.resume if pace.paused else pace.pause)()
     elif key in "s\n\r":
         pace.step()
     elif key == "q":

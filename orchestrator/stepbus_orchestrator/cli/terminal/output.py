@@ -88,14 +88,9 @@ def write(stream: IO[str], text: str, *, red: int = 0) -> None:
     stream.flush()
 
 
-def print_line(stream: IO[str], text: str) -> None:
-    """Print a line for people somewhere."""
-    write(stream, f"{text}\n")
-
-
 def say(text: str) -> None:
     """Print a line for people."""
-    print_line(sys.stdout, text)
+    write(sys.stdout, f"{text}\n")
 
 
 def print_error(text: str, who: str = "stepbus") -> None:

@@ -1,26 +1,18 @@
-"""How far a command is: one bar in a terminal, or a few calm lines elsewhere.
-
-Everything that takes its time shows it by these: runs by `live.Display`, sweeps by themselves.
-"""
-
-from __future__ import annotations
+"""How far a command is: one bar in a terminal, or a few calm lines elsewhere."""
 
 import math
 import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import IO, TYPE_CHECKING
+
+from stepbus_orchestrator.cli.terminal.output import has_screen, write
 
 if TYPE_CHECKING:
-    from rich.console import Console, RenderableType
+    from stepbus_orchestrator.cli.terminal.bar import Bar
 
-_LINES_S = (2.0, 10.0)
+_FIRST_LINES_S = (2.0, 10.0)
 _LINES_EVERY_S = 60.0
-_WINDOW_S = 10.0
-_LEAST_S = 0.5
-"""What a rate is measured over [s]: the newest, and at least."""
-_BAR_COLUMNS = 30
 _MINUTE_S, _HOUR_S = 90.0, 90 * 60.0
 """From where on a time is said in minutes, or in hours [s]."""
 
@@ -45,23 +37,18 @@ class Reached:
     note: str = ""
     detail: str = ""
 
-    @property
-    def share(self) -> str:
-        """Return the share that is done, e.g. `42 %`; it is 100 % at the end only."""
-        return f"{math.floor(100 * self.done / self.total)} %" if self.total else ""
-
-    @property
-    def left(self) -> str:
-        """Return the time left in words, where it is known and at least a second."""
-        if self.left_s is None or self.left_s < 1.0 or self.is_paused:
-            return ""
-        return f"{span(self.left_s)} left"
+    def figures(self) -> list[str]:
+        """Return the share that is done, the rate and the time left, as far as they are known."""
+        # It is 100 % at the end only.
+        share = f"{math.floor(100 * self.done / self.total)} %" if self.total else ""
+        has_left = self.left_s is not None and self.left_s >= 1.0 and not self.is_paused
+        left = f"{span(self.left_s or 0.0)} left" if has_left else ""
+        return [figure for figure in (share, self.rate, left) if figure]
 
     def line(self) -> str:
         """Return all of it in one line."""
-        parts = (self.what, self.share, self.rate, self.left)
         note = f"; {self.note}" if self.note else ""
-        return f"{self.title}: {', '.join(filter(None, parts))}{note}"
+        return f"{self.title}: {', '.join([self.what, *self.figures()])}{note}"
 
 
 def span(seconds: float) -> str:
@@ -72,102 +59,45 @@ def span(seconds: float) -> str:
     return f"{minutes} min" if seconds < _HOUR_S else f"{minutes // 60} h {minutes % 60:02} min"
 
 
-class Rate:
-    """How fast something moves, measured over the last ten seconds in which it could."""
+class Lines:
+    """Prints lines; of progress after 2 s and 10 s, then one a minute, and at the ends of a pause.
 
-    def __init__(self) -> None:
-        self._marks: deque[tuple[float, float]] = deque()
-        self._moved_s = 0.0
-        self._last_s: float | None = None
-
-    def take(self, now_s: float, done: float, *, is_moving: bool) -> float | None:
-        """Take how much is done at a time [s]; return the rate [1/s], None where none is known."""
-        if is_moving and self._last_s is not None:
-            # The clock of a run begins anew with its first step.
-            self._moved_s += max(0.0, now_s - self._last_s)
-        self._last_s = now_s if is_moving else None
-        if is_moving:
-            self._marks.append((self._moved_s, done))
-        while len(self._marks) > 2 and self._marks[1][0] <= self._moved_s - _WINDOW_S:
-            self._marks.popleft()
-        if not self._marks:
-            return None
-        first_s, first = self._marks[0]
-        passed_s = self._moved_s - first_s
-        return (self._marks[-1][1] - first) / passed_s if passed_s >= _LEAST_S else None
-
-
-class CalmLines:
-    """Prints a line after 2 s and 10 s, then one a minute, and one where a pause begins or ends.
-
-    write: prints it. clock: seconds of the wall clock.
+    clock: seconds of the wall clock.
     """
 
-    def __init__(
-        self, write: Callable[[str], object], clock: Callable[[], float] = time.monotonic
-    ) -> None:
-        self._write = write
+    def __init__(self, stream: IO[str], clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
         self._clock = clock
         self._began_s = clock()
-        self._due_s = _LINES_S[0]
+        self._due_s = _FIRST_LINES_S[0]
         self._is_paused = False
+
+    def say(self, text: str) -> None:
+        """Print a line."""
+        write(self._stream, f"{text}\n")
 
     def show(self, reached: Reached) -> None:
         """Print how far the command is, if it is time to."""
         passed_s = self._clock() - self._began_s
         is_due = passed_s >= self._due_s
         if is_due:
-            later = [at for at in _LINES_S if at > passed_s]
+            later = [at for at in _FIRST_LINES_S if at > passed_s]
             self._due_s = later[0] if later else passed_s + _LINES_EVERY_S
         if reached.is_paused != self._is_paused or (is_due and not reached.is_paused):
             self._is_paused = reached.is_paused
-            self._write(reached.line())
-
-
-def bar(reached: Reached, width: int, below: tuple[str, ...] = ()) -> RenderableType:
-    """Return the bar, and the lines below it. width: of the terminal."""
-    from rich.console import Group  # noqa: PLC0415  (there is nothing to draw in a pipe)
-    from rich.progress_bar import ProgressBar  # noqa: PLC0415
-    from rich.table import Table  # noqa: PLC0415
-    from rich.text import Text  # noqa: PLC0415
-
-    figures = "  ".join(filter(None, (reached.share, reached.rate, reached.left)))
-    state = figures or reached.what
-    room = width - len(reached.title) - len(state) - 3
-    row: list[RenderableType] = [Text(reached.title, style="bold")]
-    if reached.total and room > 0:
-        drawn = ProgressBar(
-            total=reached.total,
-            completed=reached.done,
-            width=min(_BAR_COLUMNS, room),
-            complete_style="cyan",
-            finished_style="cyan",
-        )
-        row.append(drawn)
-    grid = Table.grid(padding=(0, 1))
-    grid.add_row(*row, Text(state, no_wrap=room > 0))
-    lines = [reached.what if figures else "", reached.detail, reached.note, *below]
-    return Group(grid, *(Text(line, style="dim") for line in lines if line))
-
-
-class Bar:
-    """Draws one bar, again with each report; lines that are printed meanwhile stand above it.
-
-    below: lines that always stand below it.
-    """
-
-    def __init__(self, console: Console, below: tuple[str, ...] = ()) -> None:
-        from rich.live import Live  # noqa: PLC0415  (see `bar`)
-
-        self._console = console
-        self._below = below
-        self._live = Live(console=console, auto_refresh=False, transient=True)
-        self._live.start()
-
-    def show(self, reached: Reached) -> None:
-        """Draw how far the command is."""
-        self._live.update(bar(reached, self._console.width, self._below), refresh=True)
+            self.say(reached.line())
 
     def close(self) -> None:
-        """Remove the bar."""
-        self._live.stop()
+        """Do nothing: lines stay."""
+
+
+def open_screen(stream: IO[str], below: tuple[str, ...] = ()) -> "Lines | Bar":
+    """Return the bar of a terminal that can draw it, lines elsewhere. below: lines below the bar.
+
+    Either has `say`, which prints a line, `show`, which shows progress, and `close`.
+    """
+    if not has_screen(stream):
+        return Lines(stream)
+    from stepbus_orchestrator.cli.terminal.bar import Bar  # noqa: PLC0415  (no Rich in a pipe)
+
+    return Bar(stream, below)

@@ -14,138 +14,94 @@ import sys
 import threading
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from stepbus_orchestrator.cli.terminal.output import print_error
 
-_POLL_S = 0.5
 _PATIENCE_S = 1.0
-"""How long a run waits for a reader that takes nothing [s]."""
-_BACKLOG_BYTES = 1 << 16
+"""How long the end of a command waits for a reader that takes nothing [s]."""
+_BACKLOG_BYTES = 1 << 20
 _CHUNK_BYTES = 4096
+"""A pipe that takes anything takes as much (PIPE_BUF)."""
 
 
-class StdoutBuffer(io.BufferedIOBase):
-    """Writes to a descriptor from a thread of its own.
+class StdoutBuffer(io.FileIO):
+    """Writes to a copy of a descriptor, and keeps what its reader does not take yet.
 
-    patience_s: how long a write waits for a reader that takes nothing [s]; None: for ever, as a
-    pager needs. Once a reader has been waited for in vain, no write waits until it reads again,
-    and what comes beyond 64 KiB of backlog is left out. failure: why nothing more can be written;
-    0: none. is_incomplete: something was left out. is_needed: without, the command has failed.
-    is_mute: the buffer beside it, of standard error, could not be written.
+    is_needed: without the output, the command has failed, so a write waits for the reader as long
+    as it takes, as a pager needs; otherwise it never waits, and what comes beyond 1 MiB is left
+    out. backlog: what was not written yet. failure: why nothing more can be written; 0: none.
+    is_incomplete: something was left out.
     """
 
-    is_needed = True
-    is_mute = False
-
     def __init__(self, descriptor: int) -> None:
-        self._descriptor = descriptor
-        self._changed = threading.Condition()
-        self._waiting = bytearray()
-        self._is_stuck = False
-        self._thread: threading.Thread | None = None
-        self.patience_s: float | None = None
+        # A copy: a run in one process sends what libraries in C print elsewhere.
+        super().__init__(_nonblocking_terminal(descriptor) or os.dup(descriptor), "w")
+        self._lock = threading.Lock()
+        self.backlog = bytearray()
         self.failure = 0
+        self.is_needed = True
         self.is_incomplete = False
 
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def isatty(self) -> bool:
-        """Return whether the descriptor is a terminal."""
-        return os.isatty(self._descriptor)
-
-    def fileno(self) -> int:
-        """Return the descriptor."""
-        return self._descriptor
-
     def write(self, data: Any) -> int:
-        """Hand bytes to the thread; wait until they are written, as far as patience goes."""
-        with self._changed:
-            if self._is_stuck and len(self._waiting) > _BACKLOG_BYTES:
-                self.is_incomplete = True
-            elif not self.failure:
-                self._waiting += data
-                self._wake()
-            self._wait()
+        """Write bytes, or keep them for later."""
+        if len(self.backlog) > _BACKLOG_BYTES:
+            self.is_incomplete = True
+        else:
+            self.backlog += data
+        self.flush()
         return len(data)
 
     def flush(self) -> None:
-        """Wait until everything is written, as far as patience goes."""
-        with self._changed:
-            self._wait()
+        """Write the backlog, as far as the reader takes it."""
+        self._drain(None if self.is_needed else 0.0)
 
     def finish(self) -> None:
         """Give the reader a last chance, then leave out what it has not taken."""
-        with self._changed:
-            self.patience_s, self._is_stuck = _PATIENCE_S, False
-            self._wait()
-            self.is_incomplete |= bool(self._waiting)
-            self._waiting.clear()
+        self._drain(_PATIENCE_S)
+        self.is_incomplete |= bool(self.backlog)
 
-    def _wait(self) -> None:
-        while self._waiting and not self.failure and not self._is_stuck:
-            self._is_stuck = not self._changed.wait(self.patience_s)
-
-    def _wake(self) -> None:
-        if self._thread is None:
-            thread = threading.Thread(target=self._work, name="stdout", daemon=True)
+    def _drain(self, patience_s: float | None) -> None:
+        """Write the backlog; give up once the reader has taken nothing for so long [s]."""
+        with self._lock:
             try:
-                thread.start()
-            except RuntimeError:
-                # This user may start no more threads (`ulimit -u`).
-                while self._waiting and not self.failure:
-                    self._drop(*self._put(bytes(self._waiting[:_CHUNK_BYTES])))
-                return
-            self._thread = thread
-        self._changed.notify_all()
+                while self.backlog and select.select([], [self], [], patience_s)[1]:
+                    written = super().write(self.backlog[:_CHUNK_BYTES])
+                    # None: a terminal has room, but too little.
+                    if written is None and patience_s is not None:
+                        return
+                    del self.backlog[: written or 0]
+            except OSError as exc:
+                self.failure = exc.errno or errno.EIO
+                self.backlog.clear()
 
-    def _work(self) -> None:
-        while not self.failure:
-            with self._changed:
-                self._changed.wait_for(lambda: self._waiting)  # no time-out: a daemon thread
-                chunk = bytes(self._waiting[:_CHUNK_BYTES])
-            written = self._put(chunk)
-            with self._changed:
-                self._drop(*written)
-                self._is_stuck = False
-                self._changed.notify_all()
 
-    def _put(self, chunk: bytes) -> tuple[int, int]:
-        """Return how much could be written, and the error number or 0."""
-        try:
-            return os.write(self._descriptor, chunk), 0
-        except BlockingIOError:
-            # Another process has made the terminal or pipe non-blocking.
-            select.select([], [self._descriptor], [], _POLL_S)
-            return 0, 0
-        except OSError as exc:
-            return 0, exc.errno or errno.EIO
-
-    def _drop(self, written: int, failure: int) -> None:
-        """Forget what is written, or all where nothing more can be."""
-        del self._waiting[: None if failure else written]
-        self.failure = failure
+def _nonblocking_terminal(descriptor: int) -> int | None:
+    """Open a terminal anew, so that it does not block here but still does for other processes."""
+    if os.isatty(descriptor):
+        # It may belong to another user.
+        with contextlib.suppress(OSError):
+            flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
+            return os.open(f"/proc/self/fd/{descriptor}", flags)
+    return None
 
 
 @contextlib.contextmanager
-def buffered() -> Iterator[StdoutBuffer]:
-    """Yield the buffer of standard output, that of error beside it; report what was lost."""
+def buffered() -> Iterator[tuple[StdoutBuffer, StdoutBuffer]]:
+    """Yield the buffers of standard output and error; report what was lost at the end."""
     # Python has None where a stream is closed, as after `stepbus run … <&-`, and the next file that
     # is opened would get its descriptor.
     for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
         if getattr(sys, name) is None:
             setattr(sys, name, Path(os.devnull).open(mode, encoding="utf-8"))  # noqa: SIM115
     before = sys.stdout, sys.stderr
-    # Copies: a run in one process sends what libraries in C print elsewhere.
-    output, error = (StdoutBuffer(os.dup(stream.fileno())) for stream in before)
+    output, error = (StdoutBuffer(stream.fileno()) for stream in before)
     sys.stdout, sys.stderr = (
-        io.TextIOWrapper(buffer, encoding=s.encoding, errors=s.errors, write_through=True)  # type: ignore[type-var]
+        io.TextIOWrapper(buffer, encoding=s.encoding, errors=s.errors, write_through=True)
         for buffer, s in zip((output, error), before, strict=True)
     )
     try:
-        yield output
+        yield output, error
     finally:
         output.finish()
         # A closed pipe is how `head` ends, and there is no user at a closed terminal.
@@ -155,13 +111,23 @@ def buffered() -> Iterator[StdoutBuffer]:
         elif output.is_incomplete:
             print_error("stdout: no process reads it; the output is incomplete")
         error.finish()
-        output.is_mute = error.failure == errno.EBADF
         sys.stdout, sys.stderr = before
 
 
 def hurry() -> None:
-    """Wait for readers only so long from now on: a run ends in time though none reads, and well."""
+    """Wait for no reader from now on: a run ends in time and well though no process reads it."""
     for stream in (sys.stdout, sys.stderr):
-        buffer = getattr(stream, "buffer", None)
-        if isinstance(buffer, StdoutBuffer):
-            buffer.patience_s, buffer.is_needed = _PATIENCE_S, False
+        if (buffer := _buffer_of(stream)) is not None:
+            buffer.is_needed = False
+
+
+def is_held(stream: IO[str]) -> bool:
+    """Return whether the reader of a stream does not take what was written so far."""
+    stream.flush()
+    buffer = _buffer_of(stream)
+    return buffer is not None and bool(buffer.backlog)
+
+
+def _buffer_of(stream: IO[str]) -> StdoutBuffer | None:
+    buffer = getattr(stream, "buffer", None)
+    return buffer if isinstance(buffer, StdoutBuffer) else None
