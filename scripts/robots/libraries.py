@@ -75,6 +75,7 @@ class Pinocchio(Library):
         self.mimics = {
             name: (row["joint"], float(row.get("multiplier", 1)), float(row.get("offset", 0)))
             for name, row in rows.items()
+            if name in self.joints
         }
         self.mass = sum(inertia.mass for inertia in model.inertias)
         masses = [link.find("inertial/mass") for link in root.iterfind("link")]
