@@ -27,6 +27,7 @@ ENGINES = {"pybullet": "PyBullet", "mujoco": "MuJoCo"}
 _FOLDER = Path(__file__).parent
 _PAGE = _FOLDER.parents[1] / "docs/guide/running/robots.md"
 _TABLES = re.compile(r"(?<=<!-- tables -->\n).*?(?=<!-- /tables -->)", re.DOTALL)
+_INFINITE = 1e8
 _QUANTITIES = ("limits", "mimic", "model poses", "model torque", "poses", "torque", "mass")
 
 
@@ -128,7 +129,7 @@ def _sentence(error: str) -> str:
     problem = error.splitlines()[0].removeprefix("stepbus: ")
     for place in ("participants.plant.params.world: ", "participants.plant: ", "urdf: "):
         problem = problem.rpartition(place)[2]
-    return re.sub(r"(?<![\w/])/(?:[\w.+-]+/)+", "", problem).strip()
+    return re.sub(r"(?<![\w/])/(?:[\w.+-]+/)+", "", problem).strip().replace("<", "\\<")
 
 
 # --- the page ------------------------------------------------------------------------------------
@@ -140,6 +141,8 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _number(value: float) -> str:
+    if value > _INFINITE:
+        return "∞"
     return f"{value:.0e}" if value else "0"
 
 
