@@ -138,7 +138,7 @@ File = Annotated[Path, msgspec.Meta(extra={"read": "file"}, extra_json_schema={"
 ModelFile = Annotated[
     Path, msgspec.Meta(extra={"read": "model"}, extra_json_schema={"type": "string"})
 ]
-"""A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is validated."""
+"""A robot's URDF, `.xacro` or MJCF, named like a `File`; its physics is validated."""
 Names = Annotated[tuple[Text, ...], msgspec.Meta(min_length=1, extra={"read": "names"})]
 """Distinct names, at least one."""
 Plugin = Annotated[str, msgspec.Meta(extra={"read": "plugin"})]

@@ -9,6 +9,7 @@ import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -237,9 +238,9 @@ class _Reader:
     def _model(self, node: Any, data: Any, keys: Keys) -> Path:
         path = self._file(node, data, keys)
         if self.folder is not None and path != Path():
-            from stepbus_participant.urdf import read_urdf_text  # noqa: PLC0415  few need it
-
-            self.problems.attempt(keys, lambda: read_urdf_text(path))
+            # By name: this package reads no robots, and few participants need one.
+            read_robot = import_module("stepbus_models").read_robot
+            self.problems.attempt(keys, partial(read_robot, path))
         return path
 
     def _names(self, node: Any, data: Any, keys: Keys) -> tuple[str, ...]:

@@ -3,14 +3,13 @@
 import dataclasses
 import itertools
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property, partial
-from pathlib import Path
+from collections.abc import Iterable, Iterator, Sequence
+from functools import cached_property
 from typing import TypeVar
 from weakref import WeakValueDictionary
-from xml.etree import ElementTree as ET
 
-from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
+from stepbus_models import Mimic, RobotDescription, read_robot
+from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.engine import BASE, JointInfo, Link, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
@@ -18,7 +17,7 @@ from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
 from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
-from stepbus_plant.stock import fit
+from stepbus_plant.stock import fitted
 from stepbus_plant.world import Body, JointSettings
 from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
@@ -40,7 +39,7 @@ class Physics:
 
     bodies: their names, in the engine's order. joints: the movable ones by name, in the order of
     the bodies and of their models; `body/joint` if two bodies share a name. fixed: names of the
-    others. urdfs: each body's model as loaded. notes: (body, sentence): what the engine computes
+    others. robots: each body's model. notes: (body, sentence): what the engine computes
     otherwise than the models say. mistakes: in the world file. Without any, joints are at their
     start.
 
@@ -53,7 +52,7 @@ class Physics:
         self.world = world
         self.bodies = list(world.bodies)
         self.fixed: set[str] = set()
-        self.urdfs: list[bytes] = []
+        self.robots: list[RobotDescription] = []
         self.notes: list[tuple[str, str]] = []
         self.mistakes: list[tuple[Keys, str]] = []
         self._actuation = params.actuation
@@ -143,8 +142,9 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            with loadable(body.urdf, None if item is None else partial(fit, item)) as urdf:
-                root = parse_urdf(urdf.read_text(encoding="utf-8"))
+            robot = read_robot(body.urdf)
+            robot = robot if item is None else fitted(item, robot)
+            with loadable(robot) as urdf:
                 number = self.engine.load(
                     urdf,
                     (body.position, quaternion(body.orientation_rpy)),
@@ -154,13 +154,14 @@ class Physics:
                     has_visuals=body.visuals,
                     is_smooth=item is not None,
                 )
-                self._refuse_shapeless(body.urdf, root, number)
-                self.urdfs.append(urdf.read_bytes())
+            self._refuse_shapeless(robot, number)
         except (PhysicsError, WiringError) as exc:
             file = f"{body.urdf}: " if isinstance(exc, PhysicsError) else ""
             self.mistakes.append((("bodies", name, "urdf"), f"{file}{exc}"))
             return
-        self.notes += [(f"body {name}", note) for note in urdf_warnings(root)]
+        self.robots.append(robot)
+        if robot.format == "urdf":
+            self.notes += [(f"body {name}", note) for note in robot.warnings]
         infos = self.engine.joints(number)
         movable = [info for info in infos if info.type in {"revolute", "prismatic"}]
         self.fixed |= {info.name for info in infos if info.type == "fixed"}
@@ -170,7 +171,7 @@ class Physics:
                 self.engine.let_sleep(number)
             self._items += [] if item is None else [number]
         self._disable_collisions(number, name, body)
-        joints = self._joints_of(number, movable, name, body, mimics(root))
+        joints = self._joints_of(number, movable, name, body, robot)
         self._check_joints(name, body, joints)
         solid = (self.engine.is_solid((number, index)) for index in range(BASE, len(infos)))
         if not body.fixed_base and joints and not any(solid):
@@ -178,15 +179,14 @@ class Physics:
             self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
 
-    def _refuse_shapeless(self, urdf: Path, root: ET.Element, number: int) -> None:
+    def _refuse_shapeless(self, robot: RobotDescription, number: int) -> None:
         """Raise WiringError for a link whose collision shapes the engine has dropped."""
         links = self.engine.links(number)
-        for link in root.findall("link"):
-            name, shape = link.get("name", ""), link.find("collision/geometry/*")
-            if shape is not None and not self.engine.is_solid(links[name]):
-                what = shape.get("filename", f"<{shape.tag}>")
+        for name, link in robot.links.items():
+            if link.collisions and not self.engine.is_solid(links[name]):
+                what = link.collisions[0].mesh or f"<{link.collisions[0].kind}>"
                 raise WiringError(
-                    f"{urdf}: link {name!r} has a <collision> with {what}, of which engine "
+                    f"{robot.path}: link {name!r} has a <collision> with {what}, of which engine "
                     f"{self.engine.name} makes no shape; give it a volume, or remove it"
                 )
 
@@ -214,9 +214,10 @@ class Physics:
         infos: Sequence[JointInfo],
         name: str,
         body: Body,
-        followed: Mapping[str, Mimic],
+        robot: RobotDescription,
     ) -> list[Joint]:
         """Return the joints of a body, those with <mimic> as followers of others."""
+        followed = {joint.name: joint.mimic for joint in robot.joints.values() if joint.mimic}
         own = {info.name: body.joints.get(info.name, JointSettings()) for info in infos}
         joints = {
             info.name: make_joint(

@@ -5,14 +5,15 @@ does not see it. Of a file that is no STL, OBJ or DAE, it says that the URDF can
 """
 
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
+from stepbus_models import Shape, read_robot, urdf_text
 from stepbus_participant import scratch_folder
 from stepbus_plant.meshes import binary_stl
-from stepbus_plant.models import mesh_path
+from stepbus_schemas import WiringError
 
 _READS = (".stl", ".obj", ".dae")
 _HEADER_BYTES, _TRIANGLE_BYTES = 84, 50
@@ -22,11 +23,13 @@ _HEADER_BYTES, _TRIANGLE_BYTES = 84, 50
 def readable(urdf: Path) -> Iterator[Path]:
     """Provide a URDF whose meshes PyBullet reads, as a context manager; itself, where it does.
 
-    Raises WiringError for a mesh that cannot be read.
+    Raises WiringError for a mesh that cannot be read, and for an MJCF.
     """
-    root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
-    files = {m: mesh_path(m.get("filename", ""), urdf.parent) for m in root.iter("mesh")}
-    unread = sorted({file for file in files.values() if not _is_read(Path(file))})
+    robot = read_robot(urdf)
+    if robot.format == "mjcf":
+        raise WiringError(f"{urdf}: engine pybullet does not load MJCF; use engine mujoco")
+    shapes = [s for link in robot.links.values() for s in (*link.visuals, *link.collisions)]
+    unread = sorted({s.mesh for s in shapes if s.kind == "mesh" and not _is_read(Path(s.mesh))})
     if not unread:
         yield urdf
         return
@@ -34,11 +37,22 @@ def readable(urdf: Path) -> Iterator[Path]:
         copies = {file: Path(folder) / f"{number}.stl" for number, file in enumerate(unread)}
         for file, copy in copies.items():
             copy.write_bytes(binary_stl(file))
-        for mesh, file in files.items():
-            mesh.set("filename", str(copies.get(file, file)))
+        links = {
+            name: replace(
+                link,
+                visuals=_with(copies, link.visuals),
+                collisions=_with(copies, link.collisions),
+            )
+            for name, link in robot.links.items()
+        }
         model = Path(folder) / urdf.name
-        ET.ElementTree(root).write(model, encoding="utf-8")
+        model.write_text(urdf_text(replace(robot, links=links)), encoding="utf-8")
         yield model
+
+
+def _with(copies: Mapping[str, Path], shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
+    """Return shapes with the copies of their meshes."""
+    return tuple(replace(s, mesh=str(copies.get(s.mesh, s.mesh))) for s in shapes)
 
 
 def _is_read(path: Path) -> bool:

@@ -30,7 +30,6 @@ from stepbus_plant.engines.mujoco.urdf import (
 )
 from stepbus_plant.geometry import Array, Pose, rotation
 from stepbus_plant.meshes import convex_hull, load_mesh
-from stepbus_plant.models import mesh_path
 from stepbus_schemas import Point, WiringError
 
 SOLID, LOOKS = 3, 1
@@ -223,7 +222,7 @@ class Builder:
         at, turn = origin(element)
         shape: dict[str, Any] = {"pos": at, "quat": wxyz(turn)}
         if geometry.tag == "mesh":
-            file = mesh_path(geometry.get("filename", ""), folder)
+            file = geometry.get("filename", "")
             words = len(geometry.get("scale", "1").split())
             factors = attribute(geometry, "scale", 1 if words == 1 else 3, "1")
             x, y, z = factors * 3 if words == 1 else factors
