@@ -35,8 +35,8 @@ def read_robot(path: Path) -> RobotDescription:
 
         return read_mjcf(path)
     if root.tag == "sdf" or path.suffix.lower() == ".sdf":
-        text = "SDF is not supported; export the robot as URDF from the program that made it"
-        raise WiringError(f"{path}: {text}")
+        remedy = "export the robot as URDF from the program that made it"
+        raise WiringError(f"{path}: SDF is not supported; {remedy}")
     return read_urdf(root, path, text, is_made=is_made)
 
 
