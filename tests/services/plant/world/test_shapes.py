@@ -82,12 +82,6 @@ def test_details_are_in_the_order_of_the_links_that_are_asked_for(tmp_path):
     assert said.details["body"] == ["two", "one"]
 
 
-def test_a_shape_that_cannot_be_understood_is_refused(tmp_path):
-    text = r"bodies\.one\.urdf: link 'base': size='1 2' of <box> is not 3 numbers"
-    with pytest.raises(WiringError, match=text):
-        describe(tmp_path, '<box size="1 2"/>')
-
-
 def test_joints_tell_which_device_they_are_of(tmp_path):
     world = """
 grippers: {gripper: {left: a, right: b}}

@@ -7,8 +7,9 @@ from pathlib import Path
 import pytest
 from support.tools import needs_pybullet, needs_robots
 
+from stepbus_models import read_robot
 from stepbus_orchestrator.cli import main
-from stepbus_participant import package_path, parse_urdf, read_urdf_text, urdf_warnings
+from stepbus_participant import package_path
 from stepbus_schemas import WiringError
 
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="3"/>'
@@ -29,7 +30,7 @@ def problems(folder, text, name="r.urdf"):
     path = folder / name
     path.write_text(text)
     try:
-        read_urdf_text(path)
+        read_robot(path)
     except WiringError as exc:
         return [line.removeprefix(str(path)).removeprefix(":") for line in str(exc).split("\n")]
     return []
@@ -70,7 +71,11 @@ CASES = {
     "a letter for a number": ('axis xyz="0 1 0"', 'axis xyz="0 l 0"', "6: joint 'j': its axis '0 l 0' must be"),
     "no direction": ('axis xyz="0 1 0"', 'axis xyz="0 0 0"', "6: joint 'j': its axis is 0 0 0, which"),
     "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of … <origin>"),
-    "another root": ("robot", "sdf", '1: is not a URDF: its root is <sdf> … <robot>'),
+    "another root": ("robot", "model", '1: is not a URDF: its root is <model> … <robot>'),
+    "SDF": ("robot", "sdf", ' SDF is not supported; export the robot as URDF'),
+    "planar": ('"revolute"', '"planar"', "6: joint 'j' is planar, which is not supported; use"),
+    "an odd shape": ("</inertial>", "</inertial><collision><geometry><torus/></geometry></collision>", "5: link 'arm': a <collision> is a <torus>, which"),
+    "a size too few": ("</inertial>", '</inertial><visual><geometry><box size="1 2"/></geometry></visual>', "5: link 'arm': size='1 2' of <box> is not 3 numbers"),
     "no XML": ("</robot>", "", '8: is not XML: no element found: line'),
 }  # fmt: skip
 
@@ -127,13 +132,12 @@ def test_what_engines_can_simulate_passes(tmp_path, before, after):
                 "tiago_description/robots/tiago.urdf",
             )
         ],
-        pytest.param("package://pybullet_data/humanoid/humanoid.urdf", marks=needs_pybullet),
         pytest.param("package://pybullet_data/husky/husky.urdf", marks=needs_pybullet),
         pytest.param("package://pybullet_data/r2d2.urdf", marks=needs_pybullet),
     ],
 )
 def test_well_known_robots_pass(url):
-    assert read_urdf_text(package_path(url))
+    assert read_robot(package_path(url))
 
 
 @pytest.mark.parametrize(
@@ -149,9 +153,10 @@ def test_well_known_robots_pass(url):
 def test_what_the_engine_computes_otherwise_is_a_warning(tmp_path, before, after, note):
     text = ARM.replace(before, after)
     assert problems(tmp_path, text) == []
-    (found,) = urdf_warnings(parse_urdf(read_urdf_text(tmp_path / "r.urdf")))
+    (found,) = read_robot(tmp_path / "r.urdf").warnings
     assert found.startswith(note)
-    assert urdf_warnings(parse_urdf(ARM)) == []
+    (tmp_path / "r.urdf").write_text(ARM)
+    assert read_robot(tmp_path / "r.urdf").warnings == ()
 
 
 def copy_of_two_link(folder, before, after, world=("", "")):
