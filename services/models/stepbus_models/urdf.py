@@ -350,7 +350,7 @@ class _Reader:
 
     def _joint(self, joint: Any) -> Joint:
         who, kind = _who(joint), joint.get("type")
-        limits = self._limits(joint, who, kind)
+        limits = self._limits(joint, who, kind) if kind in _MOVING else {}
         is_endless = kind == "continuous" or "lower" not in limits
         dynamics = joint.find("dynamics")
         damping, friction = (
@@ -436,8 +436,8 @@ class _Reader:
     def _axis(self, joint: Any, who: str) -> Point:
         """Return the axis of a joint that moves, with the length 1."""
         axis = joint.find("axis")
-        text = "" if axis is None else axis.get("xyz", "")
-        if text and not _INFINITE.search(text) and not _floats(text):
+        text = None if axis is None else axis.get("xyz")
+        if text is not None and not _INFINITE.search(text) and not _floats(text):
             self._problem(axis, f"{who}: its axis {text!r} must be three numbers")
             return 1.0, 0.0, 0.0
         vector = self._vector(joint, axis, "xyz", (1.0, 0.0, 0.0))

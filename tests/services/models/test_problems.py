@@ -73,6 +73,7 @@ CASES = {
     "NaN origin": ('xyz="0 0 1"', 'xyz="0 nan 1"', "3: link 'arm': xyz='0 nan 1' of … <origin>"),
     "another root": ("robot", "model", '1: is not a URDF: its root is <model> … <robot>'),
     "SDF": ("robot", "sdf", ' SDF is not supported; export the robot as URDF'),
+    "floating": ('"revolute"', '"floating"', "6: joint 'j' is floating, which … without `fixed_base` floats"),
     "planar": ('"revolute"', '"planar"', "6: joint 'j' is planar, which is not supported; use"),
     "an odd shape": ("</inertial>", "</inertial><collision><geometry><torus/></geometry></collision>", "5: link 'arm': a <collision> is a <torus>, which"),
     "a size too few": ("</inertial>", '</inertial><visual><geometry><box size="1 2"/></geometry></visual>', "5: link 'arm': size='1 2' of <box> is not 3 numbers"),

@@ -9,7 +9,7 @@ from support.tools import needs_robots
 from stepbus_models import Inertial, Mimic, Pose, read_robot, urdf_text
 from stepbus_participant import package_path
 
-MOMENTS = '<inertia ixx="1" iyy="2" izz="3" ixy="0.1" ixz="0.2" iyz="0.3"/>'
+MOMENTS = '<inertia ixx="2" iyy="2" izz="3" ixy="0.1" ixz="0.2" iyz="0.3"/>'
 INERTIAL = f'<inertial><origin xyz="0 0 1" rpy="0.1 0.2 0.3"/><mass value="2"/>{MOMENTS}</inertial>'
 LIMIT = '<limit lower="-1" upper="1" effort="10" velocity="3"/>'
 SHAPE = '<visual><geometry><box size="1 2 3"/></geometry><material name="paint"/></visual>'
@@ -48,7 +48,7 @@ def test_a_link_without_an_inertial_has_none(tmp_path):
     robot = read(tmp_path)
     assert robot.links["base"].inertial is None
     pose = Pose(xyz=(0, 0, 1), rpy=(0.1, 0.2, 0.3))
-    moments = (1, 2, 3, 0.1, 0.2, 0.3)
+    moments = (2, 2, 3, 0.1, 0.2, 0.3)
     assert robot.links["arm"].inertial == Inertial(mass=2, moments=moments, pose=pose)
 
 

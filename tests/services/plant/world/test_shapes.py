@@ -7,7 +7,6 @@ from support.services.devices import joint, link, make_stand, write_urdf
 from stepbus_plant import load_world
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_schemas import WiringError
 
 WORLD = """
 bodies:
