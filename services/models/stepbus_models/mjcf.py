@@ -11,25 +11,16 @@ import os
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
-from stepbus_participant import need
+import mujoco
+import numpy as np
+
 from stepbus_schemas import Point, WiringError
 
-from .description import (
-    Inertial,
-    Joint,
-    JointType,
-    Link,
-    Mimic,
-    Pose,
-    RobotDescription,
-    Shape,
-    ShapeKind,
-)
+from .description import Inertial, Joint, JointType, Link, Mimic, Pose, RobotDescription, Shape
 
 _log = logging.getLogger("stepbus_models")
-_KINDS = ("box", "sphere", "cylinder", "capsule", "mesh", "plane")
 _TYPES: Mapping[str, JointType] = {"hinge": "revolute", "slide": "prismatic", "ball": "ball"}
 _DEFAULT_COLOUR = [0.5, 0.5, 0.5, 1.0]
 """That of a geom without its own, which has that of its material."""
@@ -43,10 +34,8 @@ def read_mjcf(path: Path) -> RobotDescription:
     """Return the robot of an MJCF.
 
     Its root is the only body in the world, or the world, where that body has joints or there are
-    several. Raises ExtraMissing without the package `mujoco`, and WiringError for what MuJoCo does
-    not compile.
+    several. Raises WiringError for what MuJoCo does not compile.
     """
-    mujoco, np = need(str(path), "mujoco", "numpy")
     # By default MuJoCo writes its warnings into a file in the current folder.
     mujoco.set_mju_user_warning(_log.warning)
     try:
@@ -60,7 +49,7 @@ def read_mjcf(path: Path) -> RobotDescription:
     if not np.isfinite(model.body_pos).all():
         raise WiringError(f"{path}: the position of a body is not finite")
     notes = [f"MuJoCo warns: {_one_line(row.message)}" for row in given]
-    return _Reader(mujoco, np, path, spec, model).robot(notes)
+    return _Reader(path, spec, model).robot(notes)
 
 
 def _compiled(spec: Any) -> Any:
@@ -80,8 +69,8 @@ def _one_line(message: object) -> str:
 class _Reader:
     """Reads a compiled model. Bodies, joints and geoms have their numbers in it."""
 
-    def __init__(self, mujoco: Any, np: Any, path: Path, spec: Any, model: Any) -> None:
-        self._mujoco, self._np, self._path, self._model = mujoco, np, path, model
+    def __init__(self, path: Path, spec: Any, model: Any) -> None:
+        self._path, self._model = path, model
         self._name: str = spec.modelname
         self._meshes = {mesh.id: mesh for mesh in spec.meshes}
         self._bodies = self._names("body", model.nbody)
@@ -93,13 +82,13 @@ class _Reader:
 
     def _names(self, what: str, count: int) -> list[str]:
         """Return the names of all objects of a kind; one without a name has a free one."""
-        kind = getattr(self._mujoco.mjtObj, f"mjOBJ_{what.upper()}")
-        given = [self._mujoco.mj_id2name(self._model, kind, n) for n in range(count)]
+        kind = getattr(mujoco.mjtObj, f"mjOBJ_{what.upper()}")
+        given = [mujoco.mj_id2name(self._model, kind, n) for n in range(count)]
         return [name or _free(f"{what}{n}", given) for n, name in enumerate(given)]
 
     def _word(self, enumeration: str, value: int) -> str:
         """Return a value of an enumeration in small letters, e.g. `box` of mjtGeom."""
-        return str(getattr(self._mujoco, enumeration)(value).name).split("_", 1)[1].lower()
+        return str(getattr(mujoco, enumeration)(value).name).split("_", 1)[1].lower()
 
     def robot(self, notes: Sequence[str]) -> RobotDescription:
         """Return the robot; notes: its first warnings."""
@@ -113,7 +102,7 @@ class _Reader:
                 self._add_chain(body)
         left_out = "; ".join(
             f"{what} ({', '.join(names[:_SHOWN])}{', …' if len(names) > _SHOWN else ''})"
-            for what, names in self._left_out(0 if is_world else 1)
+            for what, names in self._left_out(0 if is_world else 1).items()
             if names
         )
         said = f"controllers, views and exports leave out some of this MJCF: {left_out}"
@@ -127,35 +116,34 @@ class _Reader:
             warnings=(*([said] if left_out else []), *notes),
         )
 
-    def _left_out(self, first: int) -> Iterator[tuple[str, list[str]]]:
-        """Yield kinds of things that a description has no words for, and their names.
+    def _left_out(self, first: int) -> dict[str, list[str]]:
+        """Return kinds of things that a description has no words for, and their names.
 
         first: number of the first body of the robot; without the world, its geoms are left out.
         """
         model, joints = self._model, self._joint_names
-        numbers = range(model.njnt)
         kinds = [self._word("mjtJoint", kind) for kind in model.jnt_type]
-        springs = (model.jnt_stiffness[n] or model.jnt_stiffnesspoly[n].any() for n in numbers)
-        armatures = {joints[n] for n in model.dof_jntid[model.dof_armature > 0]}
-        coupled = set(self._couplings())
+        stiff = model.jnt_stiffness.astype(bool) | model.jnt_stiffnesspoly.any(axis=1)
+        active = set(np.flatnonzero(model.eq_active0)) - set(self._couplings())
+        armature = np.unique(model.dof_jntid[model.dof_armature > 0])
         equalities = self._names("equality", model.neq)
-        yield "ball joints", [joints[n] for n in numbers if kinds[n] == "ball"]
-        if not first:
-            yield "free joints", [joints[n] for n in numbers if kinds[n] == "free"]
-        yield "springs of joints", [joints[n] for n, is_one in enumerate(springs) if is_one]
-        yield "armature of joints", [name for name in joints if name in armatures]
-        yield "tendons", self._names("tendon", model.ntendon)
-        yield (
-            "constraints",
-            [equalities[n] for n in range(model.neq) if model.eq_active0[n] and n not in coupled],
-        )
-        lifted = self._np.flatnonzero(model.body_gravcomp)
-        yield "gravity compensation of bodies", [self._bodies[n] for n in lifted]
-        yield "shapes", self._odd_shapes
-        if first:
-            yield "geoms of the world", self._names("geom", model.ngeom)[: model.body_geomnum[0]]
-        yield "flexes", [f"flex{n}" for n in range(model.nflex)]
-        yield "plugins", self._names("plugin", model.nplugin)
+        geoms = self._names("geom", model.ngeom) if first else []
+        return {
+            "ball joints": [
+                name for name, kind in zip(joints, kinds, strict=True) if kind == "ball"
+            ],
+            "springs of joints": [joints[n] for n in np.flatnonzero(stiff)],
+            "armature of joints": [joints[n] for n in armature],
+            "tendons": self._names("tendon", model.ntendon),
+            "constraints": [equalities[n] for n in sorted(active)],
+            "gravity compensation of bodies": [
+                self._bodies[n] for n in np.flatnonzero(model.body_gravcomp)
+            ],
+            "shapes": self._odd_shapes,
+            "geoms of the world": geoms[: model.body_geomnum[0]],
+            "flexes": self._names("flex", model.nflex),
+            "plugins": self._names("plugin", model.nplugin),
+        }
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -173,14 +161,14 @@ class _Reader:
 
         Between them, and where the last one is not at the origin of the body, are massless links.
         """
-        model, name, np = self._model, self._bodies[body], self._np
+        model, name = self._model, self._bodies[body]
         parent = self._bodies[model.body_parentid[body]]
-        at = self._matrix(model.body_pos[body], model.body_quat[body])
+        at = _matrix(model.body_pos[body], model.body_quat[body])
         anchor, joints = np.zeros(3), self._joints_of(body)
         for joint in joints:
             # A slide is everywhere, so where the joint before it is.
             here = anchor if self._type(joint) == "prismatic" else model.jnt_pos[joint]
-            at = at @ self._matrix(here - anchor)
+            at = at @ _matrix(here - anchor)
             child = name
             if joint != joints[-1] or here.any():
                 child = _free(f"{self._joint_names[joint]}_link", [*self._bodies, *self._links])
@@ -189,7 +177,7 @@ class _Reader:
             parent, at, anchor = child, np.eye(4), here
         if parent != name:
             fixed = _free(f"{name}_fixed", [*self._joint_names, *self._joints])
-            pose = self._pose(at @ self._matrix(-anchor))
+            pose = _pose(at @ _matrix(-anchor))
             self._joints[fixed] = Joint(
                 name=fixed, type="fixed", parent=parent, child=name, pose=pose
             )
@@ -199,11 +187,11 @@ class _Reader:
         start = float(self._model.qpos0[self._model.jnt_qposadr[joint]])
         axis = self._model.jnt_axis[joint]
         if self._type(joint) == "prismatic":
-            return self._matrix(-start * axis)
-        turn = self._np.array([1.0, 0.0, 0.0, 0.0])
+            return _matrix(-start * axis)
+        turn = np.array([1.0, 0.0, 0.0, 0.0])
         if self._type(joint) == "revolute":
-            self._mujoco.mju_axisAngle2Quat(turn, axis, -start)
-        return self._matrix((0.0, 0.0, 0.0), turn)
+            mujoco.mju_axisAngle2Quat(turn, axis, -start)
+        return _matrix((0.0, 0.0, 0.0), turn)
 
     def _add_joint(self, joint: int, parent: str, child: str, at: Any) -> None:
         model, name = self._model, self._joint_names[joint]
@@ -215,7 +203,7 @@ class _Reader:
             type="continuous" if kind == "revolute" and not is_limited else kind,
             parent=parent,
             child=child,
-            pose=self._pose(at),
+            pose=_pose(at),
             axis=_point(model.jnt_axis[joint]),
             lower=lower,
             upper=upper,
@@ -300,7 +288,7 @@ class _Reader:
         if not mass:
             return None
         xx, yy, zz = model.body_inertia[body].tolist()
-        pose = self._pose(self._matrix(model.body_ipos[body], model.body_iquat[body]))
+        pose = _pose(_matrix(model.body_ipos[body], model.body_iquat[body]))
         return Inertial(mass=mass, moments=(xx, yy, zz, 0.0, 0.0, 0.0), pose=pose)
 
     def _is_solid(self, geom: int) -> bool:
@@ -320,41 +308,43 @@ class _Reader:
 
     def _shape(self, geom: int) -> Shape | None:
         """Return the shape of a geom; None: a description has no such, or it is not to be had."""
-        kind = self._word("mjtGeom", self._model.geom_type[geom])
+        kind: Any = self._word("mjtGeom", self._model.geom_type[geom])
         mesh = self._mesh_file(geom) if kind == "mesh" else None
-        if kind not in _KINDS or (kind == "mesh" and mesh is None):
+        size = self._model.geom_size[geom].tolist()
+        sizes = {
+            "box": [2 * half for half in size],
+            "sphere": size[:1],
+            "cylinder": [size[0], 2 * size[1]],
+            "capsule": [size[0], 2 * size[1]],
+            "mesh": None if mesh is None else self._scale(geom),
+            "plane": [0.0, 0.0, 1.0],
+        }
+        if (extent := sizes.get(kind)) is None:
             if self._is_seen(geom) or self._is_solid(geom):
                 body = self._bodies[self._model.geom_bodyid[geom]]
                 self._odd_shapes.append(f"{kind} of {body}")
             return None
-        size = self._model.geom_size[geom].tolist()
-        sizes = {
-            "box": tuple(2 * half for half in size),
-            "sphere": (size[0],),
-            "mesh": () if mesh is None else tuple(self._scale(geom)),
-            "plane": (0.0, 0.0, 1.0),
-        }
         return Shape(
-            kind=cast("ShapeKind", kind),
-            size=sizes.get(kind, (size[0], 2 * size[1])),
+            kind=kind,
+            size=tuple(extent),
             mesh="" if mesh is None else str(mesh),
-            pose=self._pose(self._geom_at(geom, is_mesh=kind == "mesh")),
+            pose=_pose(self._geom_at(geom, is_mesh=kind == "mesh")),
             rgba=self._colour(geom),
         )
 
     def _geom_at(self, geom: int, *, is_mesh: bool) -> Any:
         """Return the pose of a geom in its body; of a mesh, that of the frame of its file."""
-        model, np = self._model, self._np
-        at = self._matrix(model.geom_pos[geom], model.geom_quat[geom])
+        model = self._model
+        at = _matrix(model.geom_pos[geom], model.geom_quat[geom])
         if not is_mesh:
             return at
         # MuJoCo has moved the mesh into the frame of its inertia.
         mesh = int(model.geom_dataid[geom])
-        moved = self._matrix(model.mesh_pos[mesh], model.mesh_quat[mesh])
+        moved = _matrix(model.mesh_pos[mesh], model.mesh_quat[mesh])
         given = self._meshes[mesh]
-        turned = self._matrix((0.0, 0.0, 0.0), np.array(given.refquat))
+        turned = _matrix((0.0, 0.0, 0.0), np.array(given.refquat))
         # Of a mesh with a refquat, the scale is the same along all axes (see `_mesh_file`).
-        shifted = self._matrix(-np.array(self._scale(geom)) * given.refpos)
+        shifted = _matrix(-np.array(self._scale(geom)) * given.refpos)
         return at @ np.linalg.inv(moved) @ np.linalg.inv(turned) @ shifted
 
     def _scale(self, geom: int) -> list[float]:
@@ -373,25 +363,25 @@ class _Reader:
         is_turned = any(abs(value) > 1e-12 for value in list(self._meshes[mesh].refquat)[1:])
         return None if is_turned and len(set(self._scale(geom))) > 1 else file
 
-    # --- poses ----------------------------------------------------------------------------
 
-    def _matrix(self, position: Any, quaternion: Any = (1.0, 0.0, 0.0, 0.0)) -> Any:
-        """Return a pose as a matrix, shape (4, 4); quaternion: w first."""
-        rotation, unit = self._np.zeros(9), self._np.array(quaternion, dtype=float)
-        self._mujoco.mju_normalize4(unit)
-        self._mujoco.mju_quat2Mat(rotation, unit)
-        matrix = self._np.eye(4)
-        matrix[:3, :3], matrix[:3, 3] = rotation.reshape(3, 3), position
-        return matrix
+def _matrix(position: Any, quaternion: Any = (1.0, 0.0, 0.0, 0.0)) -> Any:
+    """Return a pose as a matrix, shape (4, 4); quaternion: w first."""
+    rotation, unit = np.zeros(9), np.array(quaternion, dtype=float)
+    mujoco.mju_normalize4(unit)
+    mujoco.mju_quat2Mat(rotation, unit)
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = rotation.reshape(3, 3), position
+    return matrix
 
-    def _pose(self, matrix: Any) -> Pose:
-        r = matrix[:3, :3].tolist()
-        pitch = math.atan2(-r[2][0], math.hypot(r[0][0], r[1][0]))
-        yaw = math.atan2(r[1][0], r[0][0])
-        # Roll is what is left behind pitch and yaw, also where x points along z and yaw is noise.
-        s, c = math.sin(yaw), math.cos(yaw)
-        roll = math.atan2(s * r[0][2] - c * r[1][2], c * r[1][1] - s * r[0][1])
-        return Pose(xyz=_point(matrix[:3, 3]), rpy=(roll, pitch, yaw))
+
+def _pose(matrix: Any) -> Pose:
+    r = matrix[:3, :3].tolist()
+    pitch = math.atan2(-r[2][0], math.hypot(r[0][0], r[1][0]))
+    yaw = math.atan2(r[1][0], r[0][0])
+    # Roll is what is left behind pitch and yaw, also where x points along z and yaw is noise.
+    s, c = math.sin(yaw), math.cos(yaw)
+    roll = math.atan2(s * r[0][2] - c * r[1][2], c * r[1][1] - s * r[0][1])
+    return Pose(xyz=_point(matrix[:3, 3]), rpy=(roll, pitch, yaw))
 
 
 def _point(vector: Any) -> Point:

@@ -31,7 +31,8 @@ def read_robot(path: Path) -> RobotDescription:
         text, is_made = _expanded(path), True
     root = _parsed(path, text)
     if root.tag == "mujoco":
-        from .mjcf import read_mjcf  # noqa: PLC0415  few need it
+        need(str(path), "mujoco")
+        from .mjcf import read_mjcf  # noqa: PLC0415  an optional package
 
         return read_mjcf(path)
     if root.tag == "sdf" or path.suffix.lower() == ".sdf":

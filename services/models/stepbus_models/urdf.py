@@ -29,7 +29,8 @@ _INSTEAD = {
 }
 """Type of a joint that is not supported → what to use."""
 _TYPES = (*_MOVING, "fixed", *_INSTEAD)
-_MOMENTS = ("ixx", "iyy", "izz", "ixy", "ixz", "iyz")
+_DIAGONAL = ("ixx", "iyy", "izz")
+_MOMENTS = (*_DIAGONAL, "ixy", "ixz", "iyz")
 _SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
@@ -227,8 +228,8 @@ class _Reader:
         contact = {}
         for value in link.findall("contact/*"):
             # What has no value is a switch.
-            number = self._numbers(link, value, "value", 1) if "value" in value.attrib else [1.0]
-            contact[value.tag] = number[0]
+            is_switch = "value" not in value.attrib
+            contact[value.tag] = 1.0 if is_switch else self._number(link, value, "value")
         return Link(
             name=link.get("name", ""),
             inertial=self._inertial(link),
@@ -245,48 +246,25 @@ class _Reader:
         if len(inertials) > 1:
             text = f"{who} has {len(inertials)} <inertial>; only one is allowed"
             self._problem(inertials[1], text)
+        parts = {tag: inertials[0].find(tag) for tag in ("mass", "inertia")}
+        for tag, part in parts.items():
+            if part is None:
+                text = "; a massless link needs no <inertial>" if tag == "mass" else ""
+                self._problem(inertials[0], f"{who}: its <inertial> has no <{tag}>{text}")
+        if None in parts.values():
+            return None
         before = len(self.problems)
-        mass, moments = self._mass(inertials[0], who), self._moments(inertials[0], who)
+        mass = self._number(link, parts["mass"], "value", least=0.0)
+        xx, yy, zz, xy, xz, yz = (
+            self._number(link, parts["inertia"], key, least=-_NOISE if key in _DIAGONAL else None)
+            for key in _MOMENTS
+        )
         pose = self._pose(link, inertials[0])
         if len(self.problems) > before:
             return None
-        xx, yy, zz, xy, xz, yz = moments
         repaired, warning = balanced((xx, yy, zz, xy, xz, yz))
         self._warnings += [f"{who}: {warning}"] if warning else []
         return Inertial(mass=mass, moments=repaired, pose=pose)
-
-    def _mass(self, inertial: Any, who: str) -> float:
-        mass = inertial.find("mass")
-        if mass is None:
-            text = f"{who}: its <inertial> has no <mass>; a massless link needs no <inertial>"
-            self._problem(inertial, text)
-            return 0.0
-        value = _number(mass, "value")
-        if value is None:
-            text = f"{who}: mass {mass.get('value')!r} is not a finite number [kg]"
-            self._problem(mass, text)
-        elif value < 0:
-            self._problem(mass, f"{who}: mass {value:g} kg is negative")
-        return value or 0.0
-
-    def _moments(self, inertial: Any, who: str) -> list[float]:
-        inertia = inertial.find("inertia")
-        if inertia is None:
-            self._problem(inertial, f"{who}: its <inertial> has no <inertia>")
-            return [0.0] * len(_MOMENTS)
-        values = []
-        for key in _MOMENTS:
-            value, given = _number(inertia, key), inertia.get(key)
-            if value is None:
-                text = (
-                    "is missing" if given is None else f"{given!r} is not a finite number [kg·m²]"
-                )
-                self._problem(inertia, f"{who}: {key} of its inertia {text}")
-            elif key[1] == key[2] and value < -_NOISE:
-                text = f"{who}: {key} {value:g} kg·m² of its inertia is negative"
-                self._problem(inertia, text)
-            values.append(value or 0.0)
-        return values
 
     def _shapes(self, link: Any, tag: str) -> Iterator[Shape]:
         for element in link.findall(tag):
@@ -353,10 +331,7 @@ class _Reader:
         limits = self._limits(joint, who, kind) if kind in _MOVING else {}
         is_endless = kind == "continuous" or "lower" not in limits
         dynamics = joint.find("dynamics")
-        damping, friction = (
-            0.0 if dynamics is None else _number(dynamics, key) or 0.0
-            for key in ("damping", "friction")
-        )
+        resistance = {} if dynamics is None else self._given(joint, dynamics, "damping", "friction")
         if kind == "revolute" and is_endless:
             kind = "continuous"
         return Joint(
@@ -370,8 +345,7 @@ class _Reader:
             upper=None if is_endless else limits.get("upper"),
             effort=limits.get("effort"),
             velocity=limits.get("velocity"),
-            damping=damping,
-            friction=friction,
+            **resistance,
             mimic=self._mimic(joint, who) if kind in _MOVING else None,
             line=self._line(joint),
         )
@@ -385,15 +359,9 @@ class _Reader:
                 text = f"{who} is {kind} and has no <limit>; give lower, upper, effort and velocity"
                 self._problem(joint, f"{text}{instead}")
             return {}
-        values = {"effort": 0.0, "velocity": 0.0}
-        for key in ("lower", "upper", "effort", "velocity"):
-            value, given = _number(limit, key), limit.get(key)
-            if given is not None and value is None:
-                self._problem(limit, f"{who}: {key}={given!r} is not a finite number")
-            elif value is not None and value < 0 and key in ("effort", "velocity"):
-                self._problem(limit, f"{who}: {key} {value:g} is negative")
-            if given is not None:
-                values[key] = value or 0.0
+        motor = self._given(joint, limit, "effort", "velocity", least=0.0)
+        values = {"effort": 0.0, "velocity": 0.0, **motor}
+        values |= self._given(joint, limit, "lower", "upper")
         given = [key for key in ("lower", "upper") if key in values]
         if is_bounded and len(given) == 1:
             text = f"{who} has one limit, {given[0]!r}; give both lower and upper"
@@ -423,15 +391,7 @@ class _Reader:
                 f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
             )
             self._problem(mimic, text)
-        values = {}
-        for key in ("multiplier", "offset"):
-            if (given := mimic.get(key)) is None:
-                continue
-            if (value := _number(mimic, key)) is None:
-                text = f"{who}: {key}={given!r} of <mimic> is not a finite number"
-                self._problem(mimic, text)
-            values[key] = value or 0.0
-        return Mimic(joint=name, **values)
+        return Mimic(joint=name, **self._given(joint, mimic, "multiplier", "offset"))
 
     def _axis(self, joint: Any, who: str) -> Point:
         """Return the axis of a joint that moves, with the length 1."""
@@ -476,6 +436,23 @@ class _Reader:
             )
         return x, y, z
 
+    def _number(self, owner: Any, element: Any, key: str, *, least: float | None = None) -> float:
+        """Return the number of an attribute; 0 where it has none, or one below the least."""
+        numbers = _floats(element.get(key, ""))
+        if len(numbers) == 1 and (least is None or numbers[0] >= least):
+            return numbers[0]
+        given = f"{key}={element.get(key)!r}" if key in element.attrib else f"a missing {key}"
+        wanted = "a finite number" if least is None else "a finite number, at least 0"
+        self._problem(element, f"{_who(owner)}: {given} of <{element.tag}> must be {wanted}")
+        return 0.0
+
+    def _given(
+        self, owner: Any, element: Any, *keys: str, least: float | None = None
+    ) -> dict[str, float]:
+        """Return the numbers of those attributes that an element has."""
+        given = [key for key in keys if key in element.attrib]
+        return {key: self._number(owner, element, key, least=least) for key in given}
+
     def _numbers(self, owner: Any, element: Any, key: str, count: int) -> list[float]:
         """Return the numbers of an attribute; zeros where it has others."""
         text = element.get(key, "")
@@ -510,12 +487,6 @@ def _end(joint: Any, end: str) -> Any:
 
 def _some(names: Sequence[Any]) -> str:
     return ", ".join([*names[:_SHOWN], *(["…"] if len(names) > _SHOWN else [])])
-
-
-def _number(element: Any, key: str) -> float | None:
-    """Return the number of an attribute; None where it has none, or one that is not finite."""
-    numbers = _floats(element.get(key, ""))
-    return numbers[0] if len(numbers) == 1 else None
 
 
 def _floats(text: str) -> list[float]:

@@ -1,6 +1,7 @@
 """Writes a robot as URDF for programs that read nothing else."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from xml.etree import ElementTree as ET
 
 from .description import Inertial, Joint, Link, Pose, RobotDescription, Shape
@@ -16,20 +17,26 @@ _SIZES = {
 }
 
 
-def urdf_text(robot: RobotDescription, *, for_pinocchio: bool = False) -> str:
+def urdf_text(
+    robot: RobotDescription,
+    *,
+    for_pinocchio: bool = False,
+    meshes: Mapping[str, Path] = {},
+) -> str:
     """Return a robot as the text of a URDF, with every number to its last bit.
 
     for_pinocchio: without what is seen, and with capsules as its parser of XML wants them:
-    cylinders that are marked. Ball joints, which URDF lacks, are fixed.
+    cylinders that are marked. meshes: files to name instead of those of the robot. Ball joints,
+    which URDF lacks, are fixed.
     """
     root = ET.Element("robot", {"name": robot.name})
     for link in robot.links.values():
         element = ET.SubElement(root, "link", {"name": link.name})
         _add_inertial(element, link.inertial)
         for visual in () if for_pinocchio else link.visuals:
-            _add_shape(element, "visual", visual)
+            _add_shape(element, "visual", visual, meshes)
         for shape in link.collisions:
-            _add_shape(element, "collision", shape)
+            _add_shape(element, "collision", shape, meshes)
         _add_contact(element, link)
         if for_pinocchio:
             _mark_capsules(element)
@@ -51,14 +58,14 @@ def _add_inertial(link: ET.Element, inertial: Inertial | None) -> None:
     ET.SubElement(element, "inertia", moments)
 
 
-def _add_shape(link: ET.Element, tag: str, shape: Shape) -> None:
+def _add_shape(link: ET.Element, tag: str, shape: Shape, meshes: Mapping[str, Path]) -> None:
     element = ET.SubElement(link, tag, {"concave": "yes"} if shape.is_concave else {})
     _add_pose(element, shape.pose)
     keys = _SIZES[shape.kind].split()
     sizes = [shape.size] if len(keys) == 1 else [(value,) for value in shape.size]
     attributes = {key: _text(size) for key, size in zip(keys, sizes, strict=True)}
     if shape.kind == "mesh":
-        attributes["filename"] = shape.mesh
+        attributes["filename"] = str(meshes.get(shape.mesh, shape.mesh))
     ET.SubElement(ET.SubElement(element, "geometry"), shape.kind, attributes)
     if shape.rgba is not None and tag == "visual":
         rgba = _text(shape.rgba)

@@ -5,12 +5,11 @@ does not see it. Of a file that is no STL, OBJ or DAE, it says that the URDF can
 """
 
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 
-from stepbus_models import Shape, read_robot, urdf_text
+from stepbus_models import read_robot, urdf_text
 from stepbus_participant import scratch_folder
 from stepbus_plant.meshes import binary_stl
 from stepbus_schemas import WiringError
@@ -28,8 +27,9 @@ def readable(urdf: Path) -> Iterator[Path]:
     robot = read_robot(urdf)
     if robot.format == "mjcf":
         raise WiringError(f"{urdf}: engine pybullet does not load MJCF; use engine mujoco")
-    shapes = [s for link in robot.links.values() for s in (*link.visuals, *link.collisions)]
-    unread = sorted({s.mesh for s in shapes if s.kind == "mesh" and not _is_read(Path(s.mesh))})
+    shapes = (s for link in robot.links.values() for s in (*link.visuals, *link.collisions))
+    meshes = {shape.mesh for shape in shapes if shape.kind == "mesh"}
+    unread = sorted(file for file in meshes if not _is_read(Path(file)))
     if not unread:
         yield urdf
         return
@@ -37,22 +37,9 @@ def readable(urdf: Path) -> Iterator[Path]:
         copies = {file: Path(folder) / f"{number}.stl" for number, file in enumerate(unread)}
         for file, copy in copies.items():
             copy.write_bytes(binary_stl(file))
-        links = {
-            name: replace(
-                link,
-                visuals=_with(copies, link.visuals),
-                collisions=_with(copies, link.collisions),
-            )
-            for name, link in robot.links.items()
-        }
         model = Path(folder) / urdf.name
-        model.write_text(urdf_text(replace(robot, links=links)), encoding="utf-8")
+        model.write_text(urdf_text(robot, meshes=copies), encoding="utf-8")
         yield model
-
-
-def _with(copies: Mapping[str, Path], shapes: tuple[Shape, ...]) -> tuple[Shape, ...]:
-    """Return shapes with the copies of their meshes."""
-    return tuple(replace(s, mesh=str(copies.get(s.mesh, s.mesh))) for s in shapes)
 
 
 def _is_read(path: Path) -> bool:
