@@ -3,8 +3,6 @@
 Such an inertia is 0 for PyBullet, refused or balanced by MuJoCo, and taken as it is by Pinocchio.
 """
 
-from collections.abc import Sequence
-
 from .description import Moments
 
 _DIGITS = 1e-3
@@ -22,9 +20,12 @@ def balanced(given: Moments) -> tuple[Moments, str]:
     A third of the trace about every axis, as by MuJoCo's `balanceinertia`, or the moments of a
     plate where the given ones are only rounded.
     """
-    repaired = _turned(given) if any(given[3:]) else _straight(given)
+    least, middle, largest = sorted(given[:3])
+    if not any(given[3:]) and least >= 0.0 and largest <= least + middle:
+        return given, ""
+    repaired = _repaired(given)
     change = max(abs(new - old) for new, old in zip(repaired, given, strict=True))
-    if change <= max(_NOISE, _SILENT * max(given[:3])):
+    if change <= max(_NOISE, _SILENT * largest):
         return repaired, ""
     text = (
         f"no body can have the inertia {_shown(given)} kg·m²: a principal moment is negative or "
@@ -33,38 +34,15 @@ def balanced(given: Moments) -> tuple[Moments, str]:
     return repaired, text
 
 
-def _shown(inertia: Moments) -> str:
-    """Return the moments, with the products where there are any."""
-    count = 6 if any(inertia[3:]) else 3
-    return f"({', '.join(f'{value:.7g}' for value in inertia[:count])})"
-
-
-def _mean(inertia: Sequence[float]) -> Moments:
-    mean = sum(inertia[:3]) / 3
-    return mean, mean, mean, 0.0, 0.0, 0.0
-
-
-def _straight(inertia: Moments) -> Moments:
-    """Return the moments of a body near an inertia without products."""
-    least, middle, largest = sorted(inertia[:3])
-    # Engines compare exactly, and reject a plate whose moments are rounded.
-    if largest <= least + middle:
-        return inertia
-    if largest - least - middle > _DIGITS * largest:
-        return _mean(inertia)
-    xx, yy, zz = (min(value, least + middle) for value in inertia[:3])
-    return xx, yy, zz, 0.0, 0.0, 0.0
-
-
-def _turned(inertia: Moments) -> Moments:
-    """Return the moments of a body near an inertia with products."""
+def _repaired(inertia: Moments) -> Moments:
     import numpy as np  # noqa: PLC0415  few robots need it
 
     xx, yy, zz, xy, xz, yz = inertia
     values, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     excess, largest = values[2] - values[0] - values[1], values[2]
     if values[0] < -_DIGITS * largest or excess > _DIGITS * largest:
-        return _mean(inertia)
+        mean = (xx + yy + zz) / 3
+        return mean, mean, mean, 0.0, 0.0, 0.0
     # Each engine turns it into its principal axes by itself, and must not arrive beyond the limit.
     if values[0] >= 0.0 and excess < -_MARGIN * largest:
         return inertia
@@ -72,3 +50,9 @@ def _turned(inertia: Moments) -> Moments:
     values[2] = min(largest, (values[0] + values[1]) * (1.0 - _MARGIN))
     full = (axes @ np.diag(values) @ axes.T).tolist()
     return full[0][0], full[1][1], full[2][2], full[0][1], full[0][2], full[1][2]
+
+
+def _shown(inertia: Moments) -> str:
+    """Return the moments, with the products where there are any."""
+    count = 6 if any(inertia[3:]) else 3
+    return f"({', '.join(f'{value:.7g}' for value in inertia[:count])})"

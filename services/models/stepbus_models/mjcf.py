@@ -204,7 +204,7 @@ class _Reader:
             kind = _word(mujoco.mjtTrn, model.actuator_trntype[row])
             if kind in {"joint", "jointinparent"} and model.actuator_trnid[row, 0] == joint:
                 efforts.append(self._force(row) * abs(float(model.actuator_gear[row, 0])))
-        effort = sum(efforts) if efforts else math.inf
+        effort: float = sum(efforts) if efforts else math.inf
         if model.jnt_actfrclimited[joint]:
             effort = min(effort, float(abs(model.jnt_actfrcrange[joint]).max()))
         return min(effort, _UNLIMITED)
@@ -290,7 +290,7 @@ class _Reader:
         kind: Any = _word(mujoco.mjtGeom, self._model.geom_type[geom])
         size = self._model.geom_size[geom].tolist()
         at = _matrix(self._data.geom_xpos[geom], self._data.geom_xmat[geom])
-        mesh = ""
+        mesh: str | None = ""
         sizes = {
             "box": [2 * half for half in size],
             "sphere": size[:1],

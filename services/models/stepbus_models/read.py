@@ -85,8 +85,8 @@ def _expanded(path: Path) -> str:
         # A RuntimeError is a missing attribute.
         reason = " ".join(str(exc).split())
         raise WiringError(f"{path}: cannot expand xacro: {reason}") from exc
-    text: str = document.toprettyxml(indent="  ")
-    return text
+    urdf: str = document.toprettyxml(indent="  ")
+    return urdf
 
 
 @contextmanager
