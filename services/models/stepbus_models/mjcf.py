@@ -236,7 +236,7 @@ class _Reader:
 
     def _mimic(self, joint: int) -> Mimic | None:
         """Return the last joint that a joint follows, by way of others; None: it follows none."""
-        rows = {follower: row for _, follower, *row in self._couplings()}
+        rows = {row[1]: row[2:] for row in self._couplings()}
         last, multiplier, offset = joint, 1.0, 0.0
         for _ in rows:
             if last in rows:

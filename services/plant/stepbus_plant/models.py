@@ -32,7 +32,7 @@ def loadable(robot: RobotDescription) -> Iterator[Path]:
     }
     with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
         urdf = Path(folder) / robot.path.name.removesuffix(".xacro")
-        urdf.write_text(urdf_text(replace(robot, links=links)), encoding="utf-8")
+        urdf.write_bytes(urdf_text(replace(robot, links=links)).encode())
         yield urdf
 
 

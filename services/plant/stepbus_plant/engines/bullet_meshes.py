@@ -38,7 +38,7 @@ def readable(urdf: Path) -> Iterator[Path]:
         for file, copy in copies.items():
             copy.write_bytes(binary_stl(file))
         model = Path(folder) / urdf.name
-        model.write_text(urdf_text(robot, meshes=copies), encoding="utf-8")
+        model.write_bytes(urdf_text(robot, meshes=copies).encode())
         yield model
 
 
