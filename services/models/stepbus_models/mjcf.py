@@ -163,6 +163,10 @@ class _Reader:
         for joint in joints:
             here = self._frame(body)
             here[:3, 3] = self._data.xanchor[joint]
+            if self._type(joint) == "prismatic":
+                # Its anchor is where it is without its own motion.
+                start = model.qpos0[model.jnt_qposadr[joint]]
+                here[:3, 3] -= start * self._data.xaxis[joint]
             child = name
             if joint != joints[-1] or model.jnt_pos[joint].any():
                 child = _free(f"{self._joint_names[joint]}_link", [*self._bodies, *self._links])

@@ -25,8 +25,8 @@ def urdf_text(
 ) -> str:
     """Return a robot as the text of a URDF, with every number to its last bit.
 
-    for_pinocchio: without what is seen, and with capsules as its parser of XML wants them:
-    cylinders that are marked. meshes: files to name instead of those of the robot. Ball joints,
+    for_pinocchio: without planes and what is seen, and with capsules as its parser of XML wants
+    them: cylinders that are marked. meshes: files to name instead of those of the robot. Ball joints,
     which URDF lacks, are fixed.
     """
     root = ET.Element("robot", {"name": robot.name})
@@ -36,6 +36,8 @@ def urdf_text(
         for visual in () if for_pinocchio else link.visuals:
             _add_shape(element, "visual", visual, meshes)
         for shape in link.collisions:
+            if for_pinocchio and shape.kind == "plane":
+                continue
             _add_shape(element, "collision", shape, meshes)
         _add_contact(element, link)
         if for_pinocchio:

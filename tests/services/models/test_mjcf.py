@@ -37,7 +37,7 @@ CART = """<mujoco model="cart"><default><geom size=".05" mass="1"/></default>
 </body></body></worldbody></mujoco>"""
 
 POLE = """<mujoco model="pole"><worldbody><body name="cart" pos="0 0 1" euler="0 0 90">
-<joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".2 .1 .1" mass="2"/>
+<joint name="slide" type="slide" axis="1 0 0" ref=".3"/><geom type="box" size=".2 .1 .1" mass="2"/>
 <body name="pole"><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .1 0 .5"
 size=".02" mass=".4"/></body></body></worldbody></mujoco>"""
 
