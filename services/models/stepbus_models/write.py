@@ -26,8 +26,8 @@ def urdf_text(
     """Return a robot as the text of a URDF, with every number to its last bit.
 
     for_pinocchio: without planes and what is seen, and with capsules as its parser of XML wants
-    them: cylinders that are marked. meshes: files to name instead of those of the robot. Ball joints,
-    which URDF lacks, are fixed.
+    them: cylinders that are marked. meshes: files to name instead of those of the robot. Ball
+    joints, which URDF lacks, are fixed.
     """
     root = ET.Element("robot", {"name": robot.name})
     for link in robot.links.values():
