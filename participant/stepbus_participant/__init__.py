@@ -1,7 +1,7 @@
 """What a participant imports.
 
-Modules that only some participants need, such as robot models, are imported on first use: each
-participant is a process and loads this package at every start.
+Modules that only some participants need are imported on first use: each participant is a process
+and loads this package at every start.
 """
 
 from typing import TYPE_CHECKING
@@ -40,18 +40,10 @@ from .user_classes import *
 if TYPE_CHECKING:
     from .bus.loopback import *
     from .parameters.types_file import *
-    from .urdf import *
-    from .urdf_check import *
 
 _LATER = {
     "LoopbackBus": "bus.loopback",
-    "Mimic": "urdf_check",
     "load_types": "parameters.types_file",
-    "mimics": "urdf_check",
-    "parse_urdf": "urdf_check",
-    "read_model": "urdf",
-    "read_urdf_text": "urdf",
-    "urdf_warnings": "urdf_check",
 }
 """Name → module that is imported when it is first used."""
 

@@ -1,6 +1,6 @@
 """Small models in MJCF."""
 
-from stepbus_participant import parse_urdf, read_urdf_text
+from stepbus_models import read_robot
 
 SLIDE = '<body name="hand"><joint name="slide" type="slide" axis="1 0 0" range="0 1"/>{}</body>'
 FINGER = SLIDE.format('<geom name="finger" size=".1" mass="1"/>')
@@ -21,6 +21,6 @@ def part(extra="", body="", joint="", solid="", before=""):
 {solid}/>{body}</body></body></worldbody>{extra}</mujoco>"""
 
 
-def converted(folder, text):
-    """Return the URDF that is made from an MJCF."""
-    return parse_urdf(read_urdf_text(save(folder, text)))
+def robot_of(folder, text):
+    """Return the robot of an MJCF."""
+    return read_robot(save(folder, text))

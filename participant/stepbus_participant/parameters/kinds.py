@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, TypeAlias, TypeVar
 
@@ -121,9 +122,8 @@ def _find(name: str, folder: Path | None) -> Path:
 def _find_model(name: str, folder: Path | None) -> Path:
     path = _find(name, folder)
     if folder is not None:
-        from stepbus_participant.urdf import read_urdf_text  # noqa: PLC0415  few need it
-
-        read_urdf_text(path)
+        # By name: this package reads no robots, and few participants need one.
+        import_module("stepbus_models").read_robot(path)
     return path
 
 
@@ -185,7 +185,7 @@ Pause = Annotated[
 File = Annotated[Path, _written("file", "a file name", _find)]
 """A file: absolute, `package://…`, or relative to the scenario or file that names it."""
 ModelFile = Annotated[Path, _written("file", "a file name", _find_model)]
-"""A robot's URDF, `.xacro`, SDF or MJCF, named like a `File`; its physics is validated."""
+"""A robot's URDF, `.xacro` or MJCF, named like a `File`; its physics is validated."""
 Names = Annotated[
     tuple[Text, ...],
     msgspec.Meta(

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
-from stepbus_participant import parse_urdf, read_urdf_text, suggest
+from stepbus_models import Joint, RobotDescription, read_robot
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 _TURNS = ("revolute", "continuous")
@@ -51,9 +51,9 @@ class Scara:
         joints: shoulder, elbow, lift and wrist. base, tip: links. Raises WiringError for a model
         that is no such arm.
         """
-        chain = _chain(parse_urdf(read_urdf_text(path)), base, tip, path)
-        moving = [joint for joint in chain if joint.get("type") != "fixed"]
-        names = tuple(joint.get("name", "") for joint in moving)
+        chain = _chain(read_robot(path), base, tip)
+        moving = [joint for joint in chain if joint.type != "fixed"]
+        names = tuple(joint.name for joint in moving)
         if names != tuple(joints):
             text = f"the joints from {base} to {tip} are {', '.join(names) or 'none'}"
             raise WiringError(f"{path.name}: {text}, not {', '.join(joints)}")
@@ -120,67 +120,45 @@ class Scara:
         return None
 
 
-def _chain(root: ET.Element, base: str, tip: str, path: Path) -> list[ET.Element]:
+def _chain(robot: RobotDescription, base: str, tip: str) -> list[Joint]:
     """Return the joints from one link to another; raises WiringError where there are none."""
-    links = [link.get("name", "") for link in root.findall("link")]
-    for name in (base, tip):
-        if name not in links:
-            raise WiringError(f"{path.name}: link {name!r} is unknown{suggest(name, links)}")
-    above = {_name(joint, "child"): joint for joint in root.findall("joint")}
-    chain: list[ET.Element] = []
+    name = robot.path.name
+    for link in (base, tip):
+        if link not in robot.links:
+            raise WiringError(f"{name}: link {link!r} is unknown{suggest(link, robot.links)}")
+    chain: list[Joint] = []
     link = tip
     while link != base:
-        joint = above.get(link)
-        if joint is None or joint in chain:
-            raise WiringError(f"{path.name}: no chain of joints connects link {base!r} to {tip!r}")
+        joint = robot.joint_above.get(link)
+        if joint is None:
+            raise WiringError(f"{name}: no chain of joints connects link {base!r} to {tip!r}")
         chain.insert(0, joint)
-        link = _name(joint, "parent")
+        link = joint.parent
     return chain
 
 
-def _check(joint: ET.Element, types: Sequence[str], role: str, path: Path) -> None:
+def _check(joint: Joint, types: Sequence[str], role: str, path: Path) -> None:
     """Raise WiringError for a joint that is none of a SCARA arm."""
-    name, kind = joint.get("name"), joint.get("type")
-    if kind not in types:
-        text = f"joint {name!r} is {kind}; the {role} of a SCARA arm must be {' or '.join(types)}"
-        raise WiringError(f"{path.name}: {text}")
-    if _vector(joint, "axis", "xyz", (1.0, 0.0, 0.0)) != (0.0, 0.0, 1.0):
-        raise WiringError(f"{path.name}: the axis of joint {name!r} must be 0 0 1")
+    if joint.type not in types:
+        text = f"is {joint.type}; the {role} of a SCARA arm must be {' or '.join(types)}"
+        raise WiringError(f"{path.name}: joint {joint.name!r} {text}")
+    if joint.axis != (0.0, 0.0, 1.0):
+        raise WiringError(f"{path.name}: the axis of joint {joint.name!r} must be 0 0 1")
 
 
-def _sum(joints: Sequence[ET.Element]) -> _Vector:
+def _sum(joints: Sequence[Joint]) -> _Vector:
     """Return the sum of the origins of joints [m]; raises WiringError for one that is turned."""
     x = y = z = 0.0
     for joint in joints:
-        if any(_vector(joint, "origin", "rpy", (0.0, 0.0, 0.0))):
-            raise WiringError(
-                f"the origin of joint {joint.get('name')!r} is rotated; remove its rpy"
-            )
-        dx, dy, dz = _vector(joint, "origin", "xyz", (0.0, 0.0, 0.0))
+        if any(joint.pose.rpy):
+            raise WiringError(f"the origin of joint {joint.name!r} is rotated; remove its rpy")
+        dx, dy, dz = joint.pose.xyz
         x, y, z = x + dx, y + dy, z + dz
     return (x, y, z)
 
 
-def _limits(joint: ET.Element) -> tuple[float, float, float]:
+def _limits(joint: Joint) -> tuple[float, float, float]:
     """Return lower and upper limit and velocity [rad, rad/s]; infinite: none."""
-    limit = joint.find("limit")
-    if limit is None:
-        return (-math.inf, math.inf, math.inf)
-    velocity = float(limit.get("velocity", 0)) or math.inf
-    if joint.get("type") == "continuous":
-        return (-math.inf, math.inf, velocity)
-    return (float(limit.get("lower", 0)), float(limit.get("upper", 0)), velocity)
-
-
-def _vector(joint: ET.Element, tag: str, key: str, default: _Vector) -> _Vector:
-    element = joint.find(tag)
-    text = None if element is None else element.get(key)
-    if text is None:
-        return default
-    x, y, z = map(float, text.split())
-    return (x, y, z)
-
-
-def _name(joint: ET.Element, tag: str) -> str:
-    element = joint.find(tag)
-    return "" if element is None else element.get("link", "")
+    lower = -math.inf if joint.lower is None else joint.lower
+    upper = math.inf if joint.upper is None else joint.upper
+    return lower, upper, joint.velocity or math.inf

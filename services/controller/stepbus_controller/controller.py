@@ -231,7 +231,9 @@ class Controller(Participant):
     ) -> ControllerStatus:
         """Return the status; a warning marks the step at which a joint starts to saturate."""
         memory = self._state
-        warnings = [] if memory.has_reported_delay else delay_warning(self._smoother)
+        warnings = []
+        if not memory.has_reported_delay:
+            warnings = [*delay_warning(self._smoother), *self._robot.notes]
         memory.has_reported_delay = True
         saturated = [w != value for w, value in zip(wanted, values, strict=True)]
         if saturated != memory.saturated:

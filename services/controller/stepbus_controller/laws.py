@@ -23,6 +23,12 @@ class Robot:
     effort_limit: Vector
     model: RobotModel | None = None
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the model leaves out of an MJCF; nothing of a URDF: the plant reports that."""
+        robot = None if self.model is None else self.model.robot
+        return robot.warnings if robot is not None and robot.format == "mjcf" else ()
+
     def require_model(self) -> RobotModel:
         """Return the model; raises WiringError if the scenario gives none."""
         if self.model is None:

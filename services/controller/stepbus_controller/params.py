@@ -28,7 +28,7 @@ class Params(SmoothingParams):
     """Control law. Your own class needs `__init__(robot, params)` and `torque(q, v, reference,
     dt)`, which returns torques, shape (n,) [N·m]."""
     model: ModelFile | None = None
-    """URDF, xacro, SDF or MJCF of the robot. `pd`, `pid` and your own law also work without a
+    """URDF, xacro or MJCF of the robot. `pd`, `pid` and your own law also work without a
     model; they then need `joints` and `effort_limit`."""
     joints: Names | None = None
     """Controlled joints, in the order of every vector. Default: all joints of the model."""

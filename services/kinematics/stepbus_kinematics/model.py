@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from stepbus_kinematics.pinocchio_text import pinocchio_text
-from stepbus_participant import mimics, parse_urdf, read_urdf_text, suggest
+from stepbus_models import Joint, read_robot, urdf_text
+from stepbus_participant import suggest
 from stepbus_schemas import RunError, WiringError
 
 Vector = NDArray[np.float64]
@@ -39,16 +39,15 @@ class Overload:
 class RobotModel:
     """A robot with a fixed base. Some of its joints move; all others are locked.
 
-    path: URDF, `.xacro`, SDF or MJCF. joints: those that move, in the order of every vector of
-    shape (n,); None: all, in Pinocchio's order. posture: positions of other joints [rad or m];
-    joints not named are neutral; joints with `<mimic>` follow theirs. gravity: in the base, shape
-    (3,) [m/s²].
+    path: URDF, `.xacro` or MJCF. joints: those that move, in the order of every vector of shape
+    (n,); None: all, in Pinocchio's order. posture: positions of other joints [rad or m]; joints not
+    named are neutral; joints with `<mimic>` follow theirs. gravity: in the base, shape (3,) [m/s²].
     bounded: every joint needs position limits. links: which the model must have.
 
     lower, upper, velocity_limit, effort_limit: of the joints, shape (n,) [rad, rad/s, N·m]; of
     prismatic ones, here and everywhere, [m, m/s, N]. load: what it carries [kg].
-    model, data: Pinocchio's, of the joints that move. full, stance: its model of all joints, and
-    their positions when those that move are at neutral.
+    robot: as its file describes it. model, data: Pinocchio's, of the joints that move. full,
+    stance: its model of all joints, and their positions when those that move are at neutral.
     Raises WiringError that lists every problem of the file, the joints and the links.
     """
 
@@ -63,13 +62,13 @@ class RobotModel:
         links: Sequence[str] = (),
     ) -> None:
         self.path = path
-        self.text = read_urdf_text(path)
+        self.robot = read_robot(path)
+        self.text = urdf_text(self.robot, for_pinocchio=True)
         try:
-            self.full: Any = pin.buildModelFromXML(pinocchio_text(self.text))
+            self.full: Any = pin.buildModelFromXML(self.text)
         except ValueError as exc:
             raise WiringError(f"{path} is not a URDF that Pinocchio can read") from exc
-        root = parse_urdf(self.text)
-        self._mimics, self._endless = mimics(root), _endless(root)
+        self._mimics = {j.name: j.mimic for j in self.robot.joints.values() if j.mimic}
         movable = [name for name in self._movable() if name not in self._mimics]
         self.joints = tuple(movable if joints is None else joints)
         problems = list(self._problems(posture or {}, links, bounded=bounded))
@@ -93,6 +92,10 @@ class RobotModel:
     ) -> Iterator[str]:
         """Yield a sentence for each joint and link that is not as wanted."""
         file, others = self.path.name, tuple(posture)
+        for joint in self.robot.joints.values():
+            if joint.type == "ball":
+                text = "which controllers do not support; use three hinges"
+                yield f"joint {joint.name!r} of {file} is a ball joint, {text}"
         yield from self._joint_problems(self.joints, bounded=bounded)
         yield from self._joint_problems(others, bounded=True)
         yield from (
@@ -112,20 +115,17 @@ class RobotModel:
             yield f"{self.path} has no movable joint"
 
     def _joint_problems(self, joints: Sequence[str], *, bounded: bool) -> Iterator[str]:
-        """Yield a sentence for each joint that is missing or of a type that cannot be moved."""
-        model, file, movable = self.full, self.path.name, self._movable()
+        """Yield a sentence for each joint that is missing or lacks limits."""
+        file, movable = self.path.name, self._movable()
         for name in joints:
             if name not in movable:
                 yield f"joint {name!r} is not in {file}{suggest(name, movable)}"
-                continue
-            joint = model.getJointId(name)
-            at, freedoms = model.idx_qs[joint], model.nvs[joint]
-            lower, upper = model.lowerPositionLimit[at], model.upperPositionLimit[at]
-            if bounded and not (model.nqs[joint] == 1 and -np.inf < lower < upper < np.inf):
+            elif bounded and not self._is_bounded(self.robot.joints[name]):
                 yield f"joint {name!r} of {file} has no position limits"
-            elif freedoms != 1:
-                text = f"has {freedoms} degrees of freedom; a controller needs 1"
-                yield f"joint {name!r} of {file} {text}"
+
+    @staticmethod
+    def _is_bounded(joint: Joint) -> bool:
+        return joint.lower is not None and joint.upper is not None and joint.lower < joint.upper
 
     def _posture(self, positions: Mapping[str, float]) -> Vector:
         """Return a posture of all joints, those that follow others where these take them."""
@@ -168,11 +168,11 @@ class RobotModel:
             and position.tolist() == list(range(model.nq))
             and not continuous.any()
         )
-        endless = continuous | np.array([name in self._endless for name in self.joints])
-        self.lower: Vector = np.where(endless, -np.inf, model.lowerPositionLimit[position])
-        self.upper: Vector = np.where(endless, np.inf, model.upperPositionLimit[position])
-        self.velocity_limit: Vector = np.array(model.upperVelocityLimit)[self._in_velocity]
-        self.effort_limit: Vector = np.array(model.upperEffortLimit)[self._in_velocity]
+        joints = [self.robot.joints[name] for name in self.joints]
+        self.lower: Vector = _known([joint.lower for joint in joints], -np.inf)
+        self.upper: Vector = _known([joint.upper for joint in joints], np.inf)
+        self.velocity_limit: Vector = _known([joint.velocity for joint in joints], np.inf)
+        self.effort_limit: Vector = _known([joint.effort for joint in joints], np.inf)
 
     def _index_followers(self) -> None:
         """Find where the joints that follow one of `joints` are in Pinocchio's vectors."""
@@ -197,8 +197,7 @@ class RobotModel:
         return "N" if self._is_prismatic(joint) else "N·m"
 
     def _is_prismatic(self, joint: str) -> bool:
-        name: str = self.full.joints[self.full.getJointId(joint)].shortname()
-        return name.startswith("JointModelP") and "Planar" not in name
+        return self.robot.joints[joint].type == "prismatic"
 
     @cached_property
     def links(self) -> tuple[str, ...]:
@@ -375,8 +374,6 @@ def link_names(model: Any) -> tuple[str, ...]:
     return tuple(frame.name for frame in model.frames if frame.type == pin.FrameType.BODY)
 
 
-def _endless(root: Any) -> set[str]:
-    """Return the joints of a checked URDF that have no stops, as the plant reads it."""
-    joints = ((joint.get("name"), joint.find("limit")) for joint in root.findall("joint"))
-    keys = {name: () if limit is None else limit.attrib for name, limit in joints}
-    return {name for name, given in keys.items() if not {"lower", "upper"} & set(given)}
+def _known(values: Sequence[float | None], unlimited: float) -> Vector:
+    """Return limits of joints, with a number for those without one."""
+    return np.array([unlimited if value is None else value for value in values])

@@ -8,7 +8,6 @@ import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics.model import RobotModel, Vector
-from stepbus_kinematics.pinocchio_text import pinocchio_text
 from stepbus_schemas import WiringError
 
 
@@ -21,8 +20,7 @@ def collision_geometry(robot: RobotModel, srdf: Path | None = None) -> Any:
     """
     full = robot.full
     try:
-        text = pinocchio_text(robot.text, robot.path.parent)
-        geometry = pin.buildGeomFromUrdfString(full, text, pin.GeometryType.COLLISION)
+        geometry = pin.buildGeomFromUrdfString(full, robot.text, pin.GeometryType.COLLISION)
     except ValueError as exc:
         raise WiringError(f"cannot read the collision shapes of {robot.path}: {exc}") from exc
     _use_hulls(geometry)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from stepbus_participant import Mimic
+from stepbus_models import Mimic
 from stepbus_plant.engine import JointInfo
 from stepbus_plant.world import Actuation, JointSettings, OwnMode
 from stepbus_schemas import Description

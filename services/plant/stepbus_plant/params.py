@@ -6,6 +6,7 @@ from typing import Any, Literal
 
 import msgspec
 
+from stepbus_models import read_robot
 from stepbus_participant import (
     Duration,
     File,
@@ -225,9 +226,8 @@ class Params(Settings):
             _, world, problems = read_world(self.world)
             problems.refuse()
             for name, body in world.bodies.items():
-                problems.attempt(
-                    ("bodies", name, "urdf"), partial(refuse_missing_meshes, body.urdf)
-                )
+                robot = read_robot(body.urdf)
+                problems.attempt(("bodies", name, "urdf"), partial(refuse_missing_meshes, robot))
             problems.refuse()
         except WiringError as exc:
             for line in str(exc).splitlines():

@@ -3,23 +3,22 @@
 import dataclasses
 import itertools
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property, partial
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
-from xml.etree import ElementTree as ET
 
-from stepbus_participant import Mimic, Problems, mimics, parse_urdf, suggest, urdf_warnings
+from stepbus_models import Mimic, RobotDescription, read_robot
+from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
 from stepbus_plant.engine import BASE, JointInfo, Link, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
-from stepbus_plant.models import is_mjcf, loadable, pairs_without_collision
+from stepbus_plant.models import loadable, pairs_without_collision
 from stepbus_plant.params import Params
-from stepbus_plant.stock import fit
+from stepbus_plant.stock import fitted
 from stepbus_plant.world import Body, JointSettings
 from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
@@ -41,7 +40,7 @@ class Physics:
 
     bodies: their names, in the engine's order. joints: the movable ones by name, in the order of
     the bodies and of their models; `body/joint` if two bodies share a name. fixed: names of the
-    others. urdfs: each body's model as loaded. notes: (body, sentence): what the engine computes
+    others. robots: each body's model. notes: (body, sentence): what the engine computes
     otherwise than the models say. mistakes: in the world file. Without any, joints are at their
     start.
 
@@ -54,7 +53,7 @@ class Physics:
         self.world = world
         self.bodies = list(world.bodies)
         self.fixed: set[str] = set()
-        self.urdfs: list[bytes] = []
+        self.robots: list[RobotDescription] = []
         self.notes: list[tuple[str, str]] = []
         self.mistakes: list[tuple[Keys, str]] = []
         self._actuation = params.actuation
@@ -145,8 +144,9 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            with self._model(body.urdf, None if item is None else partial(fit, item)) as model:
-                root = None if is_mjcf(model) else parse_urdf(model.read_text(encoding="utf-8"))
+            robot = self._read(body.urdf)
+            robot = robot if item is None else fitted(item, robot)
+            with loadable(robot) as model:
                 number = self.engine.load(
                     model,
                     (body.position, quaternion(body.orientation_rpy)),
@@ -156,21 +156,21 @@ class Physics:
                     has_visuals=body.visuals,
                     is_smooth=item is not None,
                 )
-                if root is not None:
-                    self._refuse_shapeless(body.urdf, root, number)
-                self.urdfs.append(model.read_bytes())
+            if robot.format == "urdf":
+                self._refuse_shapeless(robot, number)
         except (PhysicsError, WiringError) as exc:
             file = f"{body.urdf}: " if isinstance(exc, PhysicsError) else ""
             self.mistakes.append((("bodies", name, "urdf"), f"{file}{exc}"))
             return
-        notes = [] if root is None else urdf_warnings(root)
-        self.notes += [(f"body {name}", note) for note in (*notes, *self.engine.notes(number))]
+        self.robots.append(robot)
+        warnings = robot.warnings if robot.format == "urdf" else ()
+        self.notes += [(f"body {name}", note) for note in (*warnings, *self.engine.notes(number))]
         infos = self.engine.joints(number)
-        if root is None:
+        if robot.format == "urdf":
+            followed = {joint.name: joint.mimic for joint in robot.joints.values() if joint.mimic}
+        else:
             self._coupled.add(number)
             followed = {i.name: Mimic(**i.leader._asdict()) for i in infos if i.leader}
-        else:
-            followed = mimics(root)
         movable = [info for info in infos if info.type in {"revolute", "prismatic"}]
         self.fixed |= {info.name for info in infos if info.type == "fixed"}
         if self.world.sleeping:
@@ -187,28 +187,24 @@ class Physics:
             self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
 
-    def _model(
-        self, path: Path, edit: Callable[[ET.Element], None] | None
-    ) -> AbstractContextManager[Path]:
-        """Return a model as the engine reads it; edit: see `loadable`."""
-        if not is_mjcf(path):
-            return loadable(path, edit)
-        if not self.engine.reads_mjcf:
+    def _read(self, path: Path) -> RobotDescription:
+        """Return a robot; raises WiringError for one that the engine does not read."""
+        robot = read_robot(path)
+        if robot.format == "mjcf" and not self.engine.reads_mjcf:
             raise WiringError(
                 f"{path}: is an MJCF, which engine {self.engine.name} does not read; "
                 "use `engine: mujoco`"
             )
-        return nullcontext(path)
+        return robot
 
-    def _refuse_shapeless(self, urdf: Path, root: ET.Element, number: int) -> None:
+    def _refuse_shapeless(self, robot: RobotDescription, number: int) -> None:
         """Raise WiringError for a link whose collision shapes the engine has dropped."""
         links = self.engine.links(number)
-        for link in root.findall("link"):
-            name, shape = link.get("name", ""), link.find("collision/geometry/*")
-            if shape is not None and not self.engine.is_solid(links[name]):
-                what = shape.get("filename", f"<{shape.tag}>")
+        for name, link in robot.links.items():
+            if link.collisions and not self.engine.is_solid(links[name]):
+                what = link.collisions[0].mesh or f"<{link.collisions[0].kind}>"
                 raise WiringError(
-                    f"{urdf}: link {name!r} has a <collision> with {what}, of which engine "
+                    f"{robot.path}: link {name!r} has a <collision> with {what}, of which engine "
                     f"{self.engine.name} makes no shape; give it a volume, or remove it"
                 )
 

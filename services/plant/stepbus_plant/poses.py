@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 from functools import cached_property
 
 from stepbus_participant import Problems, suggest
-from stepbus_plant.appearance import Appearance, read_appearances
+from stepbus_plant.appearance import Appearance, appearances
 from stepbus_plant.engine import BASE, Link
 from stepbus_plant.geometry import Pose
 from stepbus_plant.params import FixedPoint
 from stepbus_plant.physics import Physics
 from stepbus_plant.stock import Item
-from stepbus_schemas import Description, Point, Poses, Quaternion, WiringError
+from stepbus_schemas import Description, Point, Poses, Quaternion
 
 PLANOGRAM = "planogram"
 """Name of an output of type Poses/1 that shows where links belong, instead of the true poses."""
@@ -74,10 +74,7 @@ class PoseSensor:
 
     @cached_property
     def description(self) -> Description:
-        """Names of the links, with body, shapes and colour of each.
-
-        Raises WiringError for a URDF with shapes that cannot be parsed.
-        """
+        """Names of the links, with body, shapes and colour of each."""
         world = self._physics.world
         bodies = [self._physics.bodies[body] for body, _ in self._indices]
         shown = self._appearances()
@@ -96,18 +93,13 @@ class PoseSensor:
 
     def _appearances(self) -> list[Appearance]:
         """Return the appearance of each link; a point has none."""
-        appearances: dict[Link, Appearance] = {}
+        shown: dict[Link, Appearance] = {}
         for body in dict.fromkeys(body for body, _ in self._indices):
-            try:
-                by_name = read_appearances(self._physics.urdfs[body])
-            except WiringError as exc:
-                keys = ("bodies", self._physics.bodies[body], "urdf")
-                self._physics.world.source.refuse([(keys, str(exc))])
-                raise
+            by_name = appearances(self._physics.robots[body])
             links = self._engine.links(body).items()
-            appearances |= {link: by_name.get(name, Appearance()) for name, link in links}
+            shown |= {link: by_name.get(name, Appearance()) for name, link in links}
         return [
-            Appearance() if name in self._offsets else appearances[index]
+            Appearance() if name in self._offsets else shown[index]
             for name, index in zip(self.names, self._indices, strict=True)
         ]
 

@@ -1,12 +1,12 @@
 """Bodies that a class adds to a world, such as items on shelves."""
 
-import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Protocol
-from xml.etree import ElementTree as ET
 
+from stepbus_models import RobotDescription
 from stepbus_participant import Problems, Settings, is_installed, load_class
 from stepbus_participant.parameters import YamlFile, read
 from stepbus_plant.world import WorldFile
@@ -102,31 +102,17 @@ def _load(name: str, folder: Path) -> type[Stock]:
     return load_class(name, folder)
 
 
-def fit(item: Item, root: ET.Element) -> None:
-    """Edit the URDF of an item: name of the link, mass and inertia.
+def fitted(item: Item, robot: RobotDescription) -> RobotDescription:
+    """Return the robot of an item with the name, mass and inertia that the item has.
 
-    Raises WiringError for a mass or an inertia that cannot be scaled.
+    Raises WiringError for a model of several links, or without a mass that can be scaled.
     """
-    for link in root.findall("link"):
-        link.set("name", item.name)
-        mass, inertia = link.find("inertial/mass"), link.find("inertial/inertia")
-        if mass is None or inertia is None:
-            continue
-        factor = item.mass / _number(item, mass, "value", positive=True)
-        mass.set("value", repr(item.mass))
-        for key in inertia.keys():  # noqa: SIM118  an element, not a mapping
-            inertia.set(key, repr(_number(item, inertia, key) * factor))
-
-
-def _number(item: Item, element: ET.Element, key: str, *, positive: bool = False) -> float:
-    text = element.get(key, "")
-    try:
-        number = float(text)
-    except ValueError:
-        number = math.nan
-    if not math.isfinite(number) or (positive and number <= 0):
-        wanted = "a number above 0" if positive else "a number"
-        raise WiringError(
-            f"{item.urdf}: {key}={text!r} of <{element.tag}> must be {wanted} for an item"
-        )
-    return number
+    link = robot.links[robot.root]
+    inertial = link.inertial
+    if len(robot.links) > 1 or inertial is None or inertial.mass <= 0.0:
+        raise WiringError(f"{item.urdf}: an item must be one link with a mass above 0")
+    factor = item.mass / inertial.mass
+    xx, yy, zz, xy, xz, yz = (moment * factor for moment in inertial.moments)
+    scaled = replace(inertial, mass=item.mass, moments=(xx, yy, zz, xy, xz, yz))
+    links = {item.name: replace(link, name=item.name, inertial=scaled)}
+    return replace(robot, root=item.name, links=links)

@@ -8,11 +8,10 @@ import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from xml.etree import ElementTree as ET
 
+from stepbus_models import read_robot, urdf_text
 from stepbus_participant import scratch_folder
 from stepbus_plant.meshes import binary_stl, is_text_stl
-from stepbus_plant.models import mesh_path
 
 _READS = (".stl", ".obj", ".dae")
 
@@ -23,9 +22,10 @@ def readable(urdf: Path) -> Iterator[Path]:
 
     Raises WiringError for a mesh that cannot be read.
     """
-    root = ET.parse(urdf).getroot()  # noqa: S314  the file is the user's own
-    files = {m: mesh_path(m.get("filename", ""), urdf.parent) for m in root.iter("mesh")}
-    paths = {file: Path(file) for file in files.values()}
+    robot = read_robot(urdf)
+    shapes = (s for link in robot.links.values() for s in (*link.visuals, *link.collisions))
+    meshes = {shape.mesh for shape in shapes if shape.kind == "mesh"}
+    paths = {file: Path(file) for file in meshes}
     unread = sorted(f for f, p in paths.items() if p.suffix.lower() not in _READS or is_text_stl(p))
     if not unread:
         yield urdf
@@ -34,8 +34,6 @@ def readable(urdf: Path) -> Iterator[Path]:
         copies = {file: Path(folder) / f"{number}.stl" for number, file in enumerate(unread)}
         for file, copy in copies.items():
             copy.write_bytes(binary_stl(file))
-        for mesh, file in files.items():
-            mesh.set("filename", str(copies.get(file, file)))
         model = Path(folder) / urdf.name
-        ET.ElementTree(root).write(model, encoding="utf-8")
+        model.write_bytes(urdf_text(robot, meshes=copies).encode())
         yield model

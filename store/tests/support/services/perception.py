@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from stepbus_models import read_robot
 from stepbus_plant.camera import Camera, Lens
 from stepbus_plant.engine import BASE, Engine
 from stepbus_plant.engines import default_engine, open_engine
@@ -154,7 +155,7 @@ def _visual(name: str, text: str, color: tuple[float, float, float]) -> str:
 
 def load_fixed(engine: Engine, urdf: Path, position, rpy) -> int:
     """Return the number of a body that stands somewhere and looks as its model says."""
-    with loadable(urdf) as whole:
+    with loadable(read_robot(urdf)) as whole:
         return engine.load(
             whole,
             (tuple(position), quaternion(rpy)),

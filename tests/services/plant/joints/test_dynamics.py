@@ -2,10 +2,8 @@ import numpy as np
 import pinocchio
 import pytest
 from support.services.plant import (
-    LIMIT,
     MS,
     TWO_LINK,
-    WHEEL,
     body,
     digest,
     drive,
@@ -16,7 +14,7 @@ from support.tools import needs_pybullet
 
 from stepbus_plant import SimulatedPlant
 from stepbus_plant.engine import PhysicsError
-from stepbus_schemas import JointCommand, WiringError
+from stepbus_schemas import JointCommand
 
 
 def free_wheel(tmp_path, settings="{}", world=""):
@@ -117,22 +115,6 @@ def test_closing_a_plant_twice_leaves_the_next_one_alone(tmp_path):
     second = make_plant(tmp_path)
     first.close()
     assert idle(second, 1).sense().position[0] > 0
-
-
-@pytest.mark.parametrize(
-    ("joint_type", "instead"),
-    [
-        ("spherical", "three revolute"),
-        ("planar", "two prismatic"),
-        ("floating", "without `fixed_base` floats"),
-    ],
-)
-def test_joints_of_several_degrees_of_freedom_are_refused(tmp_path, joint_type, instead):
-    make_plant(tmp_path)
-    (tmp_path / "ball.urdf").write_text(WHEEL.format(type=joint_type, limit=LIMIT))
-    match = rf"ball\.urdf: joint 'axle' is {joint_type}, which is not supported; .*{instead}"
-    with pytest.raises(WiringError, match=match):
-        make_plant(tmp_path, body("b", "ball"))
 
 
 def test_the_params_physics_step_goes_over_the_worlds(tmp_path):

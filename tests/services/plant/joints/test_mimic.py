@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from stepbus_kinematics import RobotModel
-from stepbus_participant import parse_urdf
+from stepbus_models import read_robot
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
 from stepbus_plant.world_file import load_world
@@ -96,7 +96,7 @@ def test_a_follower_of_a_joint_that_stands_still_stands_where_that_takes_it(tmp_
     more = '<joint name="own" type="revolute"><parent link="b"/><child link="c"/>'
     path = tmp_path / "arm.urdf"
     path.write_text(f"{text}{more}{LIMIT}</joint></robot>")
-    assert len(parse_urdf(path.read_text()).findall("joint")) == 3
+    assert len(read_robot(path).joints) == 3
     robot = RobotModel(path, ["own"], posture={"lead": 0.4})
     assert robot.stance == pytest.approx([0.4, followed(0.4), 0.0])
 

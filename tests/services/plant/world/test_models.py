@@ -3,6 +3,7 @@
 import pytest
 from support.services.plant import LIMIT, make_plant
 
+from stepbus_models import read_robot
 from stepbus_participant import Endpoint, Ticket
 from stepbus_plant.engine import BASE
 from stepbus_plant.models import loadable
@@ -67,7 +68,7 @@ def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
     mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
     (tmp_path / "part.obj").touch()
     path.write_text(f'<robot name="half"><link name="only">{mesh}</link></robot>')
-    with loadable(path) as copy:
+    with loadable(read_robot(path)) as copy:
         assert f'"{tmp_path / "part.obj"}"' in copy.read_text()
     assert not copy.exists()
 
@@ -82,5 +83,5 @@ def test_the_copy_of_a_model_is_in_the_private_folder_of_the_run(tmp_path, monke
     monkeypatch.setenv("STEPBUS_TICKET", str(ticket))
     path = tmp_path / "half.urdf"
     path.write_text('<robot name="half"><link name="only"/></robot>')
-    with loadable(path) as copy:
+    with loadable(read_robot(path)) as copy:
         assert copy.is_relative_to(tmp_path / "private")

@@ -7,7 +7,6 @@ from support.services.devices import joint, link, make_stand, write_urdf
 from stepbus_plant import load_world
 from stepbus_plant.params import Params
 from stepbus_plant.plant import SimulatedPlant
-from stepbus_schemas import WiringError
 
 WORLD = """
 bodies:
@@ -80,14 +79,6 @@ def test_details_are_in_the_order_of_the_links_that_are_asked_for(tmp_path):
     said = describe(tmp_path, links=["two/arm", "one/base"])
     assert said.names == ["two/arm", "one/base"]
     assert said.details["body"] == ["two", "one"]
-
-
-def test_a_shape_that_cannot_be_understood_is_refused(tmp_path):
-    text = (
-        r"bodies\.one\.urdf: .*('size' does not have enough|size='1 2' of <box> is not 3 numbers)"
-    )
-    with pytest.raises(WiringError, match=text):
-        describe(tmp_path, '<box size="1 2"/>')
 
 
 def test_joints_tell_which_device_they_are_of(tmp_path):

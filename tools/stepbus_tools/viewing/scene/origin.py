@@ -12,7 +12,7 @@ from stepbus_tools.viewing.scene.pose import Pose, Vector, from_rpy
 from .bodies import Body
 from .model import Model, load_model
 
-_MODELS = (".urdf", ".xacro", ".sdf", ".xml")
+_MODELS = (".urdf", ".xacro", ".xml")
 
 
 class Origin:

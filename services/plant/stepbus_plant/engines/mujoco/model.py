@@ -16,7 +16,6 @@ from stepbus_plant.engine import BASE, JointInfo, Leader
 from stepbus_plant.engines.differences import PLANES, PYBULLET_CONTACT, refused
 from stepbus_plant.geometry import Pose
 from stepbus_plant.meshes import is_text_stl, load_mesh
-from stepbus_plant.models import mesh_path
 from stepbus_schemas import WiringError
 
 BOTH, SOLID, SEEN, NEITHER = 2, 3, 1, 5
@@ -112,7 +111,7 @@ def read_urdf(urdf: Path, friction: Mapping[str, float], *, has_visuals: bool, d
     for element in root.iterfind(".//*[@link='world']"):
         element.set("link", _ROOT)
     for mesh in root.iter("mesh"):
-        mesh.set("filename", str(Path(mesh_path(mesh.get("filename", ""), urdf.parent)).absolute()))
+        mesh.set("filename", str((urdf.parent / mesh.get("filename", "")).absolute()))
     links = root.findall("link")
     for link in links:
         link.set("name", _ROOT if link.get("name") == "world" else link.get("name", ""))

@@ -1,19 +1,16 @@
-"""Models in MJCF are read as the URDF that says the same: compared with MuJoCo itself."""
+"""MJCF as MuJoCo compiles it: compared with MuJoCo itself."""
 
-import os
 import struct
 import sys
 
 import numpy as np
 import pytest
-from support.mjcf import FINGER, SLIDE, converted, part, save
+from support.mjcf import FINGER, SLIDE, part, robot_of, save
+from support.services.plant import make_plant
 
 from stepbus_kinematics import RobotModel
-from stepbus_participant import ExtraMissing, parse_urdf, read_urdf_text
-from stepbus_participant.urdf_check import Mimic, mimics
-from stepbus_plant.params import Params
-from stepbus_plant.plant import SimulatedPlant
-from stepbus_plant.world_file import load_world
+from stepbus_models import Mimic, read_robot
+from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
 from stepbus_tools.viewing.scene.model import load_model
 
@@ -40,7 +37,7 @@ CART = """<mujoco model="cart"><default><geom size=".05" mass="1"/></default>
 </body></body></worldbody></mujoco>"""
 
 POLE = """<mujoco model="pole"><worldbody><body name="cart" pos="0 0 1" euler="0 0 90">
-<joint name="slide" type="slide" axis="1 0 0"/><geom type="box" size=".2 .1 .1" mass="2"/>
+<joint name="slide" type="slide" axis="1 0 0" ref=".3"/><geom type="box" size=".2 .1 .1" mass="2"/>
 <body name="pole"><joint name="hinge" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 .1 0 .5"
 size=".02" mass=".4"/></body></body></worldbody></mujoco>"""
 
@@ -77,33 +74,22 @@ def test_links_are_where_mujoco_has_their_bodies(tmp_path, name):
 
 
 @pytest.mark.parametrize("name", MODELS)
-@pytest.mark.parametrize("engine", ["mujoco"])
-def test_it_swings_as_in_mujoco(tmp_path, name, engine):
-    pytest.importorskip(engine, reason=f"{engine} is not installed")
+def test_a_controller_computes_the_torques_of_mujoco(tmp_path, name):
     model, data = standing(MODELS[name])
-    names = [model.joint(n).name for n in range(model.njnt)]
-    start = np.random.default_rng(3).uniform(-0.8, 0.8, len(names))
-    data.qpos[:] = start
-    if name != "pole":
-        # The world file, not the model, says how a root stands.
-        model.body_quat[1] = (1, 0, 0, 0)
-    mujoco.mj_step(model, data, 200)
-    save(tmp_path, MODELS[name])
-    rows = "".join(
-        f"{n}: {{position: {q!r}}}, " for n, q in zip(names, start.tolist(), strict=True)
-    )
-    world = save(
-        tmp_path,
-        f"physics_step: 1ms\nengine: {engine}\n"
-        f"bodies: {{arm: {{urdf: arm.xml, fixed_base: true, joints: {{{rows}}}}}}}",
-        "world.yaml",
-    )
-    plant = SimulatedPlant(load_world(world), Params(world=world), 1_000_000, 0)
-    for _ in range(200):
-        plant.advance()
-    states = dict(zip(plant.names, plant.sense().position, strict=True))
-    assert abs(data.qpos - start).max() > 0.02
-    assert [states[n] for n in names] == pytest.approx(data.qpos.tolist(), abs=1e-7)
+    top = 0 if name == "pole" else 1
+    mujoco.mj_kinematics(model, data)
+    gravity = data.xmat[top].reshape(3, 3).T @ model.opt.gravity
+    robot = RobotModel(save(tmp_path, MODELS[name]), gravity=gravity)
+    rows = np.array([model.joint(joint).qposadr[0] for joint in robot.joints])
+    q, v, a = np.random.default_rng(7).uniform(-1.0, 1.0, (3, len(rows)))
+    data.qpos[rows], data.qvel[rows], data.qacc[rows] = q, v, a
+    mujoco.mj_fwdPosition(model, data)
+    mujoco.mj_fwdVelocity(model, data)
+    torque = np.zeros(model.nv)
+    mujoco.mj_rne(model, data, 1, torque)
+    assert robot.inverse_dynamics(q, v, a) == pytest.approx(torque[rows], abs=1e-9)
+    inertials = [link.inertial for link in robot.robot.links.values() if link.inertial]
+    assert sum(row.mass for row in inertials) == pytest.approx(sum(model.body_mass), abs=1e-12)
 
 
 def stl(vertices, triangles):
@@ -132,10 +118,9 @@ def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, monkeypat
     )
     path = save(tmp_path, text, "model/arm.xml")
     monkeypatch.chdir(tmp_path)
-    text = read_urdf_text(path.relative_to(tmp_path))
-    assert text == read_urdf_text(path)
-    (mesh,) = parse_urdf(text).findall("link[@name='arm']/collision[@name='w']")
-    assert mesh.find("geometry/mesh").get("filename") == "../parts/wedge.stl"
+    robot = read_robot(path.relative_to(tmp_path))
+    (mesh,) = (shape for shape in robot.links["arm"].collisions if shape.kind == "mesh")
+    assert (tmp_path / "parts/wedge.stl").samefile(mesh.mesh)
     (seen,) = [v for v in load_model(path).links["arm"] if len(v.mesh.vertices) <= 12]
     rows = np.array(seen.mesh.vertices)
     turned = np.zeros(9)
@@ -162,43 +147,37 @@ def test_meshes_are_those_of_the_files_where_mujoco_has_them(tmp_path, monkeypat
     ],
 )
 def test_the_effort_of_a_joint_is_that_of_its_actuators(tmp_path, actuators, joint, effort):
-    robot = converted(tmp_path, part(f"<actuator>{actuators}</actuator>", joint=joint))
-    assert float(robot.find("joint[@name='hinge']/limit").get("effort")) == effort
+    robot = robot_of(tmp_path, part(f"<actuator>{actuators}</actuator>", joint=joint))
+    assert robot.joints["hinge"].effort == effort
 
 
 def test_limits_damping_friction_and_colours_are_taken(tmp_path):
     text = part(
         joint='range="-90 45" damping=".2" frictionloss=".3"',
         before='<asset><material name="red" rgba="1 0 0 1"/></asset>',
-        solid='material="red" friction=".4 .02 .001" condim="4"',
+        solid='material="red"',
     )
-    robot = converted(tmp_path, text)
-    joint, link = robot.find("joint[@name='hinge']"), robot.find("link[@name='arm']")
-    assert joint.get("type") == "revolute"
-    assert float(joint.find("limit").get("lower")) == pytest.approx(-np.pi / 2)
-    assert joint.find("dynamics").attrib == {"damping": "0.2", "friction": "0.3"}
-    assert link.find("visual/material/color").get("rgba") == "1.0 0.0 0.0 1.0"
-    frictions = {row.tag: row.get("value") for row in link.find("contact")}
-    assert frictions == {"lateral_friction": "0.4", "spinning_friction": "0.02"}
+    robot = robot_of(tmp_path, text)
+    joint = robot.joints["hinge"]
+    assert (joint.type, joint.damping, joint.friction) == ("revolute", 0.2, 0.3)
+    assert (joint.lower, joint.upper) == pytest.approx((-np.pi / 2, np.pi / 4))
+    assert robot.links["arm"].visuals[0].rgba == (1.0, 0.0, 0.0, 1.0)
 
 
 def test_a_slide_without_a_range_has_no_stops(tmp_path):
-    text = part(body=FINGER.replace('range="0 1"', ""))
-    robot = RobotModel(save(tmp_path, text), ["slide", "hinge"])
-    assert robot.lower.tolist() == [-np.inf, -np.inf]
-    assert robot.upper.tolist() == [np.inf, np.inf]
+    path = save(tmp_path, part(body=FINGER.replace('range="0 1"', "")))
+    assert RobotModel(path, ["slide", "hinge"]).upper.tolist() == [np.inf, np.inf]
     with pytest.raises(WiringError, match=r"of arm\.xml has no position limits"):
-        RobotModel(save(tmp_path, text), ["slide"], bounded=True)
+        RobotModel(path, ["slide"], bounded=True)
 
 
 def test_shapes_are_as_large_as_in_mujoco(tmp_path):
     shapes = ('box" size=".1 .2 .3', 'cylinder" size=".1 .2', 'capsule" size=".1 .2')
-    robot = converted(tmp_path, part(body="".join(f'<geom type="{shape}"/>' for shape in shapes)))
-    rows = robot.findall("link[@name='arm']/collision/geometry/*")[1:]
-    assert [(row.tag, row.attrib) for row in rows] == [
-        ("box", {"size": "0.2 0.4 0.6"}),
-        ("cylinder", {"radius": "0.1", "length": "0.4"}),
-        ("capsule", {"radius": "0.1", "length": "0.4"}),
+    robot = robot_of(tmp_path, part(body="".join(f'<geom type="{shape}"/>' for shape in shapes)))
+    assert [(shape.kind, shape.size) for shape in robot.links["arm"].collisions[1:]] == [
+        ("box", (0.2, 0.4, 0.6)),
+        ("cylinder", (0.1, 0.4)),
+        ("capsule", (0.1, 0.4)),
     ]
 
 
@@ -211,87 +190,92 @@ def test_joints_follow_others_as_mujoco_couples_them(tmp_path):
         '<joint joint1="slide" joint2="hinge" polycoef=".1 2 0 0 0"/>'
     )
     text = part(f"<equality>{rows}</equality>", body=body, joint='ref="30"')
-    followers = mimics(converted(tmp_path, text))
+    joints = robot_of(tmp_path, text).joints
     thirty, twenty = np.radians([30, 20])
     slide = Mimic(joint="hinge", multiplier=2.0, offset=0.1 - 2 * thirty)
-    far = 0.5 + twenty + 3 * slide.offset
-    assert followers["slide"] == slide
-    assert (followers["far"].joint, followers["far"].multiplier) == ("hinge", 6.0)
-    assert followers["far"].offset == pytest.approx(far)
+    assert joints["slide"].mimic == slide
+    far = joints["far"].mimic
+    assert (far.joint, far.multiplier) == ("hinge", 6.0)
+    assert far.offset == pytest.approx(0.5 + twenty + 3 * slide.offset)
     circle = rows.replace('joint2="hinge"', 'joint2="far"')
-    with pytest.raises(WiringError, match="joint 'far' follows itself"):
-        converted(tmp_path, text.replace(rows, circle))
+    with pytest.raises(WiringError, match="follows itself through its couplings"):
+        robot_of(tmp_path, text.replace(rows, circle))
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("<mujoco/>", "has 0 bodies in its <worldbody>"),
-        (
-            '<mujoco><worldbody><body name="a"/><body name="b"/></worldbody></mujoco>',
-            "'a' 'b' in its <worldbody>",
-        ),
         ("<mujoco><bod/></mujoco>", "MuJoCo cannot compile it: .*unrecognized element .*line 1"),
         ('<mujoco><include file="no.xml"/></mujoco>', "MuJoCo cannot compile it: .*'no.xml'"),
-        ('<mujoco><include file="arm.xml"/></mujoco>', "compile it: .*already included"),
-        ('<mujoco><include file="pipe"/></mujoco>', "'pipe' is not a regular file"),
-        (
-            '<mujoco><compiler meshdir="parts"/><asset><mesh file="../pipe"/></asset></mujoco>',
-            "'../pipe' is not a regular file",
-        ),
         ('<mujoco><asset><mesh file="no.stl"/></asset></mujoco>', "Error opening file .*no.stl"),
-        ('<mujoco><include file="more.xml"/></mujoco>', "more.xml: '/dev/zero' is not a regular"),
-        (
-            part(body="<body><joint/></body>"),
-            "mass and inertia of moving",
-        ),
-        (
-            part(body='<body pos="nan 0 0"/>'),
-            "xyz='nan 0.0 0.0' of <origin> is",
-        ),
+        (part(body="<body><joint/></body>"), "mass and inertia of moving"),
+        (part(body='<body pos="nan 0 0"/>'), "the position of a body is not finite"),
         ("<mujoco>", "arm.xml:1: is not XML"),
     ],
 )
 @pytest.mark.filterwarnings("ignore:.*NaN")
-def test_a_mistake_is_one_error(tmp_path, monkeypatch, text, message):
-    monkeypatch.chdir(tmp_path)
-    os.mkfifo(tmp_path / "pipe")
-    (tmp_path / "parts").mkdir()
-    save(tmp_path, '<mujoco><include file="/dev/zero"/></mujoco>', "more.xml")
+def test_a_mistake_is_one_error(tmp_path, text, message):
     with pytest.raises(WiringError, match=message):
-        converted(tmp_path, text)
+        robot_of(tmp_path, text)
 
 
-def test_files_that_are_included_are_read(tmp_path):
-    save(tmp_path, '<mujoco><default><geom density="10"/></default></mujoco>', "parts/soft.xml")
-    light = converted(tmp_path, part(before='<include file="parts/soft.xml"/>'))
-    mass = float(light.find("link[@name='arm']/inertial/mass").get("value"))
-    assert mass == pytest.approx(10 * 4 / 3 * np.pi * 0.1**3)
+SPRING = '<tendon><fixed name="t"><joint joint="hinge" coef="1"/></fixed></tendon>'
+BALL = '<body><joint name="b" type="ball"/><geom size=".1"/></body>'
 
 
-def test_models_that_are_attached_have_their_own_meshes(tmp_path):
-    corners = np.eye(4, 3, dtype=np.float32)
-    (tmp_path / "sub/parts").mkdir(parents=True)
-    content = stl(corners, [(0, 1, 2), (0, 3, 1), (1, 3, 2), (0, 2, 3)])
-    (tmp_path / "sub/parts/wedge.stl").write_bytes(content)
-    finger = """<mujoco model="sub"><compiler meshdir="parts"/><asset><mesh file="wedge.stl"/></asset>
-<worldbody><body name="finger"><joint name="f"/><geom type="mesh" mesh="wedge"/></body></worldbody>
-</mujoco>"""
-    save(tmp_path, finger, "sub/finger.xml")
-    model = '<asset><model name="sub" file="sub/finger.xml"/></asset>'
-    hands = "".join(f'<attach model="sub" body="finger" prefix="{n}_"/>' for n in ("left", "right"))
-    robot = converted(tmp_path, part(before=model, body=hands))
-    files = [mesh.get("filename") for mesh in robot.iterfind("link/collision/geometry/mesh")]
-    assert files == ["sub/parts/wedge.stl"] * 2
-    assert robot.find("joint[@name='right_f']/child").get("link") == "right_finger"
+@pytest.mark.parametrize(
+    ("text", "left_out"),
+    [
+        (part(body=BALL), "ball joints (b)"),
+        (part(joint='stiffness="5"'), "springs of joints (hinge)"),
+        (part(joint='armature=".1"'), "armature of joints (hinge)"),
+        (part(SPRING), "tendons (t)"),
+        (part('<equality><weld name="w" body1="arm"/></equality>'), "constraints (w)"),
+        (part().replace('name="arm"', 'name="arm" gravcomp="1"', 1), "gravity compensation of bodies (arm)"),
+        (part(body='<geom type="ellipsoid" size=".1 .2 .3"/>'), "shapes (ellipsoid of arm)"),
+        (part().replace("<worldbody>", '<worldbody><geom name="g" size="1"/>'), "geoms of the world (g)"),
+    ],
+)  # fmt: skip
+def test_what_a_description_has_no_words_for_is_named(tmp_path, text, left_out):
+    path = save(tmp_path, text)
+    lead = "controllers, views and exports leave out some of this MJCF: "
+    assert read_robot(path).warnings == (lead + left_out,)
+    assert load_model(path).notes == (lead + left_out,)
+
+
+def test_a_controller_refuses_a_ball_joint_by_name(tmp_path):
+    with pytest.raises(WiringError, match=r"joint 'b' of arm\.xml is a ball joint"):
+        RobotModel(save(tmp_path, part(body=BALL)), ["hinge"])
+
+
+def test_what_changes_nothing_is_left_out_silently(tmp_path):
+    extra = '<equality><weld body1="arm" active="false"/></equality>'
+    extra += '<keyframe><key qpos="1"/></keyframe><sensor><jointpos joint="hinge"/></sensor>'
+    seen = '<site/><camera/><light/><geom type="sphere" size="9" contype="0" conaffinity="0" group="4"/>'
+    robot = robot_of(tmp_path, part(extra, body=seen))
+    assert robot.warnings == ()
+    assert len(robot.links["arm"].visuals) == 1
+
+
+def test_several_bodies_are_below_the_world(tmp_path):
+    ball = '<body name="{0}"><joint name="j{0}"/><geom size=".1"/></body>'
+    text = f"<mujoco><worldbody>{ball.format('a')}{ball.format('b')}</worldbody></mujoco>"
+    robot = robot_of(tmp_path, text)
+    assert (robot.root, list(robot.joints)) == ("world", ["ja", "jb"])
+
+
+def test_engine_pybullet_refuses_it_in_one_sentence(tmp_path):
+    save(tmp_path, part())
+    with pytest.raises(WiringError, match=r"arm\.xml: engine pybullet does not load MJCF"):
+        make_plant(tmp_path, "  c: {urdf: arm.xml, fixed_base: true}\nengine: pybullet\n")
 
 
 def test_a_urdf_may_have_an_element_of_mujoco(tmp_path):
     text = '<robot name="r"><mujoco><compiler/></mujoco><link name="l"/></robot>'
-    assert read_urdf_text(save(tmp_path, text, "r.urdf")) == text
+    assert read_robot(save(tmp_path, text, "r.urdf")).format == "urdf"
 
 
 def test_without_the_package_mujoco_the_extra_is_named(tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "mujoco", None)
     with pytest.raises(ExtraMissing, match=r"arm\.xml needs mujoco, .*; pip install .*mujoco"):
-        converted(tmp_path, part())
+        robot_of(tmp_path, part())

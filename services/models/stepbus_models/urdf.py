@@ -1,0 +1,497 @@
+"""URDF, checked and read once: every problem with its line.
+
+Engines do not report problems: PyBullet reads `mass value="heavy"` as 0, takes a negative mass,
+computes with an inertia of zero where it is that of no body, and turns crossed limits into none.
+Pinocchio drops such an <inertial>. Where engines differ, the description says what all use: axes
+have the length 1, continuous joints no stops, and inertias are those of bodies.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote
+from xml.etree import ElementTree as ET
+from xml.parsers import expat
+
+from stepbus_participant import package_path, suggest
+from stepbus_schemas import Point, WiringError
+
+from .description import Inertial, Joint, Link, Mimic, Pose, RobotDescription, Shape
+from .inertia import balanced
+
+_MOVING = ("revolute", "continuous", "prismatic")
+_INSTEAD = {
+    "floating": "remove it and its parent link: a body without `fixed_base` floats",
+    "planar": "use two prismatic joints and a revolute one",
+    "spherical": "use three revolute joints",
+}
+"""Type of a joint that is not supported → what to use."""
+_TYPES = (*_MOVING, "fixed", *_INSTEAD)
+_DIAGONAL = ("ixx", "iyy", "izz")
+_MOMENTS = (*_DIAGONAL, "ixy", "ixz", "iyz")
+_SIZES = {
+    "box": {"size": 3},
+    "sphere": {"radius": 1},
+    "cylinder": {"radius": 1, "length": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?")
+_INFINITE = re.compile(r"\b(nan|inf(inity)?)\b|[eE]\+?\d{3}", re.IGNORECASE)
+_DECLARATION = re.compile(r"<\?xml[^?]*\?>")
+_SHOWN = 5
+_NOISE = 1e-12
+"""Moments of inertia below this are rounding errors of the program that wrote them [kg·m²]."""
+_ROUNDING = 1e-12
+"""Of an axis of length 1."""
+
+
+class Element(ET.Element):
+    """An element of a URDF; line: counted from 1."""
+
+    line = 0
+
+
+def parse(text: str) -> Element:
+    """Return the root element of XML; raises expat.ExpatError where the text is none."""
+    parser = expat.ParserCreate()
+
+    def make(tag: Any, attributes: Any, /) -> Element:
+        element = Element(tag, attributes)
+        element.line = parser.CurrentLineNumber
+        return element
+
+    builder: ET.TreeBuilder = ET.TreeBuilder(element_factory=make)
+    parser.StartElementHandler = builder.start
+    parser.EndElementHandler = builder.end
+    # As engines do: blank lines or comments before the declaration, a zero behind the end.
+    parser.Parse(_DECLARATION.sub("", text, count=1).rstrip("\0 \t\r\n"), True)
+    root: Any = builder.close()
+    return root  # type: ignore[no-any-return]  # what the factory made
+
+
+def read_urdf(root: Element, path: Path, text: str, *, is_made: bool) -> RobotDescription:
+    """Return the robot of a URDF.
+
+    text: that `root` was parsed from; is_made: by expansion, so its lines are not those of `path`.
+    Raises WiringError that lists every problem, one a line.
+    """
+    reader = _Reader(path, root, is_made=is_made)
+    robot = reader.robot(text)
+    if robot is None or reader.problems:
+        rows = sorted(reader.problems)
+        lines = (f"{path}: {row}" if is_made else f"{path}:{line}: {row}" for line, row in rows)
+        raise WiringError("\n".join(lines))
+    return robot
+
+
+class _Reader:
+    """Reads a robot, and collects its problems: line and message."""
+
+    def __init__(self, path: Path, root: Element, *, is_made: bool) -> None:
+        self.problems: list[tuple[int, str]] = []
+        self._folder, self._root = path.absolute().parent, root
+        self._path, self._is_made = path, is_made
+        self._warnings: list[str] = []
+        self._links: Sequence[Any] = root.findall("link")
+        self._joints: Sequence[Any] = root.findall("joint")
+        self._by_name: dict[Any, Any] = {link.get("name"): link for link in self._links}
+        self._moving = {j.get("name"): j for j in self._joints if j.get("type") in _MOVING}
+        self._children: dict[Any, list[Any]] = {}
+        for joint in self._joints:
+            self._children.setdefault(_end(joint, "parent"), []).append(_end(joint, "child"))
+        self._palette: dict[str | None, Any] = {}
+        for material in (*root.findall("material"), *root.iter("material")):
+            if (color := material.find("color")) is not None:
+                self._palette.setdefault(material.get("name"), color)
+
+    def robot(self, text: str) -> RobotDescription | None:
+        """Return the robot; None: its links and joints are no tree."""
+        if self._root.tag != "robot":
+            text = f"is not a URDF: its root is <{self._root.tag}>, not <robot>"
+            self._problem(self._root, text)
+            return None
+        self._check_names()
+        for joint in self._joints:
+            self._check_ends(joint)
+        # Where links and joints are unclear, nothing is known about their tree.
+        root = None if self.problems else self._check_tree()
+        links = {link.get("name"): self._link(link) for link in self._links}
+        joints = {joint.get("name"): self._joint(joint) for joint in self._joints}
+        if root is None:
+            return None
+        self._check_massless(links, joints)
+        return RobotDescription(
+            name=self._root.get("name", ""),
+            path=self._path,
+            format="urdf",
+            root=root,
+            links=links,
+            joints=joints,
+            warnings=tuple(self._warnings),
+            text=text,
+        )
+
+    def _problem(self, element: Any, text: str) -> None:
+        self.problems.append((element.line, text))
+
+    def _line(self, element: Any) -> int:
+        return 0 if self._is_made else int(element.line)
+
+    # --- the tree -------------------------------------------------------------------------
+
+    def _check_names(self) -> None:
+        """Find links and joints without a name, or with that of another one."""
+        if not self._links:
+            self._problem(self._root, "has no <link>")
+        for elements in (self._links, self._joints):
+            lines: dict[str, int] = {}
+            for element in elements:
+                name = element.get("name")
+                if not name:
+                    self._problem(element, f"a <{element.tag}> has no name")
+                elif name in lines:
+                    text = f"{_who(element)} is defined twice, first in line {lines[name]}"
+                    self._problem(element, text)
+                else:
+                    lines[name] = element.line
+
+    def _check_ends(self, joint: Any) -> None:
+        """Find what is wrong with type and links of a joint."""
+        who, kind = _who(joint), joint.get("type")
+        if kind not in _TYPES:
+            self._problem(joint, f"{who}: unknown type {kind!r}{suggest(kind, _TYPES)}")
+        elif kind in _INSTEAD:
+            self._problem(joint, f"{who} is {kind}, which is not supported; {_INSTEAD[kind]}")
+        for end in ("parent", "child"):
+            name = _end(joint, end)
+            if name is None:
+                self._problem(joint, f'{who} has no <{end} link="…"/>')
+            elif name not in self._by_name:
+                text = f"{who}: unknown {end} link {name!r}{suggest(name, self._by_name)}"
+                self._problem(joint.find(end), text)
+
+    def _check_tree(self) -> str | None:
+        """Return the root link; None: the joints make no tree of the links."""
+        parents: dict[str, Any] = {}
+        for joint in self._joints:
+            child = _end(joint, "child")
+            first = parents.setdefault(child, joint)
+            if first is not joint:
+                names = f"{first.get('name')!r} and {joint.get('name')!r}"
+                text = f"link {child!r} is the child of joints {names}"
+                text = f"{text}; a robot must be a tree, closed chains are not supported"
+                self._problem(joint, text)
+        roots = [name for name in self._by_name if name not in parents]
+        if len(roots) > 1:
+            text = f"has {len(roots)} roots: {_some(roots)}; connect them with joints"
+            self._problem(self._by_name[roots[1]], text)
+            return None
+        reached = {name for root in roots for name in self._carried(root)}
+        circle = [name for name in self._by_name if name not in reached]
+        if circle:
+            text = f"links {_some(circle)} form a closed chain of joints; a robot must be a tree"
+            self._problem(parents[circle[0]], text)
+        return roots[0] if roots else None
+
+    def _carried(self, link: str) -> list[str]:
+        """Return a link and those that its joints carry."""
+        names, left = {link: None}, [link]
+        while left:
+            below = self._children.get(left.pop(), [])
+            left += [child for child in below if child not in names]
+            names |= dict.fromkeys(below)
+        return list(names)
+
+    def _check_massless(self, links: dict[str, Link], joints: dict[str, Joint]) -> None:
+        """Find joints that move nothing but links declared as massless."""
+        for joint in filter(lambda joint: joint.moves, joints.values()):
+            inertials = [links[name].inertial for name in self._carried(joint.child)]
+            # A link without <inertial> is no mistake: it weighs next to nothing.
+            if not all(inertial is not None and inertial.mass == 0 for inertial in inertials):
+                continue
+            if any(inertials[0].moments if inertials[0] else ()):
+                moved = f"is moved by joint {joint.name!r}"
+                text = f"link {joint.child!r} has mass 0 but an inertia, and {moved}"
+                self._problem(self._by_name[joint.child].find("inertial/mass"), text)
+            else:
+                self._warnings.append(
+                    f"joint {joint.name!r} moves link {joint.child!r}, whose mass and inertia are "
+                    "0: PyBullet does not move it; remove its <inertial> to give it a negligible "
+                    "mass"
+                )
+
+    # --- links ----------------------------------------------------------------------------
+
+    def _link(self, link: Any) -> Link:
+        contact = {}
+        for value in link.findall("contact/*"):
+            # What has no value is a switch.
+            is_switch = "value" not in value.attrib
+            contact[value.tag] = 1.0 if is_switch else self._number(link, value, "value")
+        return Link(
+            name=link.get("name", ""),
+            inertial=self._inertial(link),
+            visuals=tuple(self._shapes(link, "visual")),
+            collisions=tuple(self._shapes(link, "collision")),
+            contact=contact,
+            line=self._line(link),
+        )
+
+    def _inertial(self, link: Any) -> Inertial | None:
+        who, inertials = _who(link), link.findall("inertial")
+        if not inertials:
+            return None
+        if len(inertials) > 1:
+            text = f"{who} has {len(inertials)} <inertial>; only one is allowed"
+            self._problem(inertials[1], text)
+        parts = {tag: inertials[0].find(tag) for tag in ("mass", "inertia")}
+        for tag, part in parts.items():
+            if part is None:
+                text = "; a massless link needs no <inertial>" if tag == "mass" else ""
+                self._problem(inertials[0], f"{who}: its <inertial> has no <{tag}>{text}")
+        if None in parts.values():
+            return None
+        before = len(self.problems)
+        mass = self._number(link, parts["mass"], "value", least=0.0)
+        xx, yy, zz, xy, xz, yz = (
+            self._number(link, parts["inertia"], key, least=-_NOISE if key in _DIAGONAL else None)
+            for key in _MOMENTS
+        )
+        pose = self._pose(link, inertials[0])
+        if len(self.problems) > before:
+            return None
+        repaired, warning = balanced((xx, yy, zz, xy, xz, yz))
+        self._warnings += [f"{who}: {warning}"] if warning else []
+        return Inertial(mass=mass, moments=repaired, pose=pose)
+
+    def _shapes(self, link: Any, tag: str) -> Iterator[Shape]:
+        for element in link.findall(tag):
+            geometry = element.find("geometry/*")
+            if geometry is None:
+                continue
+            kind = geometry.tag
+            if kind not in {*_SIZES, "mesh", "plane"}:
+                known = ", ".join([*_SIZES, "mesh"])
+                text = f"{_who(link)}: a <{tag}> is a <{kind}>, which is not one of {known}"
+                self._problem(geometry, text)
+                continue
+            yield Shape(
+                kind=kind,
+                size=tuple(self._size(link, geometry)),
+                mesh=self._mesh(link, geometry) if kind == "mesh" else "",
+                pose=self._pose(link, element),
+                rgba=self._rgba(link, element),
+                is_concave=element.get("concave") == "yes",
+                line=self._line(geometry),
+            )
+
+    def _size(self, link: Any, geometry: Any) -> list[float]:
+        if geometry.tag == "plane":
+            return list(self._vector(link, geometry, "normal", (0.0, 0.0, 1.0)))
+        if geometry.tag == "mesh":
+            if "scale" not in geometry.attrib:
+                return [1.0, 1.0, 1.0]
+            count = 1 if len(geometry.get("scale").split()) == 1 else 3
+            return self._numbers(link, geometry, "scale", count) * (3 // count)
+        sizes = _SIZES[geometry.tag].items()
+        return [x for key, count in sizes for x in self._numbers(link, geometry, key, count)]
+
+    def _mesh(self, link: Any, geometry: Any) -> str:
+        """Return the absolute path of a mesh; its name, if there is no such file.
+
+        PyBullet searches a name, or the folder of a package, in the folders above the URDF too.
+        """
+        name = geometry.get("filename", "")
+        try:
+            if name.startswith("package://"):
+                paths = [package_path(name, self._folder)]
+            else:
+                file = unquote(name.removeprefix("file://")) if "://" in name else name
+                paths = [folder / file for folder in (self._folder, *self._folder.parents)]
+        except WiringError as exc:
+            if ".." in name.split("/"):
+                self._problem(geometry, f"{_who(link)}: {exc}")
+            return str(name)
+        return next((str(path) for path in paths if is_file(path)), str(name))
+
+    def _rgba(self, link: Any, element: Any) -> tuple[float, ...] | None:
+        material = element.find("material")
+        if material is None:
+            return None
+        own = material.find("color")
+        color = self._palette.get(material.get("name")) if own is None else own
+        return None if color is None else tuple(self._numbers(link, color, "rgba", 4))
+
+    # --- joints ---------------------------------------------------------------------------
+
+    def _joint(self, joint: Any) -> Joint:
+        who, kind = _who(joint), joint.get("type")
+        limits = self._limits(joint, who, kind) if kind in _MOVING else {}
+        is_endless = kind == "continuous" or "lower" not in limits
+        dynamics = joint.find("dynamics")
+        resistance = {} if dynamics is None else self._given(joint, dynamics, "damping", "friction")
+        if kind == "revolute" and is_endless:
+            kind = "continuous"
+        return Joint(
+            name=joint.get("name", ""),
+            type=kind,
+            parent=_end(joint, "parent") or "",
+            child=_end(joint, "child") or "",
+            pose=self._pose(joint, joint),
+            axis=self._axis(joint, who) if kind in _MOVING else (1.0, 0.0, 0.0),
+            lower=None if is_endless else limits.get("lower"),
+            upper=None if is_endless else limits.get("upper"),
+            effort=limits.get("effort"),
+            velocity=limits.get("velocity"),
+            **resistance,
+            mimic=self._mimic(joint, who) if kind in _MOVING else None,
+            line=self._line(joint),
+        )
+
+    def _limits(self, joint: Any, who: str, kind: str) -> dict[str, float]:
+        """Return the limits of a joint: effort and velocity too, where it has any."""
+        limit, is_bounded = joint.find("limit"), kind in ("revolute", "prismatic")
+        if limit is None:
+            if is_bounded:
+                instead = ", or make it continuous" if kind == "revolute" else ""
+                text = f"{who} is {kind} and has no <limit>; give lower, upper, effort and velocity"
+                self._problem(joint, f"{text}{instead}")
+            return {}
+        motor = self._given(joint, limit, "effort", "velocity", least=0.0)
+        values = {"effort": 0.0, "velocity": 0.0, **motor}
+        values |= self._given(joint, limit, "lower", "upper")
+        given = [key for key in ("lower", "upper") if key in values]
+        if is_bounded and len(given) == 1:
+            text = f"{who} has one limit, {given[0]!r}; give both lower and upper"
+            self._problem(limit, text)
+        elif is_bounded and not given:
+            remedy = "make it continuous, or give both" if kind == "revolute" else "give both"
+            self._warnings.append(
+                f"{who} is {kind} without lower and upper, which stand for 0 and 0 in a URDF; it "
+                f"moves without stops: {remedy}"
+            )
+        elif is_bounded and values["lower"] > values["upper"]:
+            text = f"{who}: lower {values['lower']:g} is above upper {values['upper']:g}"
+            self._problem(limit, text)
+        return values
+
+    def _mimic(self, joint: Any, who: str) -> Mimic | None:
+        mimic = joint.find("mimic")
+        if mimic is None:
+            return None
+        name = mimic.get("joint")
+        if name not in self._moving:
+            text = f"{who} follows joint {name!r}, which is not a movable joint"
+            self._problem(mimic, text + suggest(name, self._moving))
+        elif (other := self._moving[name].find("mimic")) is not None:
+            followed = other.get("joint")
+            text = (
+                f"{who} follows {name!r}, which follows {followed!r}; make both follow {followed!r}"
+            )
+            self._problem(mimic, text)
+        return Mimic(joint=name, **self._given(joint, mimic, "multiplier", "offset"))
+
+    def _axis(self, joint: Any, who: str) -> Point:
+        """Return the axis of a joint that moves, with the length 1."""
+        axis = joint.find("axis")
+        text = None if axis is None else axis.get("xyz")
+        if text is not None and not _INFINITE.search(text) and not _floats(text):
+            self._problem(axis, f"{who}: its axis {text!r} must be three numbers")
+            return 1.0, 0.0, 0.0
+        vector = self._vector(joint, axis, "xyz", (1.0, 0.0, 0.0))
+        length = math.hypot(*vector)
+        if not length:
+            self._problem(axis, f"{who}: its axis is 0 0 0, which has no direction")
+            return 1.0, 0.0, 0.0
+        if abs(length - 1.0) < _ROUNDING:
+            return vector
+        x, y, z = (part / length for part in vector)
+        return x, y, z
+
+    # --- numbers --------------------------------------------------------------------------
+
+    def _pose(self, owner: Any, element: Any) -> Pose:
+        origin = element.find("origin")
+        xyz, rpy = (self._vector(owner, origin, key, (0.0, 0.0, 0.0)) for key in ("xyz", "rpy"))
+        return Pose(xyz=xyz, rpy=rpy)
+
+    def _vector(self, owner: Any, element: Any, key: str, default: Point) -> Point:
+        """Return three numbers; with a warning, what PyBullet reads where they are others."""
+        text = None if element is None else element.get(key)
+        if text is None:
+            return default
+        if _INFINITE.search(text):
+            where = f"{key}={text!r} of <{element.tag}>"
+            self._problem(element, f"{_who(owner)}: {where} is not finite")
+            return default
+        words = text.split()
+        numbers = [float(word) if _NUMBER.fullmatch(word) else 0.0 for word in words]
+        x, y, z = [*numbers, 0.0, 0.0, 0.0][:3]
+        if len(_floats(text)) != 3:
+            self._warnings.append(
+                f"{_who(owner)}: {key}={text!r} of <{element.tag}> must be three numbers; "
+                f"{x:g} {y:g} {z:g} is used"
+            )
+        return x, y, z
+
+    def _number(self, owner: Any, element: Any, key: str, *, least: float | None = None) -> float:
+        """Return the number of an attribute; 0 where it has none, or one below the least."""
+        numbers = _floats(element.get(key, ""))
+        if len(numbers) == 1 and (least is None or numbers[0] >= least):
+            return numbers[0]
+        given = f"{key}={element.get(key)!r}" if key in element.attrib else f"a missing {key}"
+        wanted = "a finite number" if least is None else "a finite number, at least 0"
+        self._problem(element, f"{_who(owner)}: {given} of <{element.tag}> must be {wanted}")
+        return 0.0
+
+    def _given(
+        self, owner: Any, element: Any, *keys: str, least: float | None = None
+    ) -> dict[str, float]:
+        """Return the numbers of those attributes that an element has."""
+        given = [key for key in keys if key in element.attrib]
+        return {key: self._number(owner, element, key, least=least) for key in given}
+
+    def _numbers(self, owner: Any, element: Any, key: str, count: int) -> list[float]:
+        """Return the numbers of an attribute; zeros where it has others."""
+        text = element.get(key, "")
+        numbers = _floats(text)
+        if len(numbers) == count:
+            return numbers
+        self._problem(
+            element,
+            f"{_who(owner)}: {key}={text!r} of <{element.tag}> is not "
+            f"{count} number{'s' * (count > 1)}",
+        )
+        return [0.0] * count
+
+
+def is_file(path: Path) -> bool:
+    """Return whether a path is a file; no for one that no system can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def _who(element: Any) -> str:
+    return f"{element.tag} {element.get('name')!r}"
+
+
+def _end(joint: Any, end: str) -> Any:
+    """Return the name of a joint's `parent` or `child` link."""
+    element = joint.find(end)
+    return None if element is None else element.get("link")
+
+
+def _some(names: Sequence[Any]) -> str:
+    return ", ".join([*names[:_SHOWN], *(["…"] if len(names) > _SHOWN else [])])
+
+
+def _floats(text: str) -> list[float]:
+    """Return the finite numbers of a text; nothing where one is not."""
+    words = text.split()
+    numbers = [float(word) for word in words if _NUMBER.fullmatch(word)]
+    is_whole = len(numbers) == len(words) and all(map(math.isfinite, numbers))
+    return numbers if is_whole else []
