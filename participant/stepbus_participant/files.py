@@ -37,7 +37,7 @@ def package_path(url: str, folder: Path | None = None) -> Path:
     of that name that has the file, in `folder` or above it.
     Raises WiringError when there is no such package, or when the path leads out of it.
     """
-    package, _, rest = url.removeprefix("package://").partition("/")
+    package, _, rest = url.removeprefix("package://").lstrip("/").partition("/")
     if rest.startswith("/") or ".." in rest.split("/"):
         raise WiringError(f"{url} points outside its package; name a file inside it, without `..`")
     if (installed := _installed(package)) is not None:

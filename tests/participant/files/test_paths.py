@@ -16,6 +16,7 @@ def test_a_package_url_does_not_lead_out_of_its_package(tmp_path, path):
 
 def test_a_package_url_finds_a_file_of_the_package(tmp_path):
     assert find_file("package://stepbus_scenarios/two_link/world.yaml", tmp_path).is_file()
+    assert find_file("package:///stepbus_scenarios/two_link/world.yaml", tmp_path).is_file()
 
 
 def test_a_package_that_is_not_installed_may_be_a_folder_above(tmp_path):
