@@ -141,8 +141,8 @@ def _table(header: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def _number(value: float) -> str:
-    if value > _INFINITE:
-        return "∞"
+    if not value <= _INFINITE:
+        return "∞" if value > _INFINITE else "–"
     return f"{value:.0e}" if value else "0"
 
 
