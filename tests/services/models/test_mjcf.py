@@ -276,7 +276,9 @@ def test_several_bodies_are_below_the_world(tmp_path):
 
 def test_engine_pybullet_refuses_it_in_one_sentence(tmp_path):
     save(tmp_path, part())
-    with pytest.raises(WiringError, match=r"arm\.xml: is an MJCF, which engine pybullet does not read"):
+    with pytest.raises(
+        WiringError, match=r"arm\.xml: is an MJCF, which engine pybullet does not read"
+    ):
         make_plant(tmp_path, "  c: {urdf: arm.xml, fixed_base: true}\nengine: pybullet\n")
 
 

@@ -31,10 +31,10 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
 @pytest.mark.parametrize(
     ("found", "sentence"),
     [
-        ("<torus radius='1'/>", "geometry specification not found"),
-        ("<box size='1 2'/>", "attribute 'size' does not have enough data"),
+        ("<torus radius='1'/>", "link 'base': a <collision> is a <torus>"),
+        ("<box size='1 2'/>", "size='1 2' of <box> is not 3 numbers"),
         ("<box size='1 0 1'/>", "size 1 must be positive"),
-        ("<sphere radius='x'/>", "bad format in attribute 'radius'"),
+        ("<sphere radius='x'/>", "radius='x' of <sphere> is not 1 number"),
         ('<plane normal="0 0 1"/>', "link 'base': engine mujoco does not support a `<plane>`"),
     ],
 )
