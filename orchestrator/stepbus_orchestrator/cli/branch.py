@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from stepbus_orchestrator.analysis.diff import Diff
 from stepbus_orchestrator.analysis.divergence import port_lines
-from stepbus_orchestrator.cli.parameters import RECORDING, Json, Trust, command
-from stepbus_orchestrator.cli.rerun import OUT, new_folder
-from stepbus_orchestrator.cli.run import Names, after_run
+from stepbus_orchestrator.cli.rerun import new_folder
+from stepbus_orchestrator.cli.run import after_run
 from stepbus_orchestrator.cli.signals import interruptible
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer, print_error, say
@@ -16,7 +15,7 @@ from stepbus_orchestrator.cli.trust import check_trust
 from stepbus_orchestrator.errors import ExitCode, OutputExists
 from stepbus_orchestrator.plugins import view
 from stepbus_orchestrator.recording import Recording
-from stepbus_orchestrator.replay.branch import Branch, BranchPlan, branch
+from stepbus_orchestrator.replay.branch import Branch, BranchPlan
 from stepbus_orchestrator.replay.branch_change import Variant, variants
 from stepbus_participant import ExtraMissing
 from stepbus_schemas import WiringError
@@ -24,62 +23,42 @@ from stepbus_schemas import WiringError
 _PICTURE = "variants.png"
 
 
-@command(
-    group="test",
-    of=branch,
-    is_run=True,
-    recording=RECORDING,
-    out=OUT,
-    at={"metavar": "STEP"},
-    calls={"flag": "--call", "metavar": "CALL"},
-    faults={"flag": "--fault", "metavar": "FAULT"},
-    checkpoints={
-        "flag": "--no-checkpoints",
-        "help": "replay from step 0, without the saved checkpoints",
-    },
-)
 def branch_command(
+    recording: Path,
     *,
-    vary: Annotated[Sequence[str], {"metavar": "PATH=VALUE,VALUE"}] = (),
-    plot: Annotated[Sequence[str], {"metavar": "SIGNAL"}] = (),
-    debug: Names = (),
-    no_report: bool = False,
-    json: Json = False,
-    trust: Trust = False,
-    **given: Any,
-) -> Answer:
-    """Replay a recording up to a step, then run live with your changes.
-
-    Replays a recording up to a step, then continues as a live run with your changes. Until that
-    step, every participant gets its recorded inputs as fast as it can process them and must publish
-    the recorded outputs; the first one that diverges is reported (exit code 10). Without a change,
-    the new recording is byte-identical to the old one. A changed participant also gets its recorded
-    inputs; its own outputs are used from that step on. A recording contains programs: those
-    that are not in your scenario's folder start only with --trust.
-
-    vary: make one branch per value, and one picture of all branches; may be repeated. plot: signal
-    in that picture, as in `stepbus plot`; default: the joint errors. debug: run a participant in
-    this terminal without deadlines, for a debugger. no_report: do not write report.html and
-    report.png.
-
-    $ stepbus branch run.mcap --at 1200
-    $ stepbus branch run.mcap --at 6s --set controller.params.kp=90
-    $ stepbus branch run.mcap --at 1200 --vary controller.params.kp=50,100,200
-    $ stepbus branch run.mcap --at 1200 --fault 'freeze plant at 1300 for 200ms'
-    $ stepbus branch run.mcap --at 1200 --debug controller
-    """
-    recording, overrides, in_process = given["recording"], given.pop("set"), given.pop("in_process")
-    out = given.pop("out") or new_folder(recording, f"at-{given['at']}")
+    at: str,
+    out: Path | None,
+    set: Sequence[str],
+    calls: Sequence[str],
+    faults: Sequence[str],
+    in_process: bool,
+    no_checkpoints: bool,
+    vary: Sequence[str],
+    plot: Sequence[str],
+    debug: Sequence[str],
+    no_report: bool,
+    json: bool,
+    trust: bool,
+) -> int:
+    """Replay a recording up to a step, then run live with the changes."""
+    out = out or new_folder(recording, f"at-{at}")
     check_trust(Recording(recording), trust=trust)
-    is_changed = bool(overrides or vary or given["calls"] or given["faults"])
+    is_changed = bool(set or vary or calls or faults)
     if vary and out.exists() and any(out.iterdir()):
         raise OutputExists(f"{out} is not empty; choose another --out")
     if vary and debug:
         raise WiringError("--debug cannot be combined with --vary; choose one value with --set")
     branches: list[tuple[Variant, Branch]] = []
     for variant in variants(vary):
-        given["overrides"] = [*overrides, *variant.overrides]
-        plan = BranchPlan(**given, out=out / variant.folder)
+        plan = BranchPlan(
+            recording,
+            at,
+            out / variant.folder,
+            [*set, *variant.overrides],
+            calls=calls,
+            faults=faults,
+            checkpoints=not no_checkpoints,
+        )
         done = _run(plan, variant, debug, json=json, in_process=in_process)
         branches.append((variant, done))
         if vary and not json:
@@ -87,7 +66,8 @@ def branch_command(
         if done.result.exit_code == ExitCode.INTERRUPTED:
             break
     if not vary:
-        return _answer(done, is_changed=is_changed, has_plots=not no_report)
+        answer = _answer(done, is_changed=is_changed, has_plots=not no_report)
+        return answer.show(as_json=json)
     picture = None if no_report else _picture(recording, out, branches, plot)
     rows = branches if json else ()
     return Answer(
@@ -97,7 +77,7 @@ def branch_command(
         },
         lines=[] if picture is None else [f"picture   {picture}"],
         code=max(branch.result.exit_code for _, branch in branches),
-    )
+    ).show(as_json=json)
 
 
 def _run(

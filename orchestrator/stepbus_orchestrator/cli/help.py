@@ -1,11 +1,8 @@
 """`stepbus help`."""
 
-from typing import Annotated
-
-from stepbus_orchestrator.cli.commands import make_parser
-from stepbus_orchestrator.cli.overview import command_names, overview
-from stepbus_orchestrator.cli.parameters import command
+from stepbus_orchestrator.cli.overview import command_names, load_command, overview
 from stepbus_orchestrator.cli.terminal.output import say
+from stepbus_orchestrator.cli.words import help_page
 from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
@@ -44,24 +41,14 @@ _WHICH = (
 """Command, what you have, what it answers, an example."""
 
 
-@command()
-def help_command(topic: Annotated[str, {"complete": "command"}] = "") -> int:
-    """Show the help of a command, or help to choose a command.
-
-    Shows what a command does, its options and examples. `which` compares the five commands that
-    compare runs. Without a topic, it lists all commands.
-
-    topic: a command, or `which`.
-
-    $ stepbus help run
-    $ stepbus help which
-    """
+def help_command(topic: str) -> int:
+    """Print the help of a command or topic, or that of all commands."""
     if not topic:
         say(overview().rstrip())
     elif topic == "which":
         say(_which())
     elif topic in command_names():
-        make_parser([topic]).parse_args([topic, "--help"])
+        say(help_page(load_command(topic)).rstrip())
     else:
         raise WiringError(f"no command {topic!r}{suggest(topic, (*command_names(), 'which'))}")
     return 0

@@ -9,9 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated
 
-from stepbus_orchestrator.cli.parameters import command
 from stepbus_orchestrator.cli.terminal.output import say
 from stepbus_participant import suggest
 from stepbus_participant.parameters import parse_yaml
@@ -128,22 +126,8 @@ def _scenario_name(folder: Path) -> str:
     return name if parse_yaml("name", name) == name else f'"{name}"'
 
 
-_LANGUAGE = {"metavar": "LANGUAGE", "help": f"language of the controller: {', '.join(STARTERS)}"}
-
-
-@command(group="run")
-def new_command(folder: Path, *, language: Annotated[str, _LANGUAGE] = "python") -> int:
-    """Create a scenario with your own controller.
-
-    Creates a folder with a scenario that uses the built-in plant and mission, a robot model, and a
-    small PD controller for you to modify, in the language of your choice. It runs without changes
-    once you have installed what its README lists.
-
-    folder: folder to create; may exist if it is empty.
-
-    $ stepbus new my_scenario
-    $ stepbus new --language octave my_scenario
-    """
+def new_command(folder: Path, *, language: str) -> int:
+    """Write a starter, and say what comes next."""
     files = write_starter(folder, language)
     say(f"{folder}: {', '.join(map(str, files))}")
     name = shlex.quote(str(folder))

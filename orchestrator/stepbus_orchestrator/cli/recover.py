@@ -1,33 +1,22 @@
 """`stepbus recover`: rebuild a recording that is cut off or corrupt."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
-from stepbus_orchestrator.cli.parameters import File, RecordingPath, command
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.recording import Recovery, layout, recover
+from stepbus_schemas import WiringError
 
 
-@command(group="look", exclusive=["out", "in_place"])
-def recover_command(
-    recording: RecordingPath, *, out: File = None, in_place: bool = False
-) -> Answer:
-    """Recover a truncated or corrupt recording.
-
-    Reads an MCAP file up to its first damaged record and writes the intact part to a new file, with
-    attachments, metadata and a new index. Reports what was lost.
-
-    recording: the MCAP file to read, or the folder of a run. out: the file to write (default:
-    <recording>.recovered.mcap). in_place: replace the original file.
-
-    $ stepbus recover runs/two_link-20250101-120000/run.mcap
-    $ stepbus recover broken.mcap --out fixed.mcap
-    $ stepbus recover broken.mcap --in-place
-    """
+def recover_command(recording: Path, *, out: Path | None, in_place: bool, json: bool) -> int:
+    """Recover a recording, and say what was kept and what was lost."""
+    if out and in_place:
+        raise WiringError("--out cannot be combined with --in-place; give one of them")
     source = layout.recording_file(recording)
     target = out or source.with_name(f"{source.stem}.recovered.mcap")
     recovery = recover(source, source if in_place else target, in_place=in_place)
     value = {**vars(recovery), "missing_steps": recovery.missing_steps}
-    return Answer(value=value, lines=_lines(recovery))
+    return Answer(value=value, lines=_lines(recovery)).show(as_json=json)
 
 
 def _lines(recovery: Recovery) -> Iterator[str]:

@@ -2,24 +2,13 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Any
 
-from stepbus_orchestrator.cli.parameters import (
-    DURATION,
-    Folder,
-    FoxglovePort,
-    Json,
-    ScenarioName,
-    Set,
-    command,
-    number,
-    step_or_time,
-)
 from stepbus_orchestrator.cli.signals import abortable, interruptible, settle
+from stepbus_orchestrator.cli.syntax.run import Changes, Views
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -46,131 +35,29 @@ from stepbus_schemas import WiringError
 _MOST_WARNINGS = 10
 _NO_REPORT = "no plots  the report was interrupted; the recording and result.json are complete"
 
-Names = Annotated[Sequence[str], {"metavar": "PARTICIPANT"}]
 
-
-@dataclass(frozen=True, kw_only=True)
-class Changes:
-    """What the command line changes of a scenario.
-
-    window: maximum steps in flight; 1: synchronous. transport: transport between the processes.
-    fault: inject a fault, e.g. 'kill plant at 120', 'delay controller at 10 for 20ms' or 'random 3
-    seed 1'; may be repeated (docs/faults.md). debug: run a participant in this terminal without
-    deadlines, for a debugger. external: wait for a participant that you start yourself, with
-    `stepbus join TICKET`; default: a ticket in the folder of the run; may be repeated
-    (docs/guide/running/attach.md). join_timeout: how long to wait for external participants
-    (default: the participant's spawn_timeout if set, else 2min). no_deadline: disable the deadlines
-    of a participant, e.g. one that you start in a debugger.
-    """
-
-    set: Set = ()
-    window: Annotated[int | None, {"type": number("not a number of steps (1 or more)", 1)}] = None
-    transport: Literal["unix", "tcp"] | None = None
-    fault: Annotated[Sequence[str], {"metavar": "FAULT"}] = ()
-    debug: Names = ()
-    external: Annotated[Sequence[str], {"metavar": "PARTICIPANT[=TICKET]"}] = ()
-    join_timeout: Annotated[float | None, DURATION] = None
-    no_deadline: Names = ()
-
-    def load(self, name: str) -> Scenario:
-        """Return the scenario with all of them."""
-        overrides = [*self.set]
-        if self.window is not None:
-            overrides += [f"window={self.window}", f"batch={max(1, self.window // 2)}"]
-        if self.transport is not None:
-            overrides.append(f"bus.transport={self.transport}")
-        overrides += [f"{text.partition('=')[0]}.start=external" for text in self.external]
-        scenario = load(name, overrides, self.fault)
-        if self.join_timeout is not None:
-            names = external_names(scenario)
-            if not names:
-                raise WiringError("--join-timeout is for participants with `start: external`")
-            wait = format_duration(round(self.join_timeout * 1e9))
-            overrides += [f"{name}.spawn_timeout={wait}" for name in names]
-            scenario = load(name, overrides, self.fault)
-        return without_deadlines(scenario, [*self.debug, *self.no_deadline])
-
-    def extensions(self) -> list[RunExtension]:
-        """Return the extensions that they need."""
-        rows = (text.partition("=") for text in self.external)
-        tickets = {name: Path(path) for name, _, path in rows if path}
-        return [External(tickets), Debug(self.debug, self.no_deadline)]
-
-
-@dataclass(frozen=True, kw_only=True)
-class Views:
-    """What shows the run while it goes on.
-
-    view: show the live run in 3D in the browser (docs/guide/looking/viewing.md). no_open: with
-    --view, do not open a browser.
-    """
-
-    view: bool = False
-    no_open: bool = False
-    foxglove: FoxglovePort = None
-
-    def options(self) -> list[list[str]]:
-        """Return the options of each view, as of `stepbus view`."""
-        page = [["--no-open"] if self.no_open else []] if self.view else []
-        return page if self.foxglove is None else [*page, ["--foxglove", str(self.foxglove)]]
-
-
-_FACTOR = {
-    "type": number("not a number from 0.001 to 1000", 1e-3, 1e3, float),
-    "nargs": "?",
-    "const": 1.0,
-    "metavar": "FACTOR",
-}
-
-
-@command(group="run", is_run=True)
 def run_command(
-    scenario: ScenarioName,
+    scenario: str,
     *,
     changes: Changes,
-    out: Folder = None,
-    real_time: Annotated[float | None, _FACTOR] = None,
-    pause_at: Annotated[int | str | None, {"type": step_or_time, "metavar": "STEP"}] = None,
-    in_process: bool = False,
-    degrees: bool = False,
-    extensions: Annotated[Sequence[str], {"flag": "--with", "metavar": "FILE.py:CLASS"}] = (),
-    profile: bool = False,
-    no_report: bool = False,
-    json: Json = False,
+    out: Path | None,
+    real_time: float | None,
+    pause_at: int | str | None,
+    in_process: bool,
+    degrees: bool,
+    extensions: Sequence[str],
+    profile: bool,
+    no_report: bool,
+    json: bool,
     views: Views,
 ) -> int:
-    """Run a scenario and record it.
-
-    Starts all participants of a scenario, steps them in lockstep, and records everything to
-    run.mcap. Ctrl-C ends the run cleanly. In a terminal, p pauses and resumes, s makes one step, q
-    stops; none of these affects the result. The exit code tells the cause of a failure
-    (docs/exit-codes.md).
-
-    out: folder of this run (default: runs/<name>-<time>). real_time: pace steps by the wall clock,
-    at FACTOR times real time (default: 1), and count late steps (docs/guide/running/real_time.md).
-    pause_at: pause before this step, or time such as 6s; 0: before the first. in_process: run all
-    participants in one process: faster, same recording. degrees: show the measured joint angles in
-    degrees during the run. extensions: add your own extension to the run
-    (docs/guide/writing/extension.md). profile: measure how each step spends its time: compute,
-    wait, transport, record. no_report: do not write report.html and report.png; print the figures
-    only.
-
-    $ stepbus run two_link
-    $ stepbus run two_link/pd --set controller.params.kp=80 --set duration=2s
-    $ stepbus run my/scenario.yaml --window 1 --out /tmp/run1
-    $ stepbus run two_link --fault 'freeze controller at 500 for 200ms'
-    $ stepbus run my/scenario.yaml --debug controller
-    $ stepbus run two_link --view --real-time
-    $ stepbus run two_link --foxglove 8765 --real-time
-    $ stepbus run two_link --external controller
-    $ stepbus run two_link --external controller=/tmp/c.ticket
-    """
+    """Run a scenario, and show its progress and its result."""
     if is_memory_limited():
         # NumPy ends this process where memory is short: rather now than behind a run.
         import_module("numpy")
     # Else it would be the scenario that cannot be read.
     check_limits(1)
-    loaded = changes.load(scenario)
+    loaded = _load(scenario, changes)
     is_quiet = json or bool(changes.debug)
     has_keys = has_terminal() and not is_quiet
     if pause_at is not None and not (has_keys or views.view):
@@ -192,7 +79,7 @@ def run_command(
     options = Options(
         out=out or default_folder(loaded, Path("runs")),
         host=host_of(in_process=in_process, owns_descriptors=not changes.debug),
-        extensions=[pace, *changes.extensions(), *own],
+        extensions=[pace, *_extensions(changes), *own],
     )
     display = displayed(
         loaded.name,
@@ -205,7 +92,7 @@ def run_command(
     with interruptible() as interrupt:
         # A participant in a debugger reads the keys itself.
         keys = nullcontext() if is_quiet else controlled(pace, interrupt)
-        with viewed(options.out, views.options(), stays=has_keys, interrupt=interrupt):
+        with viewed(options.out, _view_options(views), stays=has_keys, interrupt=interrupt):
             with display as shown, keys:
                 result = run(loaded, options, shown, interrupt)
             lines = (
@@ -217,6 +104,38 @@ def run_command(
             Answer(value=result, lines=_summary(result, lines), error=error).show(as_json=json)
             settle()
     return result.exit_code
+
+
+def _load(name: str, changes: Changes) -> Scenario:
+    """Return the scenario with all changes."""
+    overrides = [*changes.set]
+    if changes.window is not None:
+        overrides += [f"window={changes.window}", f"batch={max(1, changes.window // 2)}"]
+    if changes.transport is not None:
+        overrides.append(f"bus.transport={changes.transport}")
+    overrides += [f"{text.partition('=')[0]}.start=external" for text in changes.external]
+    scenario = load(name, overrides, changes.fault)
+    if changes.join_timeout is not None:
+        names = external_names(scenario)
+        if not names:
+            raise WiringError("--join-timeout is for participants with `start: external`")
+        wait = format_duration(round(changes.join_timeout * 1e9))
+        overrides += [f"{name}.spawn_timeout={wait}" for name in names]
+        scenario = load(name, overrides, changes.fault)
+    return without_deadlines(scenario, [*changes.debug, *changes.no_deadline])
+
+
+def _extensions(changes: Changes) -> list[RunExtension]:
+    """Return the extensions that the changes need."""
+    rows = (text.partition("=") for text in changes.external)
+    tickets = {name: Path(path) for name, _, path in rows if path}
+    return [External(tickets), Debug(changes.debug, changes.no_deadline)]
+
+
+def _view_options(views: Views) -> list[list[str]]:
+    """Return the options of each view, as of `stepbus view`."""
+    page = [["--no-open"] if views.no_open else []] if views.view else []
+    return page if views.foxglove is None else [*page, ["--foxglove", str(views.foxglove)]]
 
 
 @cache

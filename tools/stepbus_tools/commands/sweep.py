@@ -1,57 +1,50 @@
 """`stepbus sweep`: many runs of one scenario, and one table of them."""
 
-import sys
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from typing import Any
+from typing import Annotated, Literal
 
-from stepbus import sweep
-from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
-from stepbus_orchestrator.cli.signals import interruptible, settle
-from stepbus_orchestrator.cli.terminal.live import shows_progress
-from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.cli.terminal.progress import Reached
-from stepbus_orchestrator.scenario.override import yaml_text
-from stepbus_tools.sweep.rows import TABLE_FILE
-from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult
+from cyclopts import Parameter
 
-
-def _value(text: str) -> int | str:
-    """Return an integer; what is none is told with all that is wrong with the sweep."""
-    try:
-        return int(text)
-    except ValueError:
-        return text
-
-
-_WHOLE = {"type": _value}
-
-
-@command(
-    group="many",
-    of=sweep,
-    hidden=["on_progress"],
-    is_run=True,
-    scenario={"complete": "scenario"},
-    out={"metavar": "FOLDER"},
-    vary={"flag": "--vary", "metavar": "AXIS"},
-    samples=_WHOLE,
-    sampling={"choices": None},
-    seed=_WHOLE,
-    repeats=_WHOLE,
-    metrics={"flag": "--metric", "metavar": "FILE.py:FUNCTION"},
-    optimize={"metavar": "METRIC"},
-    trials=_WHOLE,
-    batch=_WHOLE,
-    jobs={"type": number("not a number of processes (1 or more)", 1)},
-    timeout_s={
-        "flag": "--timeout",
-        "help": "time limit of a run, e.g. 90s (default: none)",
-        **DURATION,
-    },
-    retry={"type": number("not a number of retries (0 or more)", 0), "metavar": "N"},
+from stepbus_orchestrator.cli.parameters import (
+    Duration,
+    Folder,
+    ScenarioName,
+    Set,
+    Texts,
+    command,
+    number,
+    read_by,
 )
-def sweep_command(*, json: Json = False, **given: Any) -> Answer:
+
+_Whole = int | str | None
+"""What is no integer is told with all that is wrong with the sweep."""
+
+
+@command(group="many", execute="stepbus_tools.commands.sweeping:sweep_command", is_run=True)
+def sweep_command(
+    scenario: ScenarioName,
+    /,
+    *,
+    vary: Annotated[Texts, Parameter(metavar="AXIS")] = (),
+    set: Set = (),
+    samples: _Whole = None,
+    sampling: str | None = None,
+    seed: _Whole = None,
+    repeats: _Whole = None,
+    metrics: Annotated[Texts, Parameter(name="--metric", metavar="FILE.py:FUNCTION")] = (),
+    optimize: Annotated[str | None, Parameter(metavar="METRIC")] = None,
+    maximize: bool = False,
+    trials: _Whole = None,
+    batch: _Whole = None,
+    out: Folder = None,
+    jobs: Annotated[int, read_by(number("not a number of processes (1 or more)", 1))] = 0,
+    keep: Literal["all", "failed", "none"] = "failed",
+    timeout_s: Annotated[float, Duration, Parameter(name="--timeout")] = 0.0,
+    retry: Annotated[
+        int, read_by(number("not a number of retries (0 or more)", 0), metavar="N")
+    ] = 0,
+    address: str = "",
+    json: bool = False,
+) -> None:
     """Run a scenario many times with different values, and collect one table.
 
     Runs a scenario once for each combination of the values that you vary, on all cores or on a Ray
@@ -59,56 +52,53 @@ def sweep_command(*, json: Json = False, **given: Any) -> Answer:
     the SHA-256 of the recording. Run the same command again to resume an interrupted sweep. A
     failed run is a row too; the exit code is 0 once every run has its row.
 
+    Parameters
+    ----------
+    scenario
+        a scenario, as in `stepbus run`, or the YAML file of a sweep (docs/guide/running/sweeps.md)
+    vary
+        PATH=50:200:7, PATH=1:1000:4:log, PATH=a,b,c, 'PATH~normal(1, 0.1)', 'PATH=1,2 & PATH=3,4'
+        (together), 'faults=none,kill plant at 100'; may be repeated
+    set
+        override one value in all runs, e.g. duration=2s; may be repeated
+    samples
+        number of samples from each distribution (~)
+    sampling
+        sampling method: random, latin, sobol or halton
+    seed
+        seed of the samples and the optimizer
+    repeats
+        runs per point, each with another seed
+    metrics
+        your own metric, a function of the recording; may be repeated
+    optimize
+        minimize this metric with Optuna, which chooses the points; axes: PATH=50:200[:log]
+    maximize
+        maximize the metric instead
+    trials
+        number of runs for --optimize
+    batch
+        number of runs that the optimizer proposes at once (default: 4)
+    out
+        folder of the sweep (default: one in sweeps/)
+    jobs
+        number of worker processes (default: all cores)
+    keep
+        recordings to keep
+    timeout_s
+        time limit of a run, e.g. 90s (default: none)
+    retry
+        how often to repeat a run that failed to start, died or timed out
+    address
+        address of a Ray cluster, e.g. auto or HOST:6379
+    json
+        print the result as JSON only
+
+    Examples
+    --------
     $ stepbus sweep two_link --vary controller.params.kp=50:200:7
     $ stepbus sweep two_link --samples 9 --vary 'controller.params.kp~normal(9, 1)'
     $ stepbus sweep two_link --vary controller.params.kp=10:400:log --optimize rmse
     $ stepbus sweep my_sweep.yaml --out sweeps/friction --keep all
+
     """
-    with interruptible() as interrupt, _shown(quiet=json) as show:
-        result = sweep(**given, on_progress=show, interrupt=interrupt)
-        settle()
-    return Answer(value=result, lines=_summary(result))
-
-
-@contextmanager
-def _shown(*, quiet: bool) -> Iterator[Callable[[SweepProgress], None]]:
-    """Yield what shows the progress."""
-    if quiet:
-        yield lambda _progress: None
-        return
-    _, show, clear = shows_progress(sys.stdout)
-    try:
-        yield lambda progress: show(_reached(progress))
-    finally:
-        clear()
-
-
-def _reached(progress: SweepProgress) -> Reached:
-    failed = f", {progress.failed} failed" if progress.failed else ""
-    what = "" if progress.phase == RUNNING else f"; {progress.phase}"
-    return Reached(
-        title="sweep",
-        what=f"{progress.done} of {progress.total} runs{failed}{what}",
-        done=progress.done,
-        total=progress.total,
-        rate="" if progress.rate is None else _rate(progress.rate),
-        left_s=progress.remaining_s if progress.done < progress.total else None,
-    )
-
-
-def _rate(rate: float) -> str:
-    return f"{rate:.1f} runs/s" if rate >= 1 else f"{1 / rate:.1f} s/run"
-
-
-def _summary(result: SweepResult) -> Iterator[str]:
-    made = result.done - result.resumed
-    before = f", {result.resumed} resumed" if result.resumed else ""
-    yield f"{made} runs in {result.wall_s:.1f} s{before}; {result.failed} of {result.total} failed"
-    yield from (f"  {count} {cause}" for cause, count in result.causes.items())
-    if result.metric_errors:
-        yield f"{result.metric_errors} runs lack a metric; see the column metric_error"
-    if (best := result.best) is not None:
-        values = ", ".join(f"{path}={yaml_text(value)}" for path, value in best.values.items())
-        yield f"best   run {best.run}: {result.metric} {best.metrics[str(result.metric)]}, {values}"
-    yield f"table  {result.folder / TABLE_FILE}"
-    yield f"page   {result.page}"

@@ -1,0 +1,132 @@
+"""Checks a program, this machine or a plant, and shows what was found."""
+
+import math
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import displayed
+from stepbus_orchestrator.cli.terminal.output import Answer, has_screen, say, table, visible
+from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.scenario.load import load
+from stepbus_schemas import PROTOCOL_VERSION, BridgeFormat
+from stepbus_tools.conformance import CheckResult, Report, conformance, select, write_junit
+from stepbus_tools.doctor import examine
+from stepbus_tools.selftest import SelfTest, Verdict, selftest
+
+_STYLES = {"pass": "green", "fail": "bold red", "skipped": "yellow"}
+
+
+def conformance_command(
+    *program: str,
+    bridge: BridgeFormat | None,
+    scenario: str,
+    participant: str,
+    set: Sequence[str],
+    only: Sequence[str],
+    list: bool,
+    logs: Path | None,
+    junit: Path | None,
+    json: bool,
+) -> int:
+    """Check a program, or list the checks."""
+    if list:
+        rows = [{"name": c.name, "clause": c.clause, "summary": c.summary} for c in select(only)]
+        row = "{name:20} {clause:6} {summary}"
+        lines = [row.format(**r).replace("`", "") for r in rows]
+        return Answer(value=rows, lines=lines).show(as_json=json)
+    loaded, checks = load(scenario, set), select(only)
+    with interruptible() as interrupt:
+        report = conformance(
+            loaded,
+            participant,
+            program,
+            bridge=bridge,
+            checks=checks,
+            logs=logs,
+            on_result=(lambda _result: None) if json else _show,
+            interrupt=interrupt,
+        )
+    if junit is not None:
+        write_junit(report, junit)
+    return Answer(
+        value={"conforms": report.conforms, "report": report},
+        lines=[_verdict(report)],
+        code=ExitCode.FINISHED if report.conforms else ExitCode.NONCONFORMING,
+    ).show(as_json=json)
+
+
+def _show(result: CheckResult) -> None:
+    """Show a result as it comes: a row of a table in a terminal, else a plain line."""
+    if not has_screen(sys.stdout):
+        say(f"{result.outcome:8} {result.name} ({result.clause}): {result.observed}")
+        return
+    row = Table.grid(padding=(0, 1), expand=True)
+    for width in (7, 19, 6):
+        row.add_column(width=width, no_wrap=True)
+    row.add_column(ratio=1)
+    outcome = f"[{_STYLES[result.outcome]}]{result.outcome}[/]"
+    row.add_row(outcome, result.name, result.clause, escape(visible(result.observed)))
+    Console().print(row)
+
+
+def _verdict(report: Report) -> str:
+    return (
+        f"{report.participant} {'conforms' if report.conforms else 'does not conform'} to protocol "
+        f"{PROTOCOL_VERSION}: {report.count('pass')} passed, {report.count('fail')} failed, "
+        f"{report.count('skipped')} skipped of {len(report.checks)} checks in {report.wall_s:.0f} s"
+    )
+
+
+def doctor_command(*, json: bool) -> int:
+    """Check this machine."""
+    findings = examine()
+    is_broken = any(finding.verdict == "fail" for finding in findings)
+    return Answer(
+        value=findings,
+        lines=[f"{finding.verdict:4}  {finding.what:18} {finding.text}" for finding in findings],
+        code=ExitCode.INTERNAL if is_broken else ExitCode.FINISHED,
+    ).show(as_json=json)
+
+
+def selftest_command(scenario: str, *, set: Sequence[str], angle: float, json: bool) -> int:
+    """Move every joint of a plant in turn."""
+    loaded = load(scenario, set)
+    title = f"{loaded.name} selftest"
+    with displayed(title, quiet=json) as display, interruptible() as interrupt:
+        result = selftest(loaded, math.radians(angle), display, interrupt)
+    code = ExitCode.FINISHED if result.ok else ExitCode.NONCONFORMING
+    return Answer(value=result, lines=_tested(result), code=code).show(as_json=json)
+
+
+def _tested(result: SelfTest) -> Iterator[object]:
+    made = table("joint", "mode", "commanded", "measured", "rad or m", "others", "verdict")
+    for verdict in result.joints:
+        made.add_row(verdict.joint, verdict.mode, *_cells(verdict))
+    yield made
+    wrong = [verdict.joint for verdict in result.joints if not verdict.ok]
+    idle = [verdict.joint for verdict in result.joints if verdict.commanded is None]
+    tested = len(result.joints) - len(idle)
+    yield (
+        f"{result.plant}: {tested - len(wrong)} of {tested} joints pass "
+        f"({result.simulated_s:.1f} s simulated)"
+        + (f"; without a motor: {', '.join(idle)}" if idle else "")
+    )
+
+
+def _cells(verdict: Verdict) -> Sequence[str]:
+    if verdict.commanded is None or verdict.measured is None:
+        return ["", "", "", "", "no motor"]
+    findings = ["ok" if verdict.ok else "", *verdict.findings, verdict.other_side]
+    return [
+        verdict.shown(verdict.commanded),
+        verdict.shown(verdict.measured),
+        f"{verdict.measured:.4f}",
+        "" if verdict.others is None else verdict.shown(verdict.others[1]),
+        "; ".join(filter(None, findings)),
+    ]
