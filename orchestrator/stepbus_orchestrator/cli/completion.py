@@ -1,7 +1,7 @@
 """`stepbus completion`: what a shell needs to complete commands, options, scenarios and files."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -9,25 +9,26 @@ from cyclopts import App
 
 from stepbus_orchestrator.scenario.locate import builtin_names
 
-from .overview import command_names, load_commands
+from .overview import COMPLETE, command_names, load_command, load_commands
+from .parameters import Command
 from .words import app_of
 
 
 def completion_command(shell: Literal["bash", "zsh", "fish"]) -> int:
     """Print the completion script of a shell."""
-    sys.stdout.write(_all().generate_completion(shell=shell) + "\n")
+    sys.stdout.write(_app(load_commands()).generate_completion(shell=shell) + "\n")
     return 0
 
 
-def complete(words: Sequence[str]) -> int:
+def complete(words: Sequence[str]) -> None:
     """Print what the last of some words may become, as the script of a shell asks."""
-    _all()(["__complete", *words], result_action="return_value")
-    return 0
+    typed = words[:1] if words and words[0] in command_names() else ()
+    _app(map(load_command, typed))([COMPLETE, *words], result_action="return_value")
 
 
-def _all() -> App:
+def _app(commands: Iterable[Command]) -> App:
     app = App(name="stepbus", help_flags=(), version_flags=())
-    for command in load_commands():
+    for command in commands:
         app.command(app_of(command))
     return app
 

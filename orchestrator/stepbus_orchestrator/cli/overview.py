@@ -40,6 +40,8 @@ stepbus --version        the version
 
 example: stepbus run two_link"""
 HELP = ("-h", "--help")
+COMPLETE = "__complete"
+"""What the completion scripts of cyclopts call to complete a word."""
 
 
 class CommandBroken(Exception):
@@ -53,6 +55,8 @@ def answer(arguments: Sequence[str]) -> None:
     first = arguments[0] if arguments else ""
     if first == "--version":
         sys.stdout.write(f"stepbus {_version()}\n")
+    elif first == COMPLETE:
+        import_module(f"{__package__}.completion").complete(arguments[1:])
     elif first in {"", *HELP}:
         (sys.stdout if first else sys.stderr).write(overview())
     elif not (text := _help_asked(arguments)):

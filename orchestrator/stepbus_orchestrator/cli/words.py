@@ -10,6 +10,7 @@ from cyclopts import (
     App,
     Argument,
     CycloptsError,
+    MissingArgumentError,
     Parameter,
     UnknownOptionError,
     UnusedCliTokensError,
@@ -27,7 +28,7 @@ _HELP = f"  {'-h, --help':{_COLUMN - 2}}show this help and exit"
 def app_of(command: Command) -> App:
     """Return the application of one command."""
     for name, type_of in command.options.items():
-        command.function.__annotations__[name] = Annotated[type_of(), GROUP]
+        command.function.__annotations__[name] = Annotated[type_of() | None, GROUP]
     app = App(
         name=command.name,
         help=command.summary,
@@ -69,6 +70,9 @@ def _sentence(error: CycloptsError) -> str:
     error.verbose = False
     if isinstance(error, UnusedCliTokensError):
         return f"unexpected argument {(error.unused_tokens or [''])[0]!r}"
+    if isinstance(error, MissingArgumentError) and error.argument:
+        lacks = f"{error.keyword} needs a value"
+        return lacks if error.keyword else f"{_label(error.argument)} is missing"
     text = str(error)
     if isinstance(error, UnknownOptionError):
         text = text.replace(": ", " ", 1).replace(". Did", "; did")

@@ -10,16 +10,19 @@ import pytest
 from support.runs.joints import write_scenario
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.cli.commands import make_parser
-from stepbus_orchestrator.cli.overview import load_commands
+from stepbus_orchestrator.cli.overview import load_command, load_commands
+from stepbus_orchestrator.cli.words import help_page, read_words
 from stepbus_orchestrator.errors import ExitCode
 
 
-@pytest.mark.parametrize("command", load_commands(), ids=lambda command: command.name)
+@pytest.mark.parametrize("command", list(load_commands()), ids=lambda command: command.name)
 def test_every_example_of_every_command_can_be_parsed(command):
-    assert command.examples
-    for line in command.examples:
-        make_parser().parse_args(shlex.split(line)[1:])
+    lines = help_page(command).partition("examples:\n")[2].splitlines()
+    assert lines
+    for line in lines:
+        stepbus, name, *words = shlex.split(line)
+        assert (stepbus, name) == ("stepbus", command.name)
+        read_words(command, words)
 
 
 def test_the_version_is_that_of_the_package(capsys):
@@ -129,6 +132,7 @@ def test_dropped_messages_are_counted_in_words(tmp_path, capsys):
 @pytest.mark.parametrize("options", [[], ["--wait", "10min"]])
 def test_a_program_to_join_with_may_follow_options(options: list[str]) -> None:
     program = ["python", "-m", "pdb", "my.py", "--wait"]
-    found = make_parser(["join"]).parse_args(["join", "c.ticket", *options, "--", *program])
-    assert found.program == program
-    assert str(found.ticket) == "c.ticket"
+    for words in (["c.ticket", *options], [*options, "c.ticket"]):
+        given = read_words(load_command("join"), [*words, "--", *program]).arguments
+        assert given["program"] == tuple(program)
+        assert str(given["ticket"]) == "c.ticket"

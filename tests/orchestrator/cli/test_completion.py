@@ -2,10 +2,15 @@
 
 import os
 import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from support.runs.terminal import STEPBUS
 from support.tools import needs
+
+ENVIRONMENT = {**os.environ, "PATH": f"{Path(sys.executable).parent}:{os.environ['PATH']}"}
+"""The script asks the `stepbus` of the path."""
 
 
 @pytest.fixture(scope="module")
@@ -42,10 +47,10 @@ CASES = [
     ("help wh", ["which"]),
     ("completion z", ["zsh"]),
 ]
-RECORDINGS = ("info a", ["alone.mcap", "arm"])
+FILES = ("info a", ["a.txt", "alone.mcap", "arm"])
 
 
-@pytest.mark.parametrize(("typed", "offered"), [*CASES, RECORDINGS])
+@pytest.mark.parametrize(("typed", "offered"), [*CASES, FILES])
 def test_bash_completes(script, folder, typed, offered):
     needs("bash")
     lines = [
@@ -53,11 +58,13 @@ def test_bash_completes(script, folder, typed, offered):
         f"COMP_WORDS=(stepbus {typed}{' ' * typed.endswith(' ')})",
         "[[ $1 ]] && COMP_WORDS+=('')",
         "COMP_CWORD=$((${#COMP_WORDS[@]} - 1))",
-        "_shtab_stepbus 2>/dev/null",
+        "_stepbus 2>/dev/null",
         'printf "%s\\n" "${COMPREPLY[@]}"',
     ]
     words = ["bash", "-c", "\n".join(lines), "bash", *(["x"] if typed.endswith(" ") else [])]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT
+    )
     assert sorted(done.stdout.split()) == offered
 
 
@@ -67,7 +74,7 @@ def test_fish_completes(script, folder, typed, offered):
     line = f"source {script('fish')}; complete -C 'stepbus {typed}'"
     done = subprocess.run(
         ["fish", "-c", line], cwd=folder, capture_output=True, text=True, check=True, timeout=60,
-        env={**os.environ, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder)},
+        env={**ENVIRONMENT, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder)},
     )  # fmt: skip
     found = [row.partition("\t")[0] for row in done.stdout.splitlines() if row]
     assert sorted(found)[: len(offered)] == offered
@@ -87,7 +94,9 @@ print -r -- $answer
 def test_zsh_completes(script, folder):
     needs("zsh")
     words = ["zsh", "-f", "-c", ZSH, "zsh", str(script("zsh"))]
-    done = subprocess.run(words, cwd=folder, capture_output=True, text=True, check=True, timeout=60)
+    done = subprocess.run(
+        words, cwd=folder, capture_output=True, text=True, check=True, timeout=60, env=ENVIRONMENT
+    )
     assert "stepbus info alone.mcap" in done.stdout
 
 
@@ -96,4 +105,4 @@ def test_a_shell_that_is_unknown_is_refused():
         [*STEPBUS, "completion", "tcsh"], capture_output=True, text=True, check=False, timeout=60
     )
     assert done.returncode == 2
-    assert "(choose from 'bash'" in done.stderr
+    assert 'Choose from: "bash"' in done.stderr

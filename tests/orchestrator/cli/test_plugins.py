@@ -9,12 +9,15 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.plugins import all_points
 
 COMMAND = """
-from stepbus_orchestrator.cli.parameters import Command
-COMMAND = Command(
-    name="greet", summary="say hello", description="Says hello.", examples=("stepbus greet",),
-    add_arguments=lambda parser: parser.add_argument("--loud", action="store_true"),
-    execute=lambda args: print("HELLO" if args.loud else "hello") or 0,
-)
+from stepbus_orchestrator.cli.parameters import command
+
+@command(group="look")
+def greet_command(*, loud: bool = False) -> int:
+    '''Say hello.'''
+    print("HELLO" if loud else "hello")
+    return 0
+
+COMMAND = greet_command
 """
 
 

@@ -37,16 +37,23 @@ finally:
     return done, set(done.stderr.rpartition("loaded:")[2].split())
 
 
-@pytest.mark.parametrize(
-    ("option", "said"), [("--version", "stepbus "), ("--help", "usage: stepbus COMMAND")]
-)
-def test_the_version_and_the_overview_load_no_package_but_their_own(option, said):
-    run = f"sys.argv = ['stepbus', '{option}']; from {CLI} import main; sys.exit(main())"
+def test_the_version_loads_no_package_but_our_own():
+    run = f"sys.argv = ['stepbus', '--version']; from {CLI} import main; sys.exit(main())"
     done, modules = loaded_by(run)
-    assert (done.returncode, done.stdout[: len(said)]) == (ExitCode.FINISHED, said)
+    assert (done.returncode, done.stdout[:8]) == (ExitCode.FINISHED, "stepbus ")
     of_others = {name for name in modules if name.partition(".")[0] not in sys.stdlib_module_names}
     assert of_others <= OVERVIEW
     assert not modules & SLOW
+
+
+@pytest.mark.parametrize(
+    "words", [["--help"], ["run", "--help"], ["view", "--help"], ["sweep", "--help"]], ids=str
+)
+def test_help_loads_what_commands_are_declared_with_and_nothing_that_they_do(words):
+    run = f"sys.argv = ['stepbus', *{words}]; from {CLI} import main; sys.exit(main())"
+    done, modules = loaded_by(run)
+    assert (done.returncode, done.stdout[:15]) == (ExitCode.FINISHED, "usage: stepbus ")
+    assert not modules & (LIBRARIES | {"msgspec", "stepbus_participant", "stepbus_schemas"})
 
 
 def test_the_orchestrator_of_a_run_loads_no_library_of_its_participants(tmp_path):

@@ -35,7 +35,9 @@ def targets() -> Any:
         (name, Annotated[str, Parameter(name=_flag(name), metavar=metavar, help=text)], "")
         for name, (metavar, text) in _OPTIONS.items()
     ]
-    made: Any = make_dataclass("Targets", paths + options, kw_only=True)
+    made: Any = make_dataclass(
+        "Targets", paths + options, kw_only=True, namespace={"__module__": __name__}
+    )
     return made
 
 
