@@ -2,6 +2,7 @@
 
 import inspect
 from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
 from inspect import BoundArguments
 from itertools import zip_longest
 from typing import Annotated
@@ -15,7 +16,6 @@ from cyclopts import (
     UnknownOptionError,
     UnusedCliTokensError,
 )
-from docstring_parser import numpydoc
 
 from .parameters import GROUP, Command
 from .terminal.output import columns, fold
@@ -85,6 +85,8 @@ def help_page(command: Command) -> str:
     positional = [argument for argument in arguments if argument.index is not None]
     # The fields of a group stand for it.
     options = [a for a in arguments if a.index is None and not a.children]
+    # All that is not help does without it.
+    numpydoc = import_module("docstring_parser.numpydoc")
     docstring = numpydoc.parse(inspect.getdoc(command.function) or "")
     texts = {row.arg_name: row.description or "" for row in docstring.params}
     usage = [_label(option) for option in options if option.required]
