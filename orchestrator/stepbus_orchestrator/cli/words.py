@@ -1,8 +1,8 @@
 """The words of a command, read by cyclopts; its help, and what is wrong with its words."""
 
 import inspect
-from collections.abc import Iterator, Mapping, Sequence
-from importlib import import_module
+import re
+from collections.abc import Iterator, Sequence
 from inspect import BoundArguments
 from itertools import zip_longest
 from typing import Annotated
@@ -22,7 +22,8 @@ from .terminal.output import columns, fold
 
 _COLUMN = 24
 """Where the text of an option begins."""
-_HELP = f"  {'-h, --help':{_COLUMN - 2}}show this help and exit"
+_SECTION = re.compile(r"\n\n(?:Parameters|Examples)\n-+\n")
+_EXAMPLE = re.compile(r"^\$( .*)", re.MULTILINE)
 
 
 def app_of(command: Command) -> App:
@@ -32,7 +33,7 @@ def app_of(command: Command) -> App:
     app = App(
         name=command.name,
         help=command.summary,
-        default_parameter=Parameter(negative=()),
+        default_parameter=Parameter(negative=(), allow_repeating=True),
         end_of_options_delimiter="--" if command.rest == "--" else "",
         help_flags=(),
         version_flags=(),
@@ -85,38 +86,33 @@ def help_page(command: Command) -> str:
     positional = [argument for argument in arguments if argument.index is not None]
     # The fields of a group stand for it.
     options = [a for a in arguments if a.index is None and not a.children]
-    # All that is not help does without it.
-    numpydoc = import_module("docstring_parser.numpydoc")
-    docstring = numpydoc.parse(inspect.getdoc(command.function) or "")
-    texts = {row.arg_name: row.description or "" for row in docstring.params}
+    docstring = inspect.getdoc(command.function) or ""
+    description = _SECTION.split(docstring)[0].partition("\n\n")[2]
     usage = [_label(option) for option in options if option.required]
     usage += ["[OPTIONS]"] if len(usage) < len(options) else []
     usage += [_label(a) if a.required else f"[{_label(a)}]" for a in positional]
-    examples = [line for e in docstring.examples for line in (e.description or "").split("\n")]
-    blocks = [
-        [f"usage: stepbus {command.name} {' '.join(usage)}"],
-        [" ".join((docstring.long_description or "").split())],
-        ["arguments:", *(_row(a, texts) for a in positional)],
-        ["options:", *(_row(a, texts) for a in options), _HELP],
-        ["examples:", *(f"  {line.removeprefix('$ ')}" for line in examples)],
-    ]
-    text = "\n\n".join("\n".join(rows) for rows in blocks if rows[1:] or not rows[0].endswith(":"))
-    return fold(text, columns()) + "\n"
+    blocks = {
+        "arguments": [*map(_row, positional)],
+        "options": [*map(_row, options), _columns("-h, --help", "show this help and exit")],
+        "examples": [f" {line}" for line in _EXAMPLE.findall(docstring)],
+    }
+    parts = [f"usage: stepbus {command.name} {' '.join(usage)}", " ".join(description.split())]
+    parts += ["\n".join([f"{title}:", *rows]) for title, rows in blocks.items() if rows]
+    return fold("\n\n".join(filter(None, parts)), columns()) + "\n"
 
 
 def _label(argument: Argument) -> str:
     """Return how an argument is written."""
     name, choices = argument.name.lstrip("-").upper(), argument.get_choices()
-    value = argument.parameter.metavar or (f"{{{','.join(choices)}}}" if choices else name)
     if argument.index is not None:
         is_last = argument.field_info.kind is inspect.Parameter.VAR_POSITIONAL
-        return f"{value} ..." if is_last else value
+        return f"{name} ..." if is_last else name
+    value = argument.parameter.metavar or (f"{{{','.join(choices)}}}" if choices else name)
     return argument.name if argument.hint is bool else f"{argument.name} {value}"
 
 
-def _row(argument: Argument, texts: Mapping[str, str]) -> str:
-    text = texts.get(argument.field_info.name) or argument.parameter.help or ""
-    default = argument.field_info.default
+def _row(argument: Argument) -> str:
+    text, default = argument.parameter.help or "", argument.field_info.default
     has_default = isinstance(default, int | float | str) and not isinstance(default, bool)
     if has_default and default != "" and "default:" not in text:
         text += f" (default: {default})"
@@ -125,6 +121,6 @@ def _row(argument: Argument, texts: Mapping[str, str]) -> str:
 
 def _columns(label: str, text: str) -> str:
     """Return a label and its text, below it where the label is long."""
-    head = f"  {label}"
-    parts = "\n" if len(head) > _COLUMN - 2 else ""
-    return f"{head}{parts}{'':{_COLUMN - (0 if parts else len(head))}}{' '.join(text.split())}"
+    head, text = f"  {label}", " ".join(text.split())
+    is_long = len(head) > _COLUMN - 2
+    return f"{head}\n{'':{_COLUMN}}{text}" if is_long else f"{head:{_COLUMN}}{text}"

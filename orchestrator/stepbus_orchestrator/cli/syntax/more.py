@@ -40,7 +40,7 @@ def completion_command(shell: Literal["bash", "zsh", "fish"], /) -> None:
     Parameters
     ----------
     shell
-        the shell that you use
+        bash, zsh or fish
 
     Examples
     --------
