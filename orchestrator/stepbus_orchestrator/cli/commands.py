@@ -15,7 +15,7 @@ from stepbus_orchestrator.errors import ExitCode, RunFailure, command_line
 from stepbus_orchestrator.plugins import COMMANDS, named_points
 from stepbus_orchestrator.processes.warm import warm_parent
 from stepbus_orchestrator.scenario.model import ScenarioFile
-from stepbus_participant import suggest
+from stepbus_participant import extra_hint, suggest
 from stepbus_schemas import StepbusError
 
 from .overview import MODULES, CommandBroken, command_names, load_command, not_utf8
@@ -58,11 +58,19 @@ def _executed(name: str, *words: str, loaded: Callable[[], None]) -> int:
         given = reading.read_words(command, words)
     except ValueError as exc:
         refuse(_with_setting(str(exc)), f"stepbus {name}")
+    try:
+        run = command.load()
+    except (ImportError, AttributeError) as exc:
+        if extra_hint(getattr(exc, "name", None) or "") or ".so" in str(exc):
+            raise
+        raise CommandBroken(
+            f"the command {name!r} cannot be loaded from {command.execute}: {exc}"
+        ) from exc
     loaded()
     if command.is_run:
         hurry()
     with command_line():
-        code: int = command.execute(*given.args, **given.kwargs)
+        code: int = run(*given.args, **given.kwargs)
     return code
 
 

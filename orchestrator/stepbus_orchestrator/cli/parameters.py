@@ -32,7 +32,8 @@ class Command:
     group
         where it stands in the overview
     execute
-        does it, and returns the exit code; takes the same parameters
+        `module:name` of the function that does it, which takes the same parameters and returns the
+        exit code; blank for `function` itself
     is_run
         whether it runs a scenario: then it ends in time though no reader takes what it prints
     options
@@ -47,7 +48,7 @@ class Command:
     function: Function
     name: str
     group: str = MORE
-    execute: Function
+    execute: str = ""
     is_run: bool = False
     options: Mapping[str, Function] = field(default_factory=dict)
     bare: Mapping[str, str] = field(default_factory=dict)
@@ -59,8 +60,12 @@ class Command:
         first = " ".join((inspect.getdoc(self.function) or "").split("\n\n")[0].split())
         return first[:1].lower() + first[1:].removesuffix(".")
 
+    def load(self) -> Function:
+        """Return the function that does it; raises ImportError or AttributeError."""
+        return imported(self.execute) if self.execute else self.function
 
-def command(*, group: str = MORE, execute: str = "", **more: Any) -> Callable[[Function], Command]:
+
+def command(**fields: Any) -> Callable[[Function], Command]:
     """Make a function `<name>_command` the command `<name>`.
 
     Parameters before `/` are positional, those after `*` options; the fields of a dataclass are
@@ -68,35 +73,30 @@ def command(*, group: str = MORE, execute: str = "", **more: Any) -> Callable[[F
 
     Parameters
     ----------
-    group
-        where it stands in the overview
-    execute
-        `module:name` of a function that does it; default: the function itself
-    more
-        other fields of `Command`
+    fields
+        of `Command`: at least `group`, and `execute` where it loads more than a little
 
     """
 
     def make(function: Function) -> Command:
-        return Command(
-            function=function,
-            name=function.__name__.removesuffix("_command"),
-            group=group,
-            execute=later(execute) if execute else function,
-            **more,
-        )
+        return Command(function=function, name=function.__name__.removesuffix("_command"), **fields)
 
     return make
 
 
 def later(target: str) -> Function:
     """Return a function that imports `module:name` when it is called."""
-    module, _, name = target.partition(":")
 
     def call(*given: Any, **named: Any) -> Any:
-        return getattr(import_module(module), name)(*given, **named)
+        return imported(target)(*given, **named)
 
     return call
+
+
+def imported(target: str) -> Any:
+    """Return what `module:name` names."""
+    module, _, name = target.partition(":")
+    return getattr(import_module(module), name)
 
 
 # --- what several commands have ----------------------------------------------------------------

@@ -1,117 +1,134 @@
 """A command is a function: its options come from the signature, their help from the docstring."""
 
-import argparse
 import inspect
-import threading
-from collections.abc import Sequence
+import re
 from dataclasses import dataclass
-from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 import pytest
+from cyclopts import Parameter
 
 import stepbus
-from stepbus_orchestrator.cli.commands import make_parser
+from stepbus_orchestrator.cli.overview import load_command, load_commands
 from stepbus_orchestrator.cli.parameters import (
+    GROUP,
+    Set,
+    Texts,
     command,
     number,
-    parameter_texts,
+    read_by,
     seconds,
     step_or_time,
 )
-from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.scenario.override import Overrides
-
-
-def paint(
-    picture: str | PathLike[str],
-    *,
-    set: Overrides = (),  # noqa: A002
-    colour: Literal["red", "blue"] | None = None,
-    coats: int = 2,
-    at: int | str = 0,
-    dry_first: bool = False,
-    secret: str = "",
-    interrupt: threading.Event | None = None,
-) -> None:
-    """Paint a picture.
-
-    picture: file or folder. set: override a value, e.g. a.b=1. In Python, a map too. colour: of
-    all. coats: how many; each takes a day. at: a day, or its name. dry_first: wait before. secret: not for all. interrupt:
-    ends it.
-    """
+from stepbus_orchestrator.cli.words import help_page, read_words
 
 
 @dataclass(frozen=True, kw_only=True)
 class Frame:
-    """What is around it. wood: which. nails: of which length [mm]; may be repeated."""
+    """What is around it.
+
+    Attributes
+    ----------
+    wood
+        which
+    nails
+        of which length [mm]; may be repeated
+    """
 
     wood: str = "oak"
-    nails: Annotated[Sequence[str], {"flag": "--nail"}] = ()
+    nails: Annotated[Texts, Parameter(name="--nail")] = ()
 
 
-@command(of=paint, hidden=["secret"], exclusive=["at", "dry_first"], colour={"flag": "--color"})
+@command(bare={"--varnish": "1"}, rest="--with", group="look", is_run=True)
 def paint_command(
+    picture: Path,
     signature: str = "",
+    /,
     *,
-    frame: Frame,
-    coats: Annotated[int, {"type": number("not a number of coats", 1)}] = 1,
-    **given: Any,
-) -> Answer:
+    frame: Annotated[Frame, GROUP] = Frame(),
+    set: Set = (),  # noqa: A002
+    colour: Annotated[Literal["red", "blue"] | None, Parameter(name="--color")] = None,
+    coats: Annotated[int, read_by(number("not a number of coats", 1))] = 1,
+    varnish: Annotated[int | None, Parameter(metavar="[COATS]")] = None,
+    dry_first: bool = False,
+    tools: Annotated[Texts, Parameter(name="--with")] = (),
+) -> None:
     """Paint a picture in oil.
 
-    Paints it. Takes days.
+    Paints it. Takes
+    days.
 
-    signature: of the painter.
+    Parameters
+    ----------
+    picture
+        file or folder
+    signature
+        of the painter
+    set
+        override a value, e.g. a.b=1
+    coats
+        how many; each takes
+        a day
 
+    Examples
+    --------
     $ stepbus paint a.png
     $ stepbus paint a.png me --coats 3
     """
-    paint(**given, coats=coats)
-    return Answer(value={**given, "coats": coats, "frame": vars(frame)}, lines=[signature], code=3)
-
-
-@pytest.fixture
-def parser():
-    parser = argparse.ArgumentParser("paint")
-    paint_command.add_arguments(parser)
-    return parser
 
 
 def test_the_docstring_is_the_help_of_the_command():
     assert (paint_command.name, paint_command.summary) == ("paint", "paint a picture in oil")
-    assert paint_command.description == "Paints it. Takes days."
-    assert paint_command.examples == ["stepbus paint a.png", "stepbus paint a.png me --coats 3"]
+    page = help_page(paint_command)
+    assert page.startswith(
+        "usage: stepbus paint [OPTIONS] PICTURE [SIGNATURE]\n\nPaints it. Takes days.\n\n"
+    )
+    assert page.endswith("examples:\n  stepbus paint a.png\n  stepbus paint a.png me --coats 3\n")
+    text = " ".join(page.split())
+    assert "a.b=1 --color {red,blue}" in text
+    assert "each takes a day (default: 1) --varnish [COATS] --dry-first" in text
+    assert "--wood WOOD which (default: oak) --nail NAIL of which length [mm]" in text
+    assert "PICTURE file or folder SIGNATURE of the painter" in text
+    assert "--no-" not in text
 
 
-def test_the_help_of_an_option_is_the_first_sentence_of_the_docstring(parser):
-    assert parameter_texts(paint)["set"] == "override a value, e.g. a.b=1"
-    text = " ".join(parser.format_help().split())
-    assert "a.b=1 --color {red,blue} of all" in text
-    assert "each takes a day (default: 1)" in text
-    assert "oak) --nail NAILS of which length [mm]" in text
-    assert "file or folder signature of the painter" in text
-    assert "--dry-first wait before" in text
-    assert "secret" not in text
-    assert "interrupt" not in text
+def read(*words):
+    return read_words(paint_command, words).arguments
 
 
-def test_what_is_given_is_what_the_function_takes(parser, capsys):
-    args = parser.parse_args(
-        ["a.png", "--set", "a=1", "--set", "b=2", "--color", "red", "--at", "6s", "--nail", "3",
-         "--json"]
-    )  # fmt: skip
-    assert paint_command.execute(args) == 3
-    assert args.picture == Path("a.png")
-    assert args.set == ["a=1", "b=2"]
-    assert (args.colour, args.at, args.dry_first) == ("red", "6s", False)
-    assert '"wood": "oak",\n    "nails": [\n      "3"' in capsys.readouterr().out
+def test_what_is_given_is_what_the_function_takes():
+    given = read(
+        "a.png", "--set", "a=1", "--set=b=2", "--color", "red", "--nail", "3", "--dry-first"
+    )
+    assert (given["picture"], given["signature"]) == (Path("a.png"), "")
+    assert given["set"] == ("a=1", "b=2")
+    assert (given["colour"], given["coats"], given["dry_first"]) == ("red", 1, True)
+    assert given["frame"] == Frame(nails=("3",))
 
 
-def test_without_json_the_answer_is_its_lines(parser, capsys):
-    assert paint_command.execute(parser.parse_args(["a.png", "me"])) == 3
-    assert capsys.readouterr().out == "me\n"
+@pytest.mark.parametrize(
+    ("words", "coats"),
+    [
+        (["a.png"], None),
+        (["a.png", "--varnish"], 1),
+        (["--varnish", "3", "a.png"], 3),
+        (["--varnish", "--coats", "2", "a.png"], 1),
+        (["a.png", "--varnish=4"], 4),
+    ],
+)
+def test_an_option_may_stand_without_a_value(words, coats):
+    assert read(*words)["varnish"] == coats
+
+
+def test_all_words_of_a_program_are_its_own():
+    program = ("knife", "--coats", "x", "--", "--help", "-1")
+    given = read("a.png", "--coats", "2", "--with", *program)
+    assert (given["tools"], given["coats"]) == (program, 2)
+
+
+def test_the_last_of_several_values_counts():
+    assert read("a.png", "--coats", "2", "--coats", "3", "--dry-first", "--dry-first")["coats"] == 3
 
 
 @pytest.mark.parametrize(
@@ -119,21 +136,36 @@ def test_without_json_the_answer_is_its_lines(parser, capsys):
     [
         (["--coats", "many"], "'many' is not a number of coats"),
         (["--coats", "0"], "'0' is not a number of coats"),
-        (["--color", "green"], "invalid choice: 'green'"),
-        (["--at", "3", "--dry-first"], "not allowed with argument --at"),
+        (["--coats"], "--coats needs a value"),
+        (["--color", "green"], 'invalid value "green" for --color. Choose from: "red", "blue"'),
+        (["me", "you"], "unexpected argument 'you'"),
+        (["--no-dry-first"], "unknown option --no-dry-first; did you mean --dry-first?"),
+        (["--signature", "me"], "unknown option --signature"),
+        (["--with"], "--with needs a value"),
     ],
 )
-def test_a_value_that_does_not_fit_is_refused(parser, capsys, words, sentence):
-    with pytest.raises(SystemExit):
-        parser.parse_args(["a.png", *words])
-    assert sentence in capsys.readouterr().err
+def test_a_value_that_does_not_fit_is_refused(words, sentence):
+    with pytest.raises(ValueError, match=re.escape(sentence)):
+        read("a.png", *words)
+
+
+@pytest.mark.parametrize("shipped", list(load_commands()), ids=lambda command: command.name)
+def test_every_command_has_a_docstring_and_a_text_for_each_option(shipped):
+    page = help_page(shipped)
+    assert shipped.summary
+    for label in re.findall(r"^  (\S.*)\n(?!    )", page.partition("examples:")[0], re.MULTILINE):
+        assert "  " in label
 
 
 @pytest.mark.parametrize(
     "function", [stepbus.replay, stepbus.rerun, stepbus.diff, stepbus.branch, stepbus.sweep]
 )
 def test_the_docstring_explains_every_parameter(function):
-    assert set(parameter_texts(function)) >= set(inspect.signature(function).parameters)
+    text = " ".join(inspect.getdoc(function).split())
+    explained = {
+        name for names in re.findall(r"((?:\w+, )*\w+): ", text) for name in names.split(", ")
+    }
+    assert explained >= set(inspect.signature(function).parameters)
 
 
 @pytest.mark.parametrize(
@@ -141,13 +173,13 @@ def test_the_docstring_explains_every_parameter(function):
 )
 def test_a_duration_is_a_number_with_a_unit(text, value):
     assert seconds(text) == pytest.approx(value)
-    assert make_parser(["join"]).parse_args(["join", "t", "--wait", text]).wait == seconds(text)
-    words = ["run", "two_link", "--join-timeout", text, "--pause-at", text]
-    run = make_parser(["run"]).parse_args(words)
-    assert (run.join_timeout, run.pause_at) == (seconds(text), text)
-    assert make_parser(["sweep"]).parse_args(
-        ["sweep", "s", "--timeout", text]
-    ).timeout_s == seconds(text)
+    given = read_words(load_command("join"), ["t", "--wait", text]).arguments
+    assert given["wait"] == seconds(text)
+    words = ["two_link", "--join-timeout", text, "--pause-at", text]
+    given = read_words(load_command("run"), words).arguments
+    assert (given["changes"].join_timeout, given["pause_at"]) == (seconds(text), text)
+    given = read_words(load_command("sweep"), ["s", "--timeout", text]).arguments
+    assert given["timeout_s"] == seconds(text)
 
 
 def test_a_step_may_be_a_number_or_a_time():

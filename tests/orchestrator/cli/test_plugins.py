@@ -18,6 +18,12 @@ def greet_command(*, loud: bool = False) -> int:
     return 0
 
 COMMAND = greet_command
+
+@command(execute="acme_gone:half")
+def half_command() -> None:
+    '''Do half.'''
+
+HALF = half_command
 """
 
 
@@ -66,6 +72,14 @@ def test_a_command_that_cannot_be_loaded_is_an_error_and_the_others_work(acme, c
         main(["--help"])
     assert caught.value.code == 0
     assert "run a scenario and record it" in capsys.readouterr().out
+
+
+def test_a_command_that_lacks_what_it_does_is_one_line(acme, capsys):
+    acme.write_text("[stepbus.commands]\nhalf = acme_tools:HALF\n")
+    assert main(["half"]) == ExitCode.SCENARIO
+    said = capsys.readouterr().err
+    assert said.startswith("stepbus: the command 'half' cannot be loaded from acme_gone:half: No ")
+    assert said.count("\n") == 1
 
 
 @pytest.mark.usefixtures("acme")
