@@ -15,9 +15,9 @@ RUN = "run two_link --set"
 ERRORS = [
     ("runn two_link", "no command 'runn'; did you mean 'run'? see stepbus --help"),
     ("run two_lonk", "two_lonk: no such file, folder or built-in scenario (give the path of your own, e.g. ./my_robot/scenario.yaml); did you mean 'two_link'?"),
-    ("run two_link --windw 3", "unknown option --windw; did you mean '--window'? see stepbus run --help"),
-    ("run two_link --pause-at soon", "argument --pause-at: 'soon' is neither a step (0 or higher) nor a time such as 6s; see stepbus run --help"),
-    ("sweep two_link --timeout 60", "argument --timeout: '60' is not a duration; write a number with a unit (ns, us, ms, s, min or h), e.g. 5ms; see stepbus sweep --help"),
+    ("run two_link --windw 3", "unknown option --windw; did you mean --window? see stepbus run --help"),
+    ("run two_link --pause-at soon", "invalid value for --pause-at: 'soon' is neither a step (0 or higher) nor a time such as 6s; see stepbus run --help"),
+    ("sweep two_link --timeout 60", "invalid value for --timeout: '60' is not a duration; write a number with a unit (ns, us, ms, s, min or h), e.g. 5ms; see stepbus sweep --help"),
     (f"{RUN} kp=80", "--set kp=80: no participant or key 'kp'; did you mean controller.params.kp?"),
     (f"{RUN} duration=10.001s", "--set duration=10.001s: duration: 10.001s is 2000.2 steps of 5ms, not a whole number; the nearest is 10s or 10005ms"),
     (f"{RUN} plant.evry=2", "--set plant.evry=2: participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),

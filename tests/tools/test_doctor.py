@@ -12,7 +12,7 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_participant import install_command
 from stepbus_plant.engines import ENGINES, is_here
 from stepbus_tools import doctor
-from stepbus_tools.commands import checks
+from stepbus_tools.commands import checking
 from stepbus_tools.doctor import EXTRAS, Finding
 
 PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
@@ -20,7 +20,7 @@ PROJECT = tomllib.loads((CHECKOUT / "pyproject.toml").read_text())["project"]
 
 @pytest.fixture(scope="module")
 def findings():
-    return {finding.what: finding for finding in checks.examine()}
+    return {finding.what: finding for finding in checking.examine()}
 
 
 def test_every_dependency_is_looked_at(findings):
@@ -109,7 +109,7 @@ def test_a_message_that_does_not_come_through_fails(monkeypatch):
 )
 def test_only_a_failure_changes_the_exit_code(monkeypatch, capsys, verdict, code):
     found = Finding("thing", verdict, "words")
-    monkeypatch.setattr(checks, "examine", lambda: [found])
+    monkeypatch.setattr(checking, "examine", lambda: [found])
     assert main(["doctor", "--json"]) == code
     assert json.loads(capsys.readouterr().out) == [
         {"what": "thing", "verdict": verdict, "text": "words"}
