@@ -98,10 +98,8 @@ def test_the_examples_of_a_page_work_one_after_the_other(page, tmp_path, monkeyp
         r"<!-- (\w+\.\w+) -->\n```\w+\n(.*?)```", page.read_text(), re.DOTALL
     ):
         (tmp_path / name).write_text(content)
-    examples = list(BLOCKS.parse(page).examples())
-    for example in examples:
+    for example in BLOCKS.parse(page).examples():
         example.evaluate()
-    assert examples
 
 
 @pytest.mark.parametrize(

@@ -145,16 +145,20 @@ def verify(
         raise RecordingFailed(
             f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
         ) from exc
-    verification = run_trials(
-        scenario,
-        trials,
-        folder,
-        seed=seed,
-        on_result=lambda result: on_result(result, len(trials)),
-        observer=observer,
-        interrupt=interrupt,
-        owns_descriptors=owns_descriptors,
-    )
+    try:
+        verification = run_trials(
+            scenario,
+            trials,
+            folder,
+            seed=seed,
+            on_result=lambda result: on_result(result, len(trials)),
+            observer=observer,
+            interrupt=interrupt,
+            owns_descriptors=owns_descriptors,
+        )
+    finally:
+        with contextlib.suppress(OSError):
+            folder.rmdir()
     if out is None and not (verification.failed or verification.different):
         shutil.rmtree(folder)
     return verification
