@@ -24,6 +24,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 ROOT = Path(__file__).resolve().parents[1]
 PICTURES = ROOT / "docs" / "pictures"
 MADE_FROM = PICTURES / "made_from.json"
@@ -169,9 +171,14 @@ def small(path: Path) -> Path:
     """Make a picture small enough for a repository: 256 colours."""
     from PIL import Image  # noqa: PLC0415
 
-    # Median cut forgets the colours of small things, such as a lamp or an item.
-    colours = Image.open(path).convert("RGB")
-    colours.quantize(256, Image.Quantize.MAXCOVERAGE, kmeans=3).save(path, optimize=True)
+    # Median cut forgets the colours of small things, such as a lamp,
+    # and maximum coverage those of the page: its eight most frequent are added.
+    picture = Image.open(path).convert("RGB")
+    covering = picture.quantize(248, Image.Quantize.MAXCOVERAGE).getpalette() or []
+    colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*covering, *colours[counts.argsort()[-8:]].ravel().tolist()])
+    picture.quantize(palette=palette, dither=Image.Dither.NONE).save(path, optimize=True)
     return path
 
 
