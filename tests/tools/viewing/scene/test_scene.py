@@ -5,6 +5,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import trimesh
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.hosts import InProcess
@@ -12,6 +13,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.meshes import mesh_file
 from stepbus_tools.viewing.scene.pose import Pose
 
 
@@ -75,3 +77,11 @@ def test_a_missing_mesh_is_a_box_and_a_sentence(two_link):
     scene = build_scene(with_attachments(two_link, attachments))
     assert any("no mesh gone.stl" in note for note in scene.notes)
     assert any(frame.visuals for frame in scene.frames)
+
+
+def test_a_collada_mesh_in_millimetres_is_drawn_in_metres(tmp_path):
+    path = tmp_path / "part.dae"
+    text = trimesh.creation.box((1000.0, 2000.0, 3000.0)).export(file_type="dae").decode()
+    path.write_text(text.replace("<up_axis>", '<unit meter="0.001"/><up_axis>'))
+    (mesh,) = mesh_file(path, (1.0, 1.0, 1.0))
+    assert np.ptp(mesh.vertices, axis=0) == pytest.approx((1.0, 2.0, 3.0))

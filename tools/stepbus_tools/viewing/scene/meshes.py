@@ -113,6 +113,8 @@ def mesh_file(path: Path, scale: tuple[float, float, float]) -> tuple[Mesh, ...]
     try:
         # Textures are not shown, and their files need not be there.
         loaded = trimesh.load(path, skip_materials=path.suffix.lower() == ".obj")
+        if path.suffix.lower() == ".dae" and loaded.units:
+            loaded = loaded.convert_units("meters")  # a URDF's meshes are in metres, as in PyBullet
         for part in loaded.dump() if isinstance(loaded, trimesh.Scene) else [loaded]:
             if isinstance(part, trimesh.Trimesh) and len(part.faces):
                 groups.setdefault(_color_of(part), []).append(part)
