@@ -146,11 +146,17 @@ def test_a_mesh_in_an_stl_written_as_text_is_solid(tmp_path, engine):
     assert distance == pytest.approx((2.0 - 0.6) / 2.0, abs=2e-3)
 
 
-@pytest.mark.parametrize("name", ["cube.glb", "cube.ply", "cube.obj", "file://cube.stl"])
+@pytest.mark.parametrize(
+    "name", ["cube.glb", "cube.ply", "cube.obj", "cube.dae", "file://cube.stl"]
+)
 def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, name):
     mesh = trimesh.creation.box((0.6, 0.4, 0.2))
     file = tmp_path / name.removeprefix("file://")
     mesh.export(file)
+    if file.suffix == ".dae":
+        mesh.apply_scale(1000).export(file)
+        in_mm = file.read_text().replace("<up_axis>", '<unit name="mm" meter="0.001"/><up_axis>')
+        file.write_text(in_mm)
     if file.suffix == ".obj":
         # The form of numbers that some programs write: .3 for 0.3.
         file.write_text(re.sub(r"(?<=[ -])0\.", ".", file.read_text()))
