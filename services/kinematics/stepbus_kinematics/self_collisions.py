@@ -4,10 +4,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from stepbus_kinematics.model import RobotModel, Vector
+from stepbus_models import mesh_unit
 from stepbus_schemas import WiringError
 
 
@@ -47,6 +49,8 @@ def radius_from(placement: Any, geometry: Any) -> float:
 
 def _use_hulls(geometry: Any) -> None:
     for item in geometry.geometryObjects:
+        if (unit := mesh_unit(item.meshPath)) != 1.0:
+            item.geometry = coal.MeshLoader().load(item.meshPath, item.meshScale * unit)
         if hasattr(item.geometry, "buildConvexHull"):
             item.geometry.buildConvexHull(True, "Qt")
             item.geometry = item.geometry.convex

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from stepbus_models import mesh_unit
 from stepbus_participant import scratch_folder
 from stepbus_plant.geometry import Array
 from stepbus_schemas import WiringError
 
 _BARE_POINT = re.compile(rb"(?<![\w.])([+-]?)\.(?=\d)")
 """Of a number such as `.5`, which coal's reader of OBJ files drops with its vertex (3.0.3)."""
-_UNIT = re.compile(rb"""<unit\b[^>]*?\bmeter\s*=\s*["']\s*([^"'\s]+)""")
-"""The length of a Collada file's unit [m], which coal leaves aside and PyBullet does not."""
 _TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("attribute", "<u2")])
 _HEADER_BYTES, _COUNT_BYTES = 80, 4
 
@@ -45,9 +44,8 @@ def _read(file: str, named: str) -> tuple[Array, Any]:
     """Return the triangles of a file; named: in messages."""
     import coal  # noqa: PLC0415  only models with meshes need it
 
-    unit = None if not file.lower().endswith(".dae") else _UNIT.search(Path(file).read_bytes())
     try:
-        loaded = coal.MeshLoader().load(file, np.full(3, float(unit[1]) if unit else 1.0))
+        loaded = coal.MeshLoader().load(file, np.full(3, mesh_unit(file)))
     except (RuntimeError, ValueError, OSError) as exc:
         text = str(exc).partition("message:")[2] or str(exc)
         reason = text.strip().splitlines()[0].replace(file, named)

@@ -4,6 +4,7 @@ import struct
 
 import numpy as np
 import pytest
+import trimesh
 
 from stepbus_kinematics import RobotModel, collision_geometry
 
@@ -46,3 +47,12 @@ def test_a_mesh_is_beside_its_model(tmp_path):
     mesh = '<collision><geometry><mesh filename="parts/wedge.stl"/></geometry></collision>'
     (item,) = collision_geometry(robot(tmp_path, mesh)).geometryObjects
     assert item.geometry.num_points == 4
+
+
+def test_a_collada_mesh_has_the_unit_of_its_file(tmp_path):
+    text = trimesh.creation.box((1000.0, 2000.0, 3000.0)).export(file_type="dae").decode()
+    path = tmp_path / "part.dae"
+    path.write_text(text.replace("<up_axis>", '<unit name="mm" meter="0.001"/><up_axis>'))
+    mesh = '<collision><geometry><mesh filename="part.dae" scale="1 1 2"/></geometry></collision>'
+    (item,) = collision_geometry(robot(tmp_path, mesh)).geometryObjects
+    assert np.ptp(item.geometry.points(), axis=0) == pytest.approx((1.0, 2.0, 6.0))
