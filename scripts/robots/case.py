@@ -97,7 +97,7 @@ class Case:
         plant = self._plant(joints=dict.fromkeys(library.mimics, _LOOSE))
         row["torque"] = max(self._missing(plant))
         plant.close()
-        plant = self._plant(height=10.0)
+        plant = self._plant(height=10.0 if library.floats else None)
         engine = plant.physics.engine
         row["mass"] = abs(sum(map(engine.mass, engine.links(0).values())) - library.mass)
         plant.close()
@@ -154,8 +154,13 @@ class Case:
         return {key: float(max(row[key] for row in rows)) for key in rows[0]}
 
     def _missing(self, plant: SimulatedPlant) -> Iterator[float]:
-        """Yield what is missing at rest, with the library's torques applied [N·m or N]."""
+        """Yield what is missing at rest, with the library's torques applied [N·m or N].
+
+        Poses in which something touches are left out.
+        """
         for q in self._samples(plant):
+            if self.library.touches(q):
+                continue
             command(plant, "teleport", {**q, **self.library.followers(q)})
             command(plant, "torque", self.library.holding(q))
             plant.advance()

@@ -21,7 +21,7 @@ class Library:
 
     joints: their numbers, by name. limits: (lower, upper) of each [rad or m]. mimics: joint → the
     joint that it follows, multiplier and offset. mass: [kg]. light: of links without a mass, to
-    which engines have to give one [kg].
+    which engines have to give one [kg]. floats: whether its root can leave the world.
     """
 
     joints: Mapping[str, int]
@@ -29,6 +29,7 @@ class Library:
     mimics: Mapping[str, tuple[str, float, float]]
     mass: float
     light: float
+    floats = True
 
     def poses(self, q: Values) -> dict[str, Pose]:
         """Return the pose of each link."""
@@ -41,6 +42,10 @@ class Library:
     def holding(self, q: Values) -> dict[str, float]:
         """Return the same against all that acts at rest, such as springs."""
         return self.gravity(q)
+
+    def touches(self, q: Values) -> bool:
+        """Return whether the file has contacts in a pose, which take part in the torques."""
+        return False
 
     def moving(self, a: Values) -> dict[str, float]:
         """Return the torques of accelerations at the last pose [rad/s² or m/s²]."""
@@ -127,6 +132,8 @@ class Mujoco(Library):
                 body.pos, body.quat = (0, 0, 0), (1, 0, 0, 0)
             for row in (*free, *(spec.keys if free else ())):
                 spec.delete(row)
+        roots = spec.worldbody.bodies
+        self.floats = len(roots) == 1 and not roots[0].joints
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         names = [model.joint(n).name for n in range(model.njnt)]
@@ -162,6 +169,10 @@ class Mujoco(Library):
     def holding(self, q: Values) -> dict[str, float]:
         """See `Library`."""
         return self._by_name(self._forward(q).qfrc_bias - self._data.qfrc_passive)
+
+    def touches(self, q: Values) -> bool:
+        """See `Library`."""
+        return bool(self._forward(q).ncon)
 
     def moving(self, a: Values) -> dict[str, float]:
         """See `Library`."""

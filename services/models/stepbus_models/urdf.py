@@ -9,6 +9,7 @@ have the length 1, continuous joints no stops, and inertias are those of bodies.
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -121,7 +122,7 @@ class _Reader:
         joints = {joint.get("name"): self._joint(joint) for joint in self._joints}
         if root is None:
             return None
-        self._check_massless(links, joints)
+        links |= self._lightest(links, joints)
         return RobotDescription(
             name=self._root.get("name", ""),
             path=self._path,
@@ -204,8 +205,13 @@ class _Reader:
             names |= dict.fromkeys(below)
         return list(names)
 
-    def _check_massless(self, links: dict[str, Link], joints: dict[str, Joint]) -> None:
-        """Find joints that move nothing but links declared as massless."""
+    def _lightest(self, links: dict[str, Link], joints: dict[str, Joint]) -> dict[str, Link]:
+        """Return links that joints move although all behind them is massless, without inertials.
+
+        Engines differ in what they do with a mass and an inertia of 0; of a link without
+        <inertial> they all make the same.
+        """
+        lightest = {}
         for joint in filter(lambda joint: joint.moves, joints.values()):
             inertials = [links[name].inertial for name in self._carried(joint.child)]
             # A link without <inertial> is no mistake: it weighs next to nothing.
@@ -216,11 +222,8 @@ class _Reader:
                 text = f"link {joint.child!r} has mass 0 but an inertia, and {moved}"
                 self._problem(self._by_name[joint.child].find("inertial/mass"), text)
             else:
-                self._warnings.append(
-                    f"joint {joint.name!r} moves link {joint.child!r}, whose mass and inertia are "
-                    "0: PyBullet does not move it; remove its <inertial> to give it a negligible "
-                    "mass"
-                )
+                lightest[joint.child] = replace(links[joint.child], inertial=None)
+        return lightest
 
     # --- links ----------------------------------------------------------------------------
 

@@ -104,7 +104,7 @@ class DirectTorque(Drive):
             self._resist(index, self._efforts[index])
 
     def _resist(self, index: int, torque: float) -> None:
-        self._engine.resist(self._body, self._indices[index], torque)
+        self._engine.turn(self._body, [self._indices[index]], [0.0], [torque])
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""

@@ -5,12 +5,12 @@ An engine is a module of `engines` whose `ENGINE` makes an `Engine`; nothing els
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point, RunError
 
@@ -19,39 +19,11 @@ Link = tuple[int, int]
 BASE = -1
 """Number of a body's root link; others have that of the joint above them."""
 ANY_BODY, ANY_LINK = -1, -2
+REST: Point = (0.0, 0.0, 0.0)
 
 
 class PhysicsError(RunError, ArithmeticError):
     """The physics engine failed, or its state is not finite."""
-
-
-class Leader(NamedTuple):
-    """The joint that a joint follows: q = multiplier · q of that + offset [rad or m]."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointInfo:
-    """A joint as its model has it; without stops, lower is above upper.
-
-    type: revolute, prismatic, fixed, or nothing that is supported. link: its child. axis: in the
-    frame of that. damping: of an MJCF [N·m·s/rad]; leader: in an MJCF, which couples them itself.
-    """
-
-    index: int
-    name: str
-    type: str
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-    link: str
-    axis: Point
-    damping: float = 0.0
-    leader: Leader | None = None
 
 
 class Contact(NamedTuple):
@@ -102,13 +74,12 @@ class Engine(Protocol):
 
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
-    copy of the process can draw images. reads_mjcf: whether `load` takes an MJCF, too.
+    copy of the process can draw images.
     """
 
     name: str
     geometry: Geometry
     draws_in_copies: bool
-    reads_mjcf: bool
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 
@@ -136,7 +107,7 @@ class Engine(Protocol):
 
     def load(
         self,
-        model: Path,
+        robot: RobotDescription,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -148,7 +119,7 @@ class Engine(Protocol):
         """Load a body without damping or a limit of velocities; return its number.
 
         friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth:
-        its cylinders are exact. Raises WiringError for a model that cannot be loaded.
+        its cylinders are exact. Raises WiringError for a robot that cannot be loaded.
         """
         ...
 
@@ -156,8 +127,8 @@ class Engine(Protocol):
         """Return what of a body's model is not used, a sentence each."""
         ...
 
-    def joints(self, body: int) -> list[JointInfo]:
-        """Return all joints of a body, in the order of their numbers."""
+    def joints(self, body: int) -> list[str]:
+        """Return the names of all joints of a body, in the order of their numbers from 0 on."""
         ...
 
     def links(self, body: int) -> dict[str, Link]:
@@ -227,10 +198,6 @@ class Engine(Protocol):
         """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
         ...
 
-    def resist(self, body: int, index: int, torque: float) -> None:
-        """Set a motor that resists any motion of a joint with up to a torque [N·m]."""
-        ...
-
     def bring(
         self,
         body: int,
@@ -286,12 +253,11 @@ class Engine(Protocol):
         """Return pose and velocity of a link."""
         ...
 
-    def put(self, body: int, frame: Pose) -> None:
-        """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
-        ...
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
+        """Put the frame of a body's root link somewhere; its joints stay as they are.
 
-    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """Put the frame of a body's root link somewhere, moving like that [m/s, rad/s]."""
+        velocity: of its centre of mass [m/s]. spin: angular velocity [rad/s].
+        """
         ...
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:

@@ -110,7 +110,7 @@ class Gripper:
         self.fingers: list[Link] = [(joint.body, joint.index) for joint in self.joints]
         self.held_without_forces: Link | None = None
         self._engine = engine
-        self._slide = engine.joints(left.body)[left.index].axis
+        self._slide = left.axis
         self._grip: Grip | None = None
         self._pressed_along: Point = (0.0, 0.0, 0.0)
         self._stale: list[Link] = []

@@ -42,7 +42,7 @@ class MovingBody:
         """Put it where it is now."""
         share = min(self._elapsed / self._seconds, 1.0)
         frame = self._engine.geometry.between(self._start, self._goal, share)
-        self._engine.carry(self._body, frame, self._velocity, self._spin)
+        self._engine.put(self._body, frame, self._velocity, self._spin)
 
     def after_substep(self, seconds: float) -> None:
         """Move on, and look whether it has hit something that it did not touch before."""

@@ -21,7 +21,7 @@ PYBULLET_CONTACT = (
     "inertia_scaling",
 )
 """Elements of a link's `<contact>` that PyBullet alone reads."""
-PLANES = "a `<plane>` in a URDF"
+PLANES = "engine mujoco does not support a `<plane>` in a URDF; use engine pybullet, or remove it"
 
 DIFFERENCES = (
     Difference("Python", "3.11", "3.11 and later"),
@@ -65,7 +65,7 @@ DIFFERENCES = (
     Difference("lidar ray that starts inside a shape", "no hit", "hits the inside"),
     Difference("`<mimic>` and gripper coupling", "limited force", "unlimited force"),
     Difference("`sleeping: true`", "skips bodies at rest", "computes all bodies"),
-    Difference(PLANES, "accepted", "refused"),
+    Difference("a `<plane>` in a URDF", "accepted", "refused"),
     Difference("a box, ball, cylinder or capsule of size 0", "accepted", "refused"),
     Difference(
         "images",
@@ -86,7 +86,7 @@ ELEMENTS = (
     (f"`<contact>`: {_FRICTIONS}", "coefficients of friction"),
     (
         f"`<contact>`: {', '.join(f'`{tag}`' for tag in PYBULLET_CONTACT)}",
-        "used by pybullet, refused by mujoco",
+        "used by pybullet; mujoco warns",
     ),
     (
         "`<inertia>` that no body can have",
@@ -101,8 +101,3 @@ def table(head: tuple[str, ...] = ("", "pybullet", "mujoco"), rows: Any = DIFFER
     """Return a table as Markdown."""
     lines = [head, ("---",) * len(head), *rows]
     return "".join(f"| {' | '.join(row)} |\n" for row in lines).replace("|  |", "| |")
-
-
-def refused(what: str) -> str:
-    """Return the sentence that MuJoCo cannot do something."""
-    return f"engine mujoco does not support {what}; use engine pybullet, or remove it"

@@ -2,26 +2,26 @@
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_participant import installed_version
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
     BASE,
+    REST,
     Contact,
-    JointInfo,
     Light,
     Link,
     Motion,
     PhysicsError,
 )
 from stepbus_plant.engines.bullet import BulletGeometry, bullet
-from stepbus_plant.engines.bullet_meshes import readable
+from stepbus_plant.engines.bullet_meshes import written
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point, WiringError
 
@@ -30,13 +30,7 @@ _GROUP, _ALL_GROUPS = 1, -1
 _WHITE = (1.0, 1.0, 1.0)
 _NOTHING = 1.0 - 1e-7
 """Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
-
-
-_TYPES = {
-    bullet.JOINT_REVOLUTE: "revolute",
-    bullet.JOINT_PRISMATIC: "prismatic",
-    bullet.JOINT_FIXED: "fixed",
-}
+_MOST_JOINTS = 127
 
 
 class BulletEngine:
@@ -44,7 +38,6 @@ class BulletEngine:
 
     name = "pybullet"
     draws_in_copies = True
-    reads_mjcf = False
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
@@ -93,7 +86,7 @@ class BulletEngine:
 
     def load(
         self,
-        model: Path,
+        robot: RobotDescription,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -106,15 +99,21 @@ class BulletEngine:
 
         friction: of all links; absent: the model's. is_smooth: cylinders are round, instead of a
         mesh of 32 faces, whose collision margin makes it stand 1 mm higher.
-        Raises WiringError for a model that cannot be loaded.
+        Raises WiringError for a robot that cannot be loaded.
         """
+        if robot.format == "mjcf":
+            text = "is an MJCF, which engine pybullet does not read; use `engine: mujoco`"
+            raise WiringError(f"{robot.path}: {text}")
+        if len(robot.joints) > _MOST_JOINTS:
+            text = f"has {len(robot.joints)} joints, fixed ones included, and engine pybullet takes"
+            raise WiringError(f"{robot.path}: {text} {_MOST_JOINTS}; use `engine: mujoco`")
         # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
         flags |= bullet.URDF_USE_SELF_COLLISION if collides_with_itself else 0
         flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
         flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
         try:
-            with readable(model) as urdf:
+            with written(robot) as urdf:
                 body: int = bullet.loadURDF(
                     str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
                 )
@@ -132,31 +131,19 @@ class BulletEngine:
         """See `Engine`."""
         return []
 
-    def joints(self, body: int) -> list[JointInfo]:
+    def _infos(self, body: int) -> list[Any]:
+        count = bullet.getNumJoints(body, **self._here)
+        return [bullet.getJointInfo(body, index, self.client) for index in range(count)]
+
+    def joints(self, body: int) -> list[str]:
         """See `Engine`."""
-        infos = (
-            bullet.getJointInfo(body, index, self.client)
-            for index in range(bullet.getNumJoints(body, **self._here))
-        )
-        return [
-            JointInfo(
-                index=info[0],
-                name=info[1].decode(),
-                type=_TYPES.get(info[2], ""),
-                lower=info[8],
-                upper=info[9],
-                effort=info[10],
-                velocity=info[11],
-                link=info[12].decode(),
-                axis=info[13],
-            )
-            for info in infos
-        ]
+        return [info[1].decode() for info in self._infos(body)]
 
     def links(self, body: int) -> dict[str, Link]:
         """See `Engine`."""
         root = bullet.getBodyInfo(body, self.client)[0].decode()
-        return {root: (body, BASE), **{j.link: (body, j.index) for j in self.joints(body)}}
+        children = {info[12].decode(): (body, info[0]) for info in self._infos(body)}
+        return {root: (body, BASE), **children}
 
     def is_solid(self, link: Link) -> bool:
         """See `Engine`."""
@@ -240,17 +227,6 @@ class BulletEngine:
             bullet.VELOCITY_CONTROL,
             targetVelocities=velocities,
             forces=torques,
-            **self._here,
-        )
-
-    def resist(self, body: int, index: int, torque: float) -> None:
-        """See `Engine`."""
-        bullet.setJointMotorControl2(
-            body,
-            index,
-            bullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=torque,
             **self._here,
         )
 
@@ -338,13 +314,9 @@ class BulletEngine:
         )
         return Motion(state[4:6], state[0], state[6], state[7])
 
-    def put(self, body: int, frame: Pose) -> None:
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
         """See `Engine`."""
         self.put_centre(body, self.geometry.compose(frame, self.inertial((body, BASE))))
-
-    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """See `Engine`."""
-        self.put(body, frame)
         bullet.resetBaseVelocity(body, velocity, spin, **self._here)
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:

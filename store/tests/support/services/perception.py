@@ -155,16 +155,15 @@ def _visual(name: str, text: str, color: tuple[float, float, float]) -> str:
 
 def load_fixed(engine: Engine, urdf: Path, position, rpy) -> int:
     """Return the number of a body that stands somewhere and looks as its model says."""
-    with loadable(read_robot(urdf)) as whole:
-        return engine.load(
-            whole,
-            (tuple(position), quaternion(rpy)),
-            {},
-            is_fixed=True,
-            collides_with_itself=False,
-            has_visuals=True,
-            is_smooth=False,
-        )
+    return engine.load(
+        loadable(read_robot(urdf)),
+        (tuple(position), quaternion(rpy)),
+        {},
+        is_fixed=True,
+        collides_with_itself=False,
+        has_visuals=True,
+        is_smooth=False,
+    )
 
 
 def empty_world() -> Engine:

@@ -46,13 +46,12 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
 
 
 @pytest.mark.parametrize("tag", PYBULLET_CONTACT)
-def test_an_element_of_a_contact_that_only_pybullet_reads_is_refused_by_name(tmp_path, tag):
+def test_an_element_of_a_contact_that_only_pybullet_reads_is_named_by_a_warning(tmp_path, tag):
     urdf = link("base", 1.0, box("1 1 1"))
     contact = f"<contact><{tag} value='0.5'/></contact></link>"
-    with pytest.raises(WiringError, match=rf"support <{tag}> of .*; use engine pybullet"):
-        load(tmp_path, urdf.replace("</link>", contact))
-    (tmp_path / "none").mkdir()
-    load(tmp_path / "none", urdf.replace("</link>", contact.replace("0.5", "0")))
+    note = f"engine mujoco ignores <{tag}> of a link's <contact> (base)"
+    assert load(tmp_path, urdf.replace("</link>", contact)).notes == [("body one", note)]
+    assert load(tmp_path, urdf.replace("</link>", contact.replace("0.5", "0"))).notes == []
 
 
 def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
@@ -66,7 +65,7 @@ def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
     )
     engine = load(tmp_path, cart, f"bodies: {{{world}}}").engine
     for step in range(1000):
-        engine.carry(
+        engine.put(
             0, ((0.5e-3 * step, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), (0.5, 0.0, 0.0), (0.0,) * 3
         )
         engine.step()

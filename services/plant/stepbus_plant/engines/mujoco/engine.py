@@ -3,30 +3,29 @@
 import math
 from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
     BASE,
+    REST,
     Contact,
-    JointInfo,
     Light,
     Link,
     Motion,
     PhysicsError,
 )
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import LEAST_RANGE, Body, add, read_mjcf, read_urdf, rigid
+from stepbus_plant.engines.mujoco.model import LEAST_RANGE, Body, add, read, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
 from stepbus_plant.engines.mujoco.world import World
 from stepbus_plant.geometry import Array, Geometry, Pose
-from stepbus_plant.models import is_mjcf
 from stepbus_schemas import Point, WiringError
 
 _FRICTION_RATIO = 10.0
@@ -40,7 +39,6 @@ class MujocoEngine:
 
     name = "mujoco"
     draws_in_copies = False
-    reads_mjcf = True
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry = Geometry()
@@ -121,7 +119,7 @@ class MujocoEngine:
 
     def load(
         self,
-        model: Path,
+        robot: RobotDescription,
         pose: Pose,
         friction: Mapping[str, float],
         *,
@@ -133,20 +131,17 @@ class MujocoEngine:
         """See `Engine`; cylinders are always exact. An MJCF says itself what collides."""
         number = len(self._bodies)
         try:
-            if is_mjcf(model):
-                source = read_mjcf(model, friction)
-            else:
-                source = read_urdf(model, friction, has_visuals=has_visuals, dt=self._dt)
-            body = add(self._spec, source, number, pose, is_fixed=is_fixed)
+            source = read(robot, friction, has_visuals=has_visuals, dt=self._dt)
+            body = add(self._spec, robot, source, number, pose, is_fixed=is_fixed)
         except WiringError:
             raise
         except (ValueError, mujoco.FatalError) as exc:
             raise PhysicsError(f"MuJoCo cannot read it: {_text(exc)}") from exc
         self._bodies.append(body)
-        for info in body.infos:
-            if info.type in {"revolute", "prismatic"}:
-                add_motor(self._spec, body.joint_name(info.index), self._dt)
-        if source.is_urdf and not collides_with_itself:
+        for index, joint in enumerate(self.joints(number)):
+            if robot.joints[joint].moves:
+                add_motor(self._spec, body.joint_name(index), self._dt)
+        if robot.format == "urdf" and not collides_with_itself:
             for one, other in combinations(sorted(body.solid), 2):
                 self._let_through(f"{number}/{one}", f"{number}/{other}")
         self._is_changed = True
@@ -156,9 +151,9 @@ class MujocoEngine:
         """See `Engine`."""
         return self._bodies[body].notes
 
-    def joints(self, body: int) -> list[JointInfo]:
+    def joints(self, body: int) -> list[str]:
         """See `Engine`."""
-        return self._bodies[body].infos
+        return [joint for _, joint in self._bodies[body].rows[1:]]
 
     def links(self, body: int) -> dict[str, Link]:
         """See `Engine`."""
@@ -198,14 +193,14 @@ class MujocoEngine:
         self, body: int, index: int, *, damping: float, lower: float, upper: float
     ) -> None:
         """See `Engine`; damping is implicit, and so always stable."""
-        own, info = self._bodies[body], self._bodies[body].infos[index]
+        own = self._bodies[body]
+        described = own.robot.joints[self.joints(body)[index]]
         joint = self._spec.joint(own.joint_name(index))
-        if damping != info.damping or own.is_urdf:
-            # A ball joint could have three.
-            joint.damping = [damping, 0.0, 0.0] if np.size(joint.damping) > 1 else damping
+        if damping != joint.damping[0]:
+            joint.damping = [damping, 0.0, 0.0]
         is_limited = math.isfinite(lower) and math.isfinite(upper)
         stops = [lower, max(upper, lower + LEAST_RANGE)] if is_limited else [0.0, 0.0]
-        if own.in_degrees and info.type == "revolute":
+        if own.in_degrees and described.type != "prismatic":
             stops = [math.degrees(stop) for stop in stops]
         joint.limited, joint.range = int(is_limited), stops
         self._is_changed = True
@@ -250,10 +245,6 @@ class MujocoEngine:
         self._then(
             lambda world: world.motors.turn(world.numbers(body, indices)[2], velocities, torques)
         )
-
-    def resist(self, body: int, index: int, torque: float) -> None:
-        """See `Engine`."""
-        self.turn(body, [index], [0.0], [torque])
 
     def bring(
         self,
@@ -306,11 +297,7 @@ class MujocoEngine:
         """See `Engine`."""
         return self._world.motion(link)
 
-    def put(self, body: int, frame: Pose) -> None:
-        """See `Engine`."""
-        self.carry(body, frame, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-
-    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
         """See `Engine`."""
         self._world.put(body, frame, velocity, spin)
 

@@ -47,7 +47,7 @@ class World:
         self._id = {
             (body.number, n): model.body(body.body_name(n)).id
             for body in bodies
-            for n in range(BASE, len(body.infos))
+            for n in range(BASE, len(body.rows) - 1)
         }
         # A link with several joints has more than one number, of which contacts have the last.
         self.space = Space(model, data, {number: link for link, number in self._id.items()})
