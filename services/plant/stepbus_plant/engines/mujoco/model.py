@@ -15,7 +15,6 @@ import mujoco
 from stepbus_models import Joint, RobotDescription, urdf_text
 from stepbus_models.mjcf import read_spec
 from stepbus_plant.engine import BASE
-from stepbus_plant.engines.differences import PLANES, PYBULLET_CONTACT
 from stepbus_plant.geometry import Pose
 from stepbus_plant.meshes import is_text_stl, load_mesh
 from stepbus_schemas import WiringError
@@ -33,6 +32,16 @@ _READS = (".stl", ".obj", ".msh")
 _PARSER = """<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"
 balanceinertia="true" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"""
 """Links behind fixed joints, and visuals, stay; what has no mass can move."""
+_UNREAD = (
+    "restitution",
+    "stiffness",
+    "damping",
+    "contact_cfm",
+    "contact_erp",
+    "friction_anchor",
+    "inertia_scaling",
+)
+"""Elements of a link's `<contact>` that PyBullet alone reads."""
 _FRICTION = {"lateral": 1.0, "spinning": 0.005, "rolling": 0.0001}
 """MuJoCo's own."""
 _OPTIONS = ("integrator", "cone", "impratio", "noslip_iterations", "density", "viscosity", "wind")
@@ -110,16 +119,16 @@ def _read_urdf(
     """See `read`."""
     for link in robot.links.values():
         if any(shape.kind == "plane" for shape in (*link.visuals, *link.collisions)):
-            raise WiringError(f"link {link.name!r}: {PLANES}")
+            text = "engine mujoco does not support a `<plane>` in a URDF"
+            raise WiringError(f"link {link.name!r}: {text}; use engine pybullet, or remove it")
     joints = {joint.name: _plain(joint) for joint in robot.joints.values()}
     text = urdf_text(replace(robot, joints=joints)).replace("</robot>", f"{_PARSER}</robot>")
     spec = mujoco.MjSpec.from_string(_WORLD.sub(rf'\1="{_ROOT}"', text))
     _read_meshes(spec)
     ignored: dict[str, list[str]] = {}
     for link in robot.links.values():
-        for tag in PYBULLET_CONTACT:
-            if link.contact.get(tag):
-                ignored.setdefault(tag, []).append(link.name)
+        for tag in filter(link.contact.get, _UNREAD):
+            ignored.setdefault(tag, []).append(link.name)
         tags = ((kind, f"{kind}_friction") for kind in _FRICTION)
         own = {kind: link.contact[tag] for kind, tag in tags if tag in link.contact}
         name = _ROOT if link.name == "world" else link.name

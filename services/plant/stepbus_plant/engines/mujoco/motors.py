@@ -37,9 +37,12 @@ def add_motor(spec: Any, joint: str, dt: float) -> None:
 
 
 class Motors:
-    """The motors of a model, arrays of shape (n,) by the number of their tendon."""
+    """The motors of a model, arrays of shape (n,) by the number of their tendon.
 
-    def __init__(self, model: Any, dt: float) -> None:
+    dt: length of a substep [s]. before: others, of fewer or as many joints, whose state goes on.
+    """
+
+    def __init__(self, model: Any, dt: float, before: "Motors | None" = None) -> None:
         count = model.ntendon
         self._model, self._dt = model, dt
         self._velocities = np.zeros(count)
@@ -49,17 +52,14 @@ class Motors:
         self._torques = np.zeros(count)
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
+        for own, old in zip(self._arrays(), before._arrays() if before else (), strict=False):
+            own[: len(old)] = old
 
     def _arrays(self) -> tuple[Array, ...]:
         return (
             *(self._model.tendon_frictionloss, self._velocities, self._goals),
             *(self._gains, self._fastest, self._torques),
         )
-
-    def take(self, before: "Motors") -> None:
-        """Go on as other motors, of fewer or as many joints, before these."""
-        for own, old in zip(self._arrays(), before._arrays(), strict=True):
-            own[: len(old)] = old
 
     def turn(
         self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
