@@ -30,9 +30,9 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
     ("found", "sentence"),
     [
         ("<torus radius='1'/>", "link 'base': a <collision> is a <torus>"),
-        ("<box size='1 2'/>", "size='1 2' of <box> is not 3 numbers"),
+        ("<box size='1 2'/>", "size='1 2' of <box> must be 3 finite numbers"),
         ("<box size='1 0 1'/>", "size 1 must be positive"),
-        ("<sphere radius='x'/>", "radius='x' of <sphere> is not 1 number"),
+        ("<sphere radius='x'/>", "radius='x' of <sphere> must be a finite number"),
         ('<plane normal="0 0 1"/>', "link 'base': engine mujoco does not support a `<plane>`"),
     ],
 )
