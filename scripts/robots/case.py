@@ -95,7 +95,7 @@ class Case:
         row = {"limits": float(np.abs(ours - theirs).max()), **self._poses(plant)}
         plant.close()
         plant = self._plant(joints=dict.fromkeys(library.mimics, _LOOSE))
-        row["torque"] = max(self._missing(plant))
+        row["torque"] = max(self._missing(plant), default=math.nan)
         plant.close()
         plant = self._plant(height=10.0 if library.floats else None)
         engine = plant.physics.engine

@@ -126,14 +126,14 @@ class Mujoco(Library):
 
     def __init__(self, path: Path) -> None:
         spec = mujoco.MjSpec.from_file(str(path))
-        for body in spec.worldbody.bodies:
-            free = [row for row in body.joints if row.type == mujoco.mjtJoint.mjJNT_FREE]
-            if free or not body.joints:
-                body.pos, body.quat = (0, 0, 0), (1, 0, 0, 0)
-            for row in (*free, *(spec.keys if free else ())):
-                spec.delete(row)
         roots = spec.worldbody.bodies
-        self.floats = len(roots) == 1 and not roots[0].joints
+        free = [j for k in roots for j in k.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]
+        self.floats = len(roots) == 1 and len(roots[0].joints) == len(free)
+        if self.floats:
+            roots[0].pos, roots[0].quat = (0, 0, 0), (1, 0, 0, 0)
+            roots[0].alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        for row in (*free, *spec.keys, *(spec.worldbody.geoms if self.floats else ())):
+            spec.delete(row)
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         names = [model.joint(n).name for n in range(model.njnt)]

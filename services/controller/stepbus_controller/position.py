@@ -1,6 +1,5 @@
 """A controller that commands positions, with its parameters."""
 
-
 from stepbus_participant import Names, NonNegativePerJoint, Settings, imported_later
 
 __getattr__ = imported_later("stepbus_controller", {"PositionController": "position_controller"})

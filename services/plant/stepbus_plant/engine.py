@@ -20,6 +20,10 @@ BASE = -1
 """Number of a body's root link; others have that of the joint above them."""
 ANY_BODY, ANY_LINK = -1, -2
 REST: Point = (0.0, 0.0, 0.0)
+Indices = Sequence[int]
+"""Numbers of joints of a body."""
+Values = Sequence[float]
+"""One value for each of these joints."""
 
 
 class PhysicsError(RunError, ArithmeticError):
@@ -39,6 +43,46 @@ class Contact(NamedTuple):
     on_other: Point
     normal: Point
     distance: float
+    force: float
+
+
+class Loading(NamedTuple):
+    """How a body is loaded.
+
+    friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth: its
+    cylinders are exact.
+    """
+
+    friction: Mapping[str, float] = {}
+    is_fixed: bool = False
+    collides_with_itself: bool = False
+    has_visuals: bool = True
+    is_smooth: bool = False
+
+
+class Goal(NamedTuple):
+    """What a motor tracks: a position [rad] and its velocity [rad/s].
+
+    torque: the largest [N·m]. max_velocity: [rad/s]; 0: none. gain: share of the error that a
+    substep corrects; 0: the engine's, 0.1.
+    """
+
+    position: float
+    velocity: float
+    torque: float
+    max_velocity: float = 0.0
+    gain: float = 0.0
+
+
+class Gear(NamedTuple):
+    """A coupling: q = multiplier · q of the leader + offset [rad or m].
+
+    erp: share of the error that a substep corrects. force: the largest [N or N·m].
+    """
+
+    multiplier: float
+    offset: float
+    erp: float
     force: float
 
 
@@ -105,21 +149,10 @@ class Engine(Protocol):
 
     # --- bodies ---------------------------------------------------------------------------
 
-    def load(
-        self,
-        robot: RobotDescription,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        collides_with_itself: bool,
-        has_visuals: bool,
-        is_smooth: bool,
-    ) -> int:
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
         """Load a body without damping or a limit of velocities; return its number.
 
-        friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth:
-        its cylinders are exact. Raises WiringError for a robot that cannot be loaded.
+        pose: of its root's frame. Raises WiringError for a robot that cannot be loaded.
         """
         ...
 
@@ -167,53 +200,20 @@ class Engine(Protocol):
         """Set damping [N·m·s/rad] and stops [rad] of a joint; infinite: none."""
         ...
 
-    def couple(
-        self,
-        body: int,
-        follower: int,
-        leader: int,
-        *,
-        multiplier: float,
-        offset: float = 0.0,
-        erp: float,
-        force: float,
-    ) -> None:
-        """Keep a joint where another one takes it, as by gears.
-
-        erp: share of the error that a substep corrects. force: the largest [N or N·m].
-        """
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
+        """Keep a joint where another one takes it, as by gears."""
         ...
 
-    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
         """Apply torques [N·m] to joints in the next substep only."""
         ...
 
-    def turn(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        torques: Sequence[float],
-    ) -> None:
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
         ...
 
-    def bring(
-        self,
-        body: int,
-        index: int,
-        position: float,
-        velocity: float,
-        torque: float,
-        *,
-        max_velocity: float = 0.0,
-        gain: float = 0.0,
-    ) -> None:
-        """Set a motor that tracks a position [rad] and its velocity with a limited torque [N·m].
-
-        max_velocity: [rad/s]; 0: none. gain: share of the error that a substep corrects; 0: the
-        engine's, 0.1.
-        """
+    def bring(self, body: int, index: int, goal: Goal) -> None:
+        """Set a motor that tracks a position and its velocity with a limited torque."""
         ...
 
     def watch_reaction(self, joint: Link) -> None:

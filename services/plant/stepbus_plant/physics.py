@@ -12,7 +12,7 @@ from weakref import WeakValueDictionary
 from stepbus_models import Mimic, RobotDescription, read_robot
 from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.engine import BASE, Link, PhysicsError
+from stepbus_plant.engine import BASE, Gear, Link, Loading, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
@@ -155,11 +155,13 @@ class Physics:
             number = self.engine.load(
                 loadable(robot, [joint for joint, mimic in followed.items() if mimic]),
                 (body.position, quaternion(body.orientation_rpy)),
-                friction,
-                is_fixed=body.fixed_base,
-                collides_with_itself=body.srdf is not None,
-                has_visuals=body.visuals,
-                is_smooth=item is not None,
+                Loading(
+                    friction,
+                    is_fixed=body.fixed_base,
+                    collides_with_itself=body.srdf is not None,
+                    has_visuals=body.visuals,
+                    is_smooth=item is not None,
+                ),
             )
             if robot.format == "urdf":
                 self._refuse_shapeless(robot, number)
@@ -277,15 +279,8 @@ class Physics:
             if body in self._coupled:
                 continue
             for follower, mimic in self._followers_of((body, leader)):
-                engine.couple(
-                    body,
-                    follower.index,
-                    leader,
-                    multiplier=mimic.multiplier,
-                    offset=mimic.offset,
-                    erp=_GEAR_ERP,
-                    force=_GEAR_FORCE,
-                )
+                gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
+                engine.couple(body, follower.index, leader, gear)
         if self._items:
             engine.update_shapes()
         for number in self._items:

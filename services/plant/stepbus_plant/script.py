@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
-from stepbus_plant.engine import BASE, Engine, Link
+from stepbus_plant.engine import BASE, Engine, Goal, Link
 from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.joint import Joint
 from stepbus_plant.params import Action
@@ -209,15 +209,8 @@ class Script:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
-            self._physics.engine.bring(
-                joint.body,
-                joint.index,
-                position,
-                0.0,
-                _JAM_EFFORT,
-                max_velocity=math.inf,
-                gain=_JAM_GAIN,
-            )
+            goal = Goal(position, 0.0, _JAM_EFFORT, max_velocity=math.inf, gain=_JAM_GAIN)
+            self._physics.engine.bring(joint.body, joint.index, goal)
 
     def after_substep(self, seconds: float) -> None:
         """Look what moving bodies have hit; seconds: length of the substep."""

@@ -1,7 +1,7 @@
 """PyBullet: the reference, whose recordings have the same bytes on every machine."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,10 +15,15 @@ from stepbus_plant.engine import (
     BASE,
     REST,
     Contact,
+    Gear,
+    Goal,
+    Indices,
     Light,
     Link,
+    Loading,
     Motion,
     PhysicsError,
+    Values,
 )
 from stepbus_plant.engines.bullet import BulletGeometry, bullet
 from stepbus_plant.engines.bullet_meshes import written
@@ -84,23 +89,8 @@ class BulletEngine:
 
     # --- bodies ---------------------------------------------------------------------------
 
-    def load(
-        self,
-        robot: RobotDescription,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        collides_with_itself: bool,
-        has_visuals: bool,
-        is_smooth: bool,
-    ) -> int:
-        """Load a body without damping or a limit of velocities; return its number.
-
-        friction: of all links; absent: the model's. is_smooth: cylinders are round, instead of a
-        mesh of 32 faces, whose collision margin makes it stand 1 mm higher.
-        Raises WiringError for a robot that cannot be loaded.
-        """
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
+        """See `Engine`; other cylinders are meshes of 32 faces, whose margin lifts them by 1 mm."""
         if robot.format == "mjcf":
             text = "is an MJCF, which engine pybullet does not read; use `engine: mujoco`"
             raise WiringError(f"{robot.path}: {text}")
@@ -109,18 +99,18 @@ class BulletEngine:
             raise WiringError(f"{robot.path}: {text} {_MOST_JOINTS}; use `engine: mujoco`")
         # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
-        flags |= bullet.URDF_USE_SELF_COLLISION if collides_with_itself else 0
-        flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
+        flags |= bullet.URDF_USE_SELF_COLLISION if options.collides_with_itself else 0
+        flags |= 0 if options.has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if options.is_smooth else 0
         try:
             with written(robot) as urdf:
                 body: int = bullet.loadURDF(
-                    str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
+                    str(urdf), *pose, useFixedBase=options.is_fixed, flags=flags, **self._here
                 )
         except bullet.error as exc:
             raise WiringError(str(exc)) from exc
         undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
-        frictions = {f"{key}Friction": value for key, value in friction.items()}
+        frictions = {f"{key}Friction": value for key, value in options.friction.items()}
         for link in range(BASE, bullet.getNumJoints(body, **self._here)):
             bullet.changeDynamics(body, link, **undamped, **frictions, **self._here)
         # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
@@ -181,45 +171,29 @@ class BulletEngine:
         stops = {"jointLowerLimit": lower, "jointUpperLimit": upper} if lower > -math.inf else {}
         bullet.changeDynamics(body, index, jointDamping=damping, **stops, **self._here)
 
-    def couple(
-        self,
-        body: int,
-        follower: int,
-        leader: int,
-        *,
-        multiplier: float,
-        offset: float = 0.0,
-        erp: float,
-        force: float,
-    ) -> None:
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
         """See `Engine`."""
         origins = {"parentFramePosition": (0.0, 0.0, 0.0), "childFramePosition": (0.0, 0.0, 0.0)}
         pair, axis = (body, follower, body, leader), (1.0, 0.0, 0.0)
-        gear = bullet.createConstraint(
+        made = bullet.createConstraint(
             *pair, bullet.JOINT_GEAR, jointAxis=axis, **origins, **self._here
         )
         bullet.changeConstraint(
-            gear,
-            gearRatio=-multiplier,
-            relativePositionTarget=offset,
-            erp=erp,
-            maxForce=force,
+            made,
+            gearRatio=-gear.multiplier,
+            relativePositionTarget=gear.offset,
+            erp=gear.erp,
+            maxForce=gear.force,
             **self._here,
         )
 
-    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
         bullet.setJointMotorControlArray(
             body, indices, bullet.TORQUE_CONTROL, forces=torques, physicsClientId=self.client
         )
 
-    def turn(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        torques: Sequence[float],
-    ) -> None:
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """See `Engine`."""
         bullet.setJointMotorControlArray(
             body,
@@ -230,27 +204,17 @@ class BulletEngine:
             **self._here,
         )
 
-    def bring(
-        self,
-        body: int,
-        index: int,
-        position: float,
-        velocity: float,
-        torque: float,
-        *,
-        max_velocity: float = 0.0,
-        gain: float = 0.0,
-    ) -> None:
+    def bring(self, body: int, index: int, goal: Goal) -> None:
         """See `Engine`."""
-        more = {"maxVelocity": max_velocity} if max_velocity > 0.0 else {}
-        more |= {"positionGain": gain, "velocityGain": 1.0} if gain else {}
+        more = {"maxVelocity": goal.max_velocity} if goal.max_velocity > 0.0 else {}
+        more |= {"positionGain": goal.gain, "velocityGain": 1.0} if goal.gain else {}
         bullet.setJointMotorControl2(
             body,
             index,
             bullet.POSITION_CONTROL,
-            targetPosition=position,
-            targetVelocity=velocity,
-            force=torque,
+            targetPosition=goal.position,
+            targetVelocity=goal.velocity,
+            force=goal.torque,
             **more,
             **self._here,
         )
@@ -375,10 +339,7 @@ class BulletEngine:
     def image(
         self, size: tuple[int, int], view: Array, projection: Array, light: Light
     ) -> tuple[NDArray[np.uint8], Array]:
-        """Return colours, shape (height, width, 3), and OpenGL's depth buffer, shape (h, w).
-
-        size: width and height [pixel]. view, projection: OpenGL's matrices, shape (4, 4).
-        """
+        """See `Engine`."""
         # The renderer samples the corner of a pixel; shift by half a pixel to its centre.
         projection = projection.copy()
         projection[0, 2] += 1 / size[0]

@@ -1,7 +1,6 @@
 """The engine MuJoCo: builds the model of a world, and draws it."""
 
 import math
-from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_models import RobotDescription
-from stepbus_plant.engine import BASE, Light, Link, PhysicsError
+from stepbus_plant.engine import BASE, Gear, Light, Link, Loading, PhysicsError
 from stepbus_plant.engines.mujoco.image import Painter
 from stepbus_plant.engines.mujoco.model import LEAST_RANGE, add, read, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
@@ -52,22 +51,12 @@ class MujocoEngine(World):
 
     # --- bodies ---------------------------------------------------------------------------
 
-    def load(
-        self,
-        robot: RobotDescription,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        collides_with_itself: bool,
-        has_visuals: bool,
-        is_smooth: bool,
-    ) -> int:
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
         """See `Engine`; cylinders are always exact. An MJCF says itself what collides."""
         number = len(self._bodies)
         try:
-            source = read(robot, friction, has_visuals=has_visuals, dt=self._dt)
-            body = add(self._spec, robot, source, number, pose, is_fixed=is_fixed)
+            source = read(robot, options, self._dt)
+            body = add(self._spec, robot, source, number, pose, is_fixed=options.is_fixed)
         except WiringError:
             raise
         except (ValueError, mujoco.FatalError) as exc:
@@ -76,7 +65,7 @@ class MujocoEngine(World):
         for index, joint in enumerate(self.joints(number)):
             if robot.joints[joint].moves:
                 add_motor(self._spec, body.joint_name(index), self._dt)
-        if robot.format == "urdf" and not collides_with_itself:
+        if robot.format == "urdf" and not options.collides_with_itself:
             for one, other in combinations(sorted(body.solid), 2):
                 self._let_through(f"{number}/{one}", f"{number}/{other}")
         self._is_changed = True
@@ -132,25 +121,15 @@ class MujocoEngine(World):
         joint.limited, joint.range = int(is_limited), stops
         self._is_changed = True
 
-    def couple(
-        self,
-        body: int,
-        follower: int,
-        leader: int,
-        *,
-        multiplier: float,
-        offset: float = 0.0,
-        erp: float,
-        force: float,
-    ) -> None:
-        """See `Engine`; as stiff as can be and without a limit, whatever `erp` and `force` are."""
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
+        """See `Engine`; as stiff as can be and without a limit, whatever the gear says."""
         name_of = self._bodies[body].joint_name
         self._spec.add_equality(
             type=mujoco.mjtEq.mjEQ_JOINT,
             objtype=mujoco.mjtObj.mjOBJ_JOINT,
             name1=name_of(follower),
             name2=name_of(leader),
-            data=[offset, multiplier, *[0.0] * 10],
+            data=[gear.offset, gear.multiplier, *[0.0] * 10],
             solref=rigid(self._dt),
         )
         self._is_changed = True

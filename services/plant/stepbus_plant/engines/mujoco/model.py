@@ -14,7 +14,7 @@ import mujoco
 
 from stepbus_models import Joint, RobotDescription, urdf_text
 from stepbus_models.mjcf import read_spec
-from stepbus_plant.engine import BASE
+from stepbus_plant.engine import BASE, Loading
 from stepbus_plant.geometry import Pose
 from stepbus_plant.meshes import is_text_stl, load_mesh
 from stepbus_schemas import WiringError
@@ -86,22 +86,20 @@ class Body:
         return {name.strip(): n + BASE for n, (name, _) in enumerate(self.rows)}
 
 
-def read(
-    robot: RobotDescription, friction: Mapping[str, float], *, has_visuals: bool, dt: float
-) -> tuple[Any, list[str]]:
+def read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, list[str]]:
     """Return a robot as MuJoCo's parsers read it, and what is left out of it.
 
-    friction: over its own. dt: length of a substep [s]. Raises WiringError for what MuJoCo does not
+    dt: length of a substep [s]. Raises WiringError for what MuJoCo does not
     support, ValueError for what it does not read.
     """
     if robot.format == "urdf":
         shown = robot.links.values()
-        links = {k.name: k if has_visuals else replace(k, visuals=()) for k in shown}
-        return _read_urdf(replace(robot, links=links), friction, dt)
+        links = {k.name: k if options.has_visuals else replace(k, visuals=()) for k in shown}
+        return _read_urdf(replace(robot, links=links), options.friction, dt)
     spec = read_spec(robot.path)
     for key in list(spec.keys):
         spec.delete(key)
-    _rub(spec.geoms, friction)
+    _rub(spec.geoms, options.friction)
     return spec, []
 
 
@@ -230,13 +228,15 @@ def add(
     if not is_urdf and len(world.bodies) == 1:
         for option in _OPTIONS:
             setattr(world.option, option, getattr(spec.option, option))
-    # Otherwise MuJoCo warns of every option that differs.
-    spec.option = world.option
+    # Otherwise MuJoCo warns of whatever differs.
+    spec.option, spec.visual, spec.stat = world.option, world.visual, world.stat
+    position, (x, y, z, w) = pose
+    frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
     if in_world:
-        frame = world.worldbody.add_body(name=made.body_name(BASE), mocap=True).add_frame()
-    else:
-        position, (x, y, z, w) = pose
-        frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
+        base = world.worldbody.add_body(name=made.body_name(BASE), mocap=True)
+        # What flies is no part of what stands.
+        free = (joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints)
+        frame = frame if any(free) else base.add_frame()
     world.attach(spec, prefix=f"{number}/", frame=frame)
     return made
 

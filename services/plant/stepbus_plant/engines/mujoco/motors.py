@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_plant.engine import Goal
 from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
@@ -68,13 +69,12 @@ class Motors:
         self._velocities[motors], self._goals[motors] = velocities, np.nan
         self._model.tendon_frictionloss[motors] = torques
 
-    def bring(
-        self, motor: int, goal: tuple[float, float], torque: float, fastest: float, gain: float
-    ) -> None:
-        """Track a position [rad] and its velocity, no faster than `fastest` [rad/s]."""
-        self._goals[motor], self._velocities[motor] = goal
-        self._fastest[motor], self._gains[motor] = fastest, gain or _GAIN
-        self._model.tendon_frictionloss[motor] = torque
+    def bring(self, motor: int, goal: Goal) -> None:
+        """Track a position and its velocity."""
+        self._goals[motor], self._velocities[motor] = goal.position, goal.velocity
+        self._fastest[motor] = goal.max_velocity or np.inf
+        self._gains[motor] = goal.gain or _GAIN
+        self._model.tendon_frictionloss[motor] = goal.torque
 
     def step(self, data: Any) -> None:
         """Advance by one substep."""

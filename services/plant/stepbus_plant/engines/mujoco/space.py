@@ -24,9 +24,9 @@ class Space:
         self._link = [link_of.get(int(body), (-1, -1)) for body in model.geom_bodyid]
         self._shapes = np.array(shapes, dtype=np.int64)
         self._corners = {
-            n: model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]].astype(float)
+            n: _vertices(model, int(model.geom_dataid[geom]))
             for n, geom in enumerate(shapes)
-            if (mesh := model.geom_dataid[geom]) >= 0
+            if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH
         }
         self._geoms: dict[Link, list[int]] = {}
         for n in shapes:
@@ -111,6 +111,13 @@ class Space:
             share = mujoco.mj_ray(self._model, self._data, start, along, _SOLID, True, -1, hit)
             shares[n] = share if 0.0 <= share <= 1.0 else math.inf
         return shares
+
+
+def _vertices(model: Any, mesh: int) -> Array:
+    """Return the vertices of a mesh, shape (n, 3) [m]."""
+    first = int(model.mesh_vertadr[mesh])
+    vertices: Array = model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(float)
+    return vertices
 
 
 def _point(values: Array) -> Point:

@@ -1,7 +1,6 @@
 """A compiled model and its state: substeps, joints, poses."""
 
 import logging
-import math
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,9 +15,12 @@ from stepbus_plant.engine import (
     BASE,
     REST,
     Contact,
+    Goal,
+    Indices,
     Link,
     Motion,
     PhysicsError,
+    Values,
 )
 from stepbus_plant.engines.mujoco.model import Body
 from stepbus_plant.engines.mujoco.motors import Motors, motor_of
@@ -195,18 +197,12 @@ class World:
 
         self._then(put)
 
-    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
         _, dofs, _ = self._numbers_of(body, indices)
         self._now()[1].qfrc_applied[dofs] = torques
 
-    def turn(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        torques: Sequence[float],
-    ) -> None:
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """See `Engine`."""
 
         def turn() -> None:
@@ -214,21 +210,10 @@ class World:
 
         self._then(turn)
 
-    def bring(
-        self,
-        body: int,
-        index: int,
-        position: float,
-        velocity: float,
-        torque: float,
-        *,
-        max_velocity: float = 0.0,
-        gain: float = 0.0,
-    ) -> None:
+    def bring(self, body: int, index: int, goal: Goal) -> None:
         """See `Engine`."""
         (motor,) = self._numbers_of(body, [index])[2]
-        fastest = max_velocity or math.inf
-        self._motors.bring(motor, (position, velocity), torque, fastest, gain)
+        self._motors.bring(motor, goal)
 
     def watch_reaction(self, joint: Link) -> None:
         """See `Engine`."""
