@@ -154,10 +154,7 @@ class Case:
         return {key: float(max(row[key] for row in rows)) for key in rows[0]}
 
     def _missing(self, plant: SimulatedPlant) -> Iterator[float]:
-        """Yield what is missing at rest, with the library's torques applied [N·m or N].
-
-        Poses in which something touches are left out.
-        """
+        """Yield what is missing at rest where nothing touches, with the library's torques [N·m]."""
         for q in self._samples(plant):
             if self.library.touches(q):
                 continue

@@ -28,7 +28,7 @@ class Library:
     limits: Mapping[str, tuple[float, float]]
     mimics: Mapping[str, tuple[str, float, float]]
     mass: float
-    light: float
+    light = 0.0
     floats = True
 
     def poses(self, q: Values) -> dict[str, Pose]:
@@ -148,7 +148,6 @@ class Mujoco(Library):
             for n in rows
         }
         self.mass = float(model.body_mass[1:].sum())
-        self.light = 1e-9 * model.njnt
 
     def _forward(self, q: Values) -> Any:
         for name, value in {**q, **self.followers(q)}.items():

@@ -116,6 +116,8 @@ class Light:
 class Engine(Protocol):
     """A world of bodies without a window. Bodies are numbered as they are loaded, from 0 on.
 
+    An engine inherits what it does not do otherwise.
+
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
     copy of the process can draw images.
@@ -137,11 +139,11 @@ class Engine(Protocol):
 
     def save(self) -> bytes | None:
         """Return the state to the last bit, with contacts; None: it cannot be had."""
-        ...
+        return None
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned of the same world."""
-        ...
+        raise NotImplementedError(f"{len(state)} bytes for {self.name}, which saves nothing")
 
     def close(self) -> None:
         """Let go of everything; harmless when repeated."""
@@ -158,7 +160,7 @@ class Engine(Protocol):
 
     def notes(self, body: int) -> list[str]:
         """Return what of a body's model is not used, a sentence each."""
-        ...
+        return []
 
     def joints(self, body: int) -> list[str]:
         """Return the names of all joints of a body, in the order of their numbers from 0 on."""
@@ -178,11 +180,9 @@ class Engine(Protocol):
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
         """Allow an engine to skip a body once it is at rest, or from now on, until it is moved."""
-        ...
 
     def wake(self, body: int) -> None:
         """Wake up a body: a sleeping one would stay where it is put, even in the air."""
-        ...
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -303,7 +303,6 @@ class Engine(Protocol):
 
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""
-        ...
 
     def cast(self, starts: Array, ends: Array) -> Array:
         """Return how far along each ray the first hit is, from 0 to 1, or infinity.

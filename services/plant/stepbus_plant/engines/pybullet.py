@@ -15,6 +15,7 @@ from stepbus_plant.engine import (
     BASE,
     REST,
     Contact,
+    Engine,
     Gear,
     Goal,
     Indices,
@@ -38,7 +39,7 @@ _NOTHING = 1.0 - 1e-7
 _MOST_JOINTS = 127
 
 
-class BulletEngine:
+class BulletEngine(Engine):
     """A headless PyBullet client, see `Engine`. client: its number."""
 
     name = "pybullet"
@@ -73,13 +74,6 @@ class BulletEngine:
     def renderer(self) -> str:
         """See `Engine`."""
         return f"TinyRenderer of pybullet {installed_version('pybullet')}"
-
-    def save(self) -> None:
-        """Return that there is no state to be had: contacts remember their impulses."""
-
-    def restore(self, state: bytes) -> None:
-        """Take no state, as it has none."""
-        raise NotImplementedError(f"{len(state)} bytes for PyBullet, which saves nothing")
 
     def close(self) -> None:
         """Disconnect; harmless when repeated."""
@@ -116,10 +110,6 @@ class BulletEngine:
         # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
         bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
         return body
-
-    def notes(self, body: int) -> list[str]:
-        """See `Engine`."""
-        return []
 
     def _infos(self, body: int) -> list[Any]:
         count = bullet.getNumJoints(body, **self._here)

@@ -97,12 +97,6 @@ class MujocoEngine(World):
         self._spec.add_exclude(bodyname1=one, bodyname2=other)
         self._is_changed = True
 
-    def let_sleep(self, body: int, *, now: bool = False) -> None:
-        """Keep on computing it."""
-
-    def wake(self, body: int) -> None:
-        """Do nothing, as none sleeps."""
-
     # --- joints ---------------------------------------------------------------------------
 
     def set_joint(

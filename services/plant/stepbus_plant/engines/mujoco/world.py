@@ -15,6 +15,7 @@ from stepbus_plant.engine import (
     BASE,
     REST,
     Contact,
+    Engine,
     Goal,
     Indices,
     Link,
@@ -50,7 +51,7 @@ class _State(msgspec.Struct, forbid_unknown_fields=True):
     contacts: list[Contact]
 
 
-class World:
+class World(Engine):
     """What an `Engine` does once its bodies are loaded.
 
     spec: of its model. dt: length of a substep [s]. The model is compiled when something first
@@ -350,9 +351,6 @@ class World:
         """See `Engine`."""
         centre = self.motion(link).centre
         return self._space.box(link) or (centre, centre)
-
-    def forget_contacts(self, link: Link) -> None:
-        """Do nothing: each substep finds its contacts anew."""
 
     def cast(self, starts: Array, ends: Array) -> Array:
         """See `Engine`."""
