@@ -50,7 +50,6 @@ class BulletEngine(Engine):
         self.client: int = bullet.connect(bullet.DIRECT)
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
-        self._frames: dict[int, tuple[Pose, Pose]] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1,
@@ -241,15 +240,7 @@ class BulletEngine(Engine):
         if index == BASE:
             if body not in self._to_frame:
                 self._to_frame[body] = self.geometry.inverse(self.inertial(link))
-            centre = self.centre(body)
-            # Most bodies stand: then the frame is that of the latest time.
-            known = self._frames.get(body)
-            if known is None or known[0] != centre:
-                known = self._frames[body] = (
-                    centre,
-                    self.geometry.compose(centre, self._to_frame[body]),
-                )
-            return known[1]
+            return self.geometry.compose(self.centre(body), self._to_frame[body])
         return self.frames(body, [index])[0]
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
