@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from stepbus_models import RobotDescription
 from stepbus_plant.engine import BASE, Gear, Light, Link, Loading, PhysicsError
 from stepbus_plant.engines.mujoco.image import Painter
-from stepbus_plant.engines.mujoco.model import LEAST_RANGE, add, read, rigid
+from stepbus_plant.engines.mujoco.model import LEAST_RANGE, add, rigid
 from stepbus_plant.engines.mujoco.motors import add_motor
 from stepbus_plant.engines.mujoco.world import World, one_line
 from stepbus_plant.geometry import Array, Pose
@@ -55,8 +55,7 @@ class MujocoEngine(World):
         """See `Engine`; cylinders are always exact. An MJCF says itself what collides."""
         number = len(self._bodies)
         try:
-            source = read(robot, options, self._dt)
-            body = add(self._spec, robot, source, number, pose, is_fixed=options.is_fixed)
+            body = add(self._spec, robot, number, pose, options)
         except WiringError:
             raise
         except (ValueError, mujoco.FatalError) as exc:

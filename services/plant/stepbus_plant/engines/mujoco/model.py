@@ -20,18 +20,18 @@ from stepbus_plant.meshes import is_text_stl, load_mesh
 from stepbus_schemas import WiringError
 
 BOTH, SOLID, SEEN, NEITHER = 2, 3, 1, 5
-"""Groups of geoms: collision shapes that cameras see or do not see, what only cameras see."""
+"""Groups of geoms: visible and invisible collision shapes, visuals, and geoms of no use."""
 _SEEN_GROUPS = range(3)
 """Groups that MuJoCo's viewer shows from the start."""
 LEAST_RANGE = 1e-9
 """MuJoCo has no joint that is locked by its stops [rad]."""
 _ROOT = "world "
-"""For a link `world`, which MuJoCo's parser takes for the world itself."""
+"""Name of a link `world`, which MuJoCo's parser takes for the world itself."""
 _WORLD = re.compile('(<link name|link)="world"')
 _READS = (".stl", ".obj", ".msh")
 _PARSER = """<mujoco><compiler fusestatic="false" discardvisual="false" strippath="false"
 balanceinertia="true" boundmass="1e-9" boundinertia="1e-12"/></mujoco>"""
-"""Links behind fixed joints, and visuals, stay; what has no mass can move."""
+"""Links behind fixed joints and visuals are kept; links without mass can move."""
 _UNREAD = (
     "restitution",
     "stiffness",
@@ -58,10 +58,10 @@ _ON_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
 class Body:
     """A loaded body.
 
-    rows: names of a link and of the joint before it, if there is one, the root first. A link with
-    several joints has a row for each. solid: names of links with a shape. root: its place when it
-    was loaded. is_fixed: whether its root stands. in_degrees: whether its file has angles in these.
-    notes: what is left out.
+    rows: (link, joint before it) by MuJoCo's names, the root and "" first; a link with several
+    joints has a row for each. solid: names of links with a collision shape. root: pose when loaded.
+    is_fixed: whether the root is fixed. in_degrees: whether the angles of its spec are in degrees.
+    notes: sentences about parts of the model that are not used.
     """
 
     number: int
@@ -74,24 +74,20 @@ class Body:
     notes: list[str]
 
     def body_name(self, index: int) -> str:
-        """Return what MuJoCo calls a link."""
+        """Return MuJoCo's name of the link of a joint's number."""
         return f"{self.number}/{self.rows[index - BASE][0]}"
 
     def joint_name(self, index: int) -> str:
-        """Return what MuJoCo calls the joint before a link."""
+        """Return MuJoCo's name of a joint."""
         return f"{self.number}/{self.rows[index - BASE][1]}"
 
     def links(self) -> dict[str, int]:
-        """Return each link by its name; what has several joints has the number of the last."""
+        """Return the number of each link by name: that of the last joint before it."""
         return {name.strip(): n + BASE for n, (name, _) in enumerate(self.rows)}
 
 
-def read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, list[str]]:
-    """Return a robot as MuJoCo's parsers read it, and what is left out of it.
-
-    dt: length of a substep [s]. Raises WiringError for what MuJoCo does not
-    support, ValueError for what it does not read.
-    """
+def _read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, list[str]]:
+    """Return the `MjSpec` of a robot, and sentences about parts of the model that are not used."""
     if robot.format == "urdf":
         shown = robot.links.values()
         links = {k.name: k if options.has_visuals else replace(k, visuals=()) for k in shown}
@@ -107,14 +103,14 @@ def read(robot: RobotDescription, options: Loading, dt: float) -> tuple[Any, lis
 
 
 def rigid(dt: float) -> list[float]:
-    """Return the `solref` of what a URDF calls rigid: as stiff as MuJoCo lets a substep dt [s]."""
+    """Return the stiffest `solref` that is stable with substeps of dt [s]: URDF stops are rigid."""
     return [2 * dt, 1.0]
 
 
 def _read_urdf(
     robot: RobotDescription, friction: Mapping[str, float], dt: float
 ) -> tuple[Any, list[str]]:
-    """See `read`."""
+    """Return the `MjSpec` of a URDF, and sentences about elements that MuJoCo does not have."""
     for link in robot.links.values():
         if any(shape.kind == "plane" for shape in (*link.visuals, *link.collisions)):
             text = "engine mujoco does not support a `<plane>` in a URDF"
@@ -142,9 +138,9 @@ def _ignored(tag: str, links: Sequence[str]) -> str:
 
 
 def _plain(joint: Joint) -> Joint:
-    """Return a joint without what the plant sets itself: damping, friction, its leader.
+    """Return a joint without damping, friction and leader, which the plant sets itself.
 
-    MuJoCo ignores stops at one place.
+    Stops at the same position are moved apart, as MuJoCo ignores them.
     """
     upper = joint.upper
     if upper is not None and upper == joint.lower:
@@ -153,10 +149,10 @@ def _plain(joint: Joint) -> Joint:
 
 
 def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:
-    """Give a link what MuJoCo's parser does not: friction, and how rigid it is.
+    """Set friction, stiffness and colours of a link, which MuJoCo's parser does not.
 
-    What has no colour is white. What is half transparent has no depth in OpenGL: a camera sees it,
-    or it does not.
+    Shapes without a colour are white. Half transparent ones are opaque, as OpenGL gives them no
+    depth.
     """
     _rub(body.geoms, friction)
     for geom in body.geoms:
@@ -169,7 +165,7 @@ def _finish(body: Any, friction: Mapping[str, float], dt: float) -> None:
 
 
 def _read_meshes(spec: Any) -> None:
-    """Read the meshes of a URDF that MuJoCo cannot; one that is flat has an area all the same."""
+    """Read the meshes that MuJoCo cannot read; inertias of shells allow flat meshes."""
     for mesh in spec.meshes:
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
         file = Path(mesh.file)
@@ -183,9 +179,9 @@ def _read_meshes(spec: Any) -> None:
 
 
 def _silence(spec: Any) -> list[str]:
-    """Remove actuators, which the plant's motors replace; return those that act on no joint.
+    """Remove the actuators but muscles; return the names of those that act on no joint.
 
-    Muscles stay, without activation.
+    The plant's motors replace those on joints; muscles stay without activation.
     """
     others = []
     for actuator in list(spec.actuators):
@@ -198,30 +194,26 @@ def _silence(spec: Any) -> list[str]:
 # --- both ---------------------------------------------------------------------------------
 
 
-def add(
-    world: Any,
-    robot: RobotDescription,
-    read_as: tuple[Any, list[str]],
-    number: int,
-    pose: Pose,
-    *,
-    is_fixed: bool,
-) -> Body:
-    """Add what `read` has returned to a world."""
-    spec, notes = read_as
+def add(world: Any, robot: RobotDescription, number: int, pose: Pose, options: Loading) -> Body:
+    """Add a robot to the `MjSpec` of a world; return its body.
+
+    Raises WiringError for a model that MuJoCo does not support, ValueError or mujoco.FatalError
+    for a model that it does not read.
+    """
+    spec, notes = _read(robot, options, world.option.timestep)
     is_urdf = robot.format == "urdf"
     if others := _silence(spec):
         notes.append(f"actuators that act on no joint are off: {', '.join(others)}")
     for body in spec.bodies:
         _group(body.geoms, hides_solids=is_urdf)
-    in_world = _stand(spec, notes, is_fixed=is_fixed)
+    in_world = _stand(spec, notes, is_fixed=options.is_fixed)
     made = Body(
         number=number,
         robot=robot,
         rows=list(_rows(robot, spec.bodies[0 if in_world else 1 :])),
         solid={body.name for body in spec.bodies if any(map(_is_solid, body.geoms))},
         root=pose,
-        is_fixed=is_fixed,
+        is_fixed=options.is_fixed,
         in_degrees=bool(spec.compiler.degree),
         notes=notes,
     )
@@ -234,7 +226,7 @@ def add(
     frame = world.worldbody.add_frame(pos=position, quat=(w, x, y, z))
     if in_world:
         base = world.worldbody.add_body(name=made.body_name(BASE), mocap=True)
-        # What flies is no part of what stands.
+        # Free joints are allowed in the world only.
         free = (joint.type == mujoco.mjtJoint.mjJNT_FREE for joint in spec.joints)
         frame = frame if any(free) else base.add_frame()
     world.attach(spec, prefix=f"{number}/", frame=frame)
@@ -242,7 +234,7 @@ def add(
 
 
 def _group(geoms: Iterable[Any], *, hides_solids: bool) -> None:
-    """Sort the geoms of a body into groups; hides_solids: where it has others."""
+    """Sort the geoms of a body into groups; hides_solids: cameras see its visuals instead."""
     hides_solids &= not all(map(_is_solid, geoms))
     for geom in geoms:
         is_seen = geom.group in _SEEN_GROUPS and geom.rgba[3] > 0.0
@@ -257,9 +249,9 @@ def _is_solid(geom: Any) -> bool:
 
 
 def _rub(geoms: Iterable[Any], friction: Mapping[str, float]) -> None:
-    """Give collision shapes a friction, which goes over that of shapes without a given one.
+    """Set the friction of collision shapes; a given one has priority over MuJoCo's default.
 
-    What has none, such as a caster, slides on everything.
+    A coefficient of 0, such as a caster's, has priority over all others.
     """
     if not friction:
         return
@@ -272,9 +264,9 @@ def _rub(geoms: Iterable[Any], friction: Mapping[str, float]) -> None:
 
 
 def _stand(spec: Any, notes: list[str], *, is_fixed: bool) -> bool:
-    """Fix the root of a model, or let it fly; return whether its root is its world.
+    """Fix the root of a model, or free it; return whether the root is the model's world.
 
-    So it is where that has several bodies, or one that moves along or about its axes.
+    It is where the world has several bodies, or a body on other joints than a free one.
     """
     roots = list(spec.worldbody.bodies)
     joints = [joint for root in roots for joint in root.joints]
@@ -297,7 +289,7 @@ def _stand(spec: Any, notes: list[str], *, is_fixed: bool) -> bool:
 
 
 def _rows(robot: RobotDescription, bodies: Sequence[Any]) -> Iterator[tuple[str, str]]:
-    """Yield the names of the root and nothing, then of each body and each joint before it.
+    """Yield the rows of a `Body`.
 
     A description has links between the joints of a body; MuJoCo has none.
     """
