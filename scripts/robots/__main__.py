@@ -13,7 +13,6 @@ import tempfile
 import tomllib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -49,15 +48,6 @@ class Robot:
     def url(self) -> str:
         """Return the address of its file."""
         return f"package://{self.file}"
-
-    @property
-    def is_installed(self) -> bool:
-        """Return whether its package is installed, in this version."""
-        name, _, wanted = self.package.partition("==")
-        try:
-            return version(name) == wanted
-        except PackageNotFoundError:
-            return False
 
 
 @dataclass

@@ -95,9 +95,9 @@ class Case:
         row = {"limits": float(np.abs(ours - theirs).max()), **self._poses(plant)}
         plant.close()
         plant = self._plant(joints=dict.fromkeys(library.mimics, _LOOSE))
-        row["torque"] = max(self._missing(plant))
+        row["torque"] = max(self._missing(plant), default=math.nan)
         plant.close()
-        plant = self._plant(height=10.0)
+        plant = self._plant(height=10.0 if library.floats else None)
         engine = plant.physics.engine
         row["mass"] = abs(sum(map(engine.mass, engine.links(0).values())) - library.mass)
         plant.close()
@@ -154,8 +154,10 @@ class Case:
         return {key: float(max(row[key] for row in rows)) for key in rows[0]}
 
     def _missing(self, plant: SimulatedPlant) -> Iterator[float]:
-        """Yield what is missing at rest, with the library's torques applied [N·m or N]."""
+        """Yield what is missing at rest where nothing touches, with the library's torques [N·m]."""
         for q in self._samples(plant):
+            if self.library.touches(q):
+                continue
             command(plant, "teleport", {**q, **self.library.followers(q)})
             command(plant, "torque", self.library.holding(q))
             plant.advance()

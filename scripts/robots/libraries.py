@@ -21,14 +21,15 @@ class Library:
 
     joints: their numbers, by name. limits: (lower, upper) of each [rad or m]. mimics: joint → the
     joint that it follows, multiplier and offset. mass: [kg]. light: of links without a mass, to
-    which engines have to give one [kg].
+    which engines have to give one [kg]. floats: whether its root can leave the world.
     """
 
     joints: Mapping[str, int]
     limits: Mapping[str, tuple[float, float]]
     mimics: Mapping[str, tuple[str, float, float]]
     mass: float
-    light: float
+    light = 0.0
+    floats = True
 
     def poses(self, q: Values) -> dict[str, Pose]:
         """Return the pose of each link."""
@@ -41,6 +42,10 @@ class Library:
     def holding(self, q: Values) -> dict[str, float]:
         """Return the same against all that acts at rest, such as springs."""
         return self.gravity(q)
+
+    def touches(self, q: Values) -> bool:
+        """Return whether the file has contacts in a pose, which take part in the torques."""
+        return False
 
     def moving(self, a: Values) -> dict[str, float]:
         """Return the torques of accelerations at the last pose [rad/s² or m/s²]."""
@@ -121,12 +126,14 @@ class Mujoco(Library):
 
     def __init__(self, path: Path) -> None:
         spec = mujoco.MjSpec.from_file(str(path))
-        for body in spec.worldbody.bodies:
-            free = [row for row in body.joints if row.type == mujoco.mjtJoint.mjJNT_FREE]
-            if free or not body.joints:
-                body.pos, body.quat = (0, 0, 0), (1, 0, 0, 0)
-            for row in (*free, *(spec.keys if free else ())):
-                spec.delete(row)
+        roots = spec.worldbody.bodies
+        free = [j for k in roots for j in k.joints if j.type == mujoco.mjtJoint.mjJNT_FREE]
+        self.floats = len(roots) == 1 and len(roots[0].joints) == len(free)
+        if self.floats:
+            roots[0].pos, roots[0].quat = (0, 0, 0), (1, 0, 0, 0)
+            roots[0].alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
+        for row in (*free, *spec.keys, *(spec.worldbody.geoms if self.floats else ())):
+            spec.delete(row)
         self._model = model = spec.compile()
         self._data = mujoco.MjData(model)
         names = [model.joint(n).name for n in range(model.njnt)]
@@ -141,7 +148,6 @@ class Mujoco(Library):
             for n in rows
         }
         self.mass = float(model.body_mass[1:].sum())
-        self.light = 1e-9 * model.njnt
 
     def _forward(self, q: Values) -> Any:
         for name, value in {**q, **self.followers(q)}.items():
@@ -162,6 +168,10 @@ class Mujoco(Library):
     def holding(self, q: Values) -> dict[str, float]:
         """See `Library`."""
         return self._by_name(self._forward(q).qfrc_bias - self._data.qfrc_passive)
+
+    def touches(self, q: Values) -> bool:
+        """See `Library`."""
+        return bool(self._forward(q).ncon)
 
     def moving(self, a: Values) -> dict[str, float]:
         """See `Library`."""

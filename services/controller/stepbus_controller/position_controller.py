@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from stepbus_controller.position_params import Params
+from stepbus_controller.position import Params
 from stepbus_kinematics import Vector, joint_orders
 from stepbus_participant import Config, Participant, Ports, Step
 from stepbus_schemas import (

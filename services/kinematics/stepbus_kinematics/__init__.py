@@ -4,23 +4,27 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant import imported_later
 
-from .smoothing_params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
+from .smoothing_params import Smoothing as Smoothing
+from .smoothing_params import SmoothingParams as SmoothingParams
+from .smoothing_params import TimeConstant as TimeConstant
+from .smoothing_params import Window as Window
+from .smoothing_params import window_problems as window_problems
 
 if TYPE_CHECKING:
-    from stepbus_kinematics.joint_order import JointOrder, joint_orders
-    from stepbus_kinematics.model import Indices, Overload, RobotModel, Vector
-    from stepbus_kinematics.self_collisions import (
-        LinkPair,
-        SelfCollisions,
-        collision_geometry,
-        radius_from,
-    )
-    from stepbus_kinematics.smoothing import (
-        Differentiator,
-        Smoother,
-        delay_warning,
-        make_smoother,
-    )
+    from .joint_order import JointOrder as JointOrder
+    from .joint_order import joint_orders as joint_orders
+    from .model import Indices as Indices
+    from .model import Overload as Overload
+    from .model import RobotModel as RobotModel
+    from .model import Vector as Vector
+    from .self_collisions import LinkPair as LinkPair
+    from .self_collisions import SelfCollisions as SelfCollisions
+    from .self_collisions import collision_geometry as collision_geometry
+    from .self_collisions import radius_from as radius_from
+    from .smoothing import Differentiator as Differentiator
+    from .smoothing import Smoother as Smoother
+    from .smoothing import delay_warning as delay_warning
+    from .smoothing import make_smoother as make_smoother
 
 _MODULES = {
     "joint_order": ("JointOrder", "joint_orders"),
@@ -28,28 +32,7 @@ _MODULES = {
     "self_collisions": ("LinkPair", "SelfCollisions", "collision_geometry", "radius_from"),
     "smoothing": ("Differentiator", "Smoother", "delay_warning", "make_smoother"),
 }
-_WHERE = {name: module for module, names in _MODULES.items() for name in names}
 
-__all__ = [
-    "Differentiator",
-    "Indices",
-    "JointOrder",
-    "LinkPair",
-    "Overload",
-    "RobotModel",
-    "SelfCollisions",
-    "Smoother",
-    "Smoothing",
-    "SmoothingParams",
-    "TimeConstant",
-    "Vector",
-    "Window",
-    "collision_geometry",
-    "delay_warning",
-    "joint_orders",
-    "make_smoother",
-    "radius_from",
-    "window_problems",
-]
-
-__getattr__ = imported_later(__name__, _WHERE)
+__getattr__ = imported_later(
+    __name__, {name: module for module, names in _MODULES.items() for name in names}
+)

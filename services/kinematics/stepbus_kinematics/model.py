@@ -155,19 +155,9 @@ class RobotModel:
 
     def _index_joints(self) -> None:
         model, ids = self.model, [self.model.getJointId(name) for name in self.joints]
-        position = np.array([model.idx_qs[i] for i in ids], dtype=np.intp)
-        continuous = np.array([model.nqs[i] == 2 for i in ids])
-        self._neutral: Vector = pin.neutral(model)
-        self._in_velocity = np.array([model.idx_vs[i] for i in ids], dtype=np.intp)
-        self._plain, self._in_plain = np.flatnonzero(~continuous), position[~continuous]
-        self._turning, self._in_turning = np.flatnonzero(continuous), position[continuous]
+        self._index = np.array([model.idx_vs[i] for i in ids], dtype=np.intp)
         self._index_followers()
-        self._is_direct = (
-            not self._follower_q
-            and self._in_velocity.tolist() == list(range(model.nv))
-            and position.tolist() == list(range(model.nq))
-            and not continuous.any()
-        )
+        self._is_direct = self._index.tolist() == list(range(model.nv))
         joints = [self.robot.joints[name] for name in self.joints]
         self.lower: Vector = _known([joint.lower for joint in joints], -np.inf)
         self.upper: Vector = _known([joint.upper for joint in joints], np.inf)
@@ -185,8 +175,7 @@ class RobotModel:
         self._followed = np.array([leader for _, leader, _ in rows], dtype=np.intp)
         self._gear: Vector = np.array([mimic.multiplier for _, _, mimic in rows], dtype=float)
         self._offset: Vector = np.array([mimic.offset for _, _, mimic in rows], dtype=float)
-        self._follower_v = np.array([model.idx_vs[number] for number, _, _ in rows], dtype=np.intp)
-        self._follower_q = [(model.idx_qs[number], model.nqs[number]) for number, _, _ in rows]
+        self._followers = np.array([model.idx_vs[number] for number, _, _ in rows], dtype=np.intp)
 
     def unit(self, joint: str) -> str:
         """Return the unit of a joint's position: m of a prismatic one, else rad."""
@@ -205,19 +194,19 @@ class RobotModel:
         return link_names(self.model)
 
     def in_model(self, q: Vector) -> Vector:
-        """Return positions, shape (n,) [rad], as Pinocchio's model wants them."""
+        """Return positions, shape (n,) [rad], as Pinocchio's model wants them, shape (nq,)."""
+        return self._spread(q, self._offset)
+
+    def _spread(self, values: Vector, offset: Vector | float = 0.0) -> Vector:
+        """Return values of the joints, shape (n,), in Pinocchio's order, shape (nv,).
+
+        offset: of the followers' values, shape (followers,).
+        """
         if self._is_direct:
-            return q.copy()
-        out = self._neutral.copy()
-        out[self._in_plain] = q[self._plain]
-        if self._turning.size:
-            # Pinocchio stores the cosine and sine of a continuous joint's angle.
-            angle = q[self._turning]
-            out[self._in_turning], out[self._in_turning + 1] = np.cos(angle), np.sin(angle)
-        if self._followed.size:
-            followers = self._gear * q[self._followed] + self._offset
-            for (at, size), value in zip(self._follower_q, followers, strict=True):
-                out[at : at + size] = value if size == 1 else (np.cos(value), np.sin(value))
+            return values.copy()
+        out = np.zeros(self.model.nv)
+        out[self._index] = values
+        out[self._followers] = self._gear * values[self._followed] + offset
         return out
 
     def _of_joints(self, values: Any) -> Vector:
@@ -225,8 +214,8 @@ class RobotModel:
 
         That of a follower adds to its joint's, by the gear between them.
         """
-        row: Vector = values[..., self._in_velocity]
-        for leader, gear, at in zip(self._followed, self._gear, self._follower_v, strict=True):
+        row: Vector = values[..., self._index]
+        for leader, gear, at in zip(self._followed, self._gear, self._followers, strict=True):
             row[..., leader] += gear * values[..., at]
         return row
 
@@ -308,17 +297,7 @@ class RobotModel:
         q, v, a: shape (n,) [rad, rad/s, rad/s²]. By the recursive Newton-Euler algorithm
         (Featherstone, Rigid Body Dynamics Algorithms, 2008, table 5.1).
         """
-        if self._is_direct:
-            # Of its own: Pinocchio computes the next one in the same memory.
-            torque: Vector = pin.rnea(self.model, self.data, q, v, a).copy()
-            return torque
-        rates = np.zeros((2, self.model.nv))
-        rates[:, self._in_velocity] = v, a
-        if self._followed.size:
-            rates[:, self._follower_v] = (
-                self._gear * v[self._followed],
-                self._gear * a[self._followed],
-            )
+        rates = self._spread(v), self._spread(a)
         return self._of_joints(pin.rnea(self.model, self.data, self.in_model(q), *rates))
 
     def carry(self, mass: float, frame: str) -> None:

@@ -62,7 +62,8 @@ class Link:
 
     name: str
     inertial: Inertial | None = None
-    """None: the model gives none; the link is massless."""
+    """None: the model gives none, or a joint moves it and nothing behind it has a mass. Engines
+    give it a negligible mass."""
     visuals: tuple[Shape, ...] = ()
     collisions: tuple[Shape, ...] = ()
     contact: Mapping[str, float] = field(default_factory=dict)

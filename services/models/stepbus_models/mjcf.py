@@ -45,7 +45,7 @@ def read_mjcf(path: Path) -> RobotDescription:
     try:
         with warnings.catch_warnings(record=True) as given:
             warnings.simplefilter("always")
-            spec = mujoco.MjSpec.from_file(str(path.absolute()))
+            spec = read_spec(path)
             model = _compiled(spec)
     except (ValueError, mujoco.FatalError) as exc:
         reason = _one_line(exc).removeprefix("XML Error: ").removeprefix("Error: ")
@@ -54,6 +54,18 @@ def read_mjcf(path: Path) -> RobotDescription:
         raise WiringError(f"{path}: the position of a body is not finite")
     notes = [f"MuJoCo warns: {_one_line(row.message)}" for row in given]
     return _Reader(path, spec, model).robot(notes)
+
+
+def read_spec(path: Path) -> Any:
+    """Return the `MjSpec` of an MJCF, in which every body and joint has a name.
+
+    Raises what MuJoCo does for a file that it does not parse.
+    """
+    spec = mujoco.MjSpec.from_file(str(path.absolute()))
+    for kind, elements in (("body", spec.bodies), ("joint", spec.joints)):
+        for number, element in enumerate(elements):
+            element.name = element.name or f"{kind}{number}"
+    return spec
 
 
 def _refuse_irregular(path: Path, folder: Path, seen: set[Path]) -> None:
@@ -95,8 +107,8 @@ class _Reader:
     def __init__(self, path: Path, spec: Any, model: Any) -> None:
         self._path, self._model, self._name = path, model, spec.modelname
         self._meshes = {mesh.id: mesh for mesh in spec.meshes}
-        self._bodies = self._names("body", model.nbody)
-        self._joint_names = self._names("joint", model.njnt)
+        self._bodies = [model.body(n).name for n in range(model.nbody)]
+        self._joint_names = [model.joint(n).name for n in range(model.njnt)]
         self._links: dict[str, Link] = {}
         self._joints: dict[str, Joint] = {}
         self._odd_shapes: list[str] = []
@@ -107,10 +119,10 @@ class _Reader:
         mujoco.mj_kinematics(model, self._data)
 
     def _names(self, what: str, count: int) -> list[str]:
-        """Return the names of all objects of a kind; one without a name has a free one."""
+        """Return the names of all objects of a kind, by kind and number where they have none."""
         kind = getattr(mujoco.mjtObj, f"mjOBJ_{what.upper()}")
-        given = [mujoco.mj_id2name(self._model, kind, n) for n in range(count)]
-        return [name or _free(f"{what}{n}", given) for n, name in enumerate(given)]
+        given = (mujoco.mj_id2name(self._model, kind, n) for n in range(count))
+        return [name or f"{what}{n}" for n, name in enumerate(given)]
 
     def robot(self, notes: Sequence[str]) -> RobotDescription:
         """Return the robot; notes: its first warnings."""

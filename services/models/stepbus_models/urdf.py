@@ -9,6 +9,7 @@ have the length 1, continuous joints no stops, and inertias are those of bodies.
 import math
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -30,7 +31,7 @@ _INSTEAD = {
 """Type of a joint that is not supported → what to use."""
 _TYPES = (*_MOVING, "fixed", *_INSTEAD)
 _DIAGONAL = ("ixx", "iyy", "izz")
-_MOMENTS = (*_DIAGONAL, "ixy", "ixz", "iyz")
+_PRODUCTS = ("ixy", "ixz", "iyz")
 _SIZES = {
     "box": {"size": 3},
     "sphere": {"radius": 1},
@@ -77,20 +78,14 @@ def read_urdf(root: Element, path: Path, text: str, *, is_made: bool) -> RobotDe
     text: that `root` was parsed from; is_made: by expansion, so its lines are not those of `path`.
     Raises WiringError that lists every problem, one a line.
     """
-    reader = _Reader(path, root, is_made=is_made)
-    robot = reader.robot(text)
-    if robot is None or reader.problems:
-        rows = sorted(reader.problems)
-        lines = (f"{path}: {row}" if is_made else f"{path}:{line}: {row}" for line, row in rows)
-        raise WiringError("\n".join(lines))
-    return robot
+    return _Reader(path, root, is_made=is_made).robot(text)
 
 
 class _Reader:
     """Reads a robot, and collects its problems: line and message."""
 
     def __init__(self, path: Path, root: Element, *, is_made: bool) -> None:
-        self.problems: list[tuple[int, str]] = []
+        self._problems: list[tuple[int, str]] = []
         self._folder, self._root = path.absolute().parent, root
         self._path, self._is_made = path, is_made
         self._warnings: list[str] = []
@@ -106,22 +101,22 @@ class _Reader:
             if (color := material.find("color")) is not None:
                 self._palette.setdefault(material.get("name"), color)
 
-    def robot(self, text: str) -> RobotDescription | None:
-        """Return the robot; None: its links and joints are no tree."""
+    def robot(self, text: str) -> RobotDescription:
+        """Return the robot; raises WiringError."""
         if self._root.tag != "robot":
-            text = f"is not a URDF: its root is <{self._root.tag}>, not <robot>"
-            self._problem(self._root, text)
-            return None
+            found = f"is not a URDF: its root is <{self._root.tag}>, not <robot>"
+            self._problem(self._root, found)
+            self._refuse()
         self._check_names()
         for joint in self._joints:
             self._check_ends(joint)
         # Where links and joints are unclear, nothing is known about their tree.
-        root = None if self.problems else self._check_tree()
+        root = "" if self._problems else self._check_tree()
         links = {link.get("name"): self._link(link) for link in self._links}
         joints = {joint.get("name"): self._joint(joint) for joint in self._joints}
-        if root is None:
-            return None
-        self._check_massless(links, joints)
+        self._refuse()
+        links |= self._lightest(links, joints)
+        self._refuse()
         return RobotDescription(
             name=self._root.get("name", ""),
             path=self._path,
@@ -134,7 +129,12 @@ class _Reader:
         )
 
     def _problem(self, element: Any, text: str) -> None:
-        self.problems.append((element.line, text))
+        self._problems.append((element.line, text))
+
+    def _refuse(self) -> None:
+        if self._problems:
+            at = (("" if self._is_made else f":{n}", text) for n, text in sorted(self._problems))
+            raise WiringError("\n".join(f"{self._path}{line}: {text}" for line, text in at))
 
     def _line(self, element: Any) -> int:
         return 0 if self._is_made else int(element.line)
@@ -172,8 +172,8 @@ class _Reader:
                 text = f"{who}: unknown {end} link {name!r}{suggest(name, self._by_name)}"
                 self._problem(joint.find(end), text)
 
-    def _check_tree(self) -> str | None:
-        """Return the root link; None: the joints make no tree of the links."""
+    def _check_tree(self) -> str:
+        """Return the root link; an empty name where the joints make no tree of the links."""
         parents: dict[str, Any] = {}
         for joint in self._joints:
             child = _end(joint, "child")
@@ -187,13 +187,13 @@ class _Reader:
         if len(roots) > 1:
             text = f"has {len(roots)} roots: {_some(roots)}; connect them with joints"
             self._problem(self._by_name[roots[1]], text)
-            return None
+            return ""
         reached = {name for root in roots for name in self._carried(root)}
         circle = [name for name in self._by_name if name not in reached]
         if circle:
             text = f"links {_some(circle)} form a closed chain of joints; a robot must be a tree"
             self._problem(parents[circle[0]], text)
-        return roots[0] if roots else None
+        return str(roots[0]) if roots else ""
 
     def _carried(self, link: str) -> list[str]:
         """Return a link and those that its joints carry."""
@@ -204,8 +204,13 @@ class _Reader:
             names |= dict.fromkeys(below)
         return list(names)
 
-    def _check_massless(self, links: dict[str, Link], joints: dict[str, Joint]) -> None:
-        """Find joints that move nothing but links declared as massless."""
+    def _lightest(self, links: dict[str, Link], joints: dict[str, Joint]) -> dict[str, Link]:
+        """Return links that joints move although all behind them is massless, without inertials.
+
+        Engines differ in what they do with a mass and an inertia of 0; of a link without
+        <inertial> they all make the same.
+        """
+        lightest = {}
         for joint in filter(lambda joint: joint.moves, joints.values()):
             inertials = [links[name].inertial for name in self._carried(joint.child)]
             # A link without <inertial> is no mistake: it weighs next to nothing.
@@ -216,11 +221,8 @@ class _Reader:
                 text = f"link {joint.child!r} has mass 0 but an inertia, and {moved}"
                 self._problem(self._by_name[joint.child].find("inertial/mass"), text)
             else:
-                self._warnings.append(
-                    f"joint {joint.name!r} moves link {joint.child!r}, whose mass and inertia are "
-                    "0: PyBullet does not move it; remove its <inertial> to give it a negligible "
-                    "mass"
-                )
+                lightest[joint.child] = replace(links[joint.child], inertial=None)
+        return lightest
 
     # --- links ----------------------------------------------------------------------------
 
@@ -253,18 +255,13 @@ class _Reader:
                 self._problem(inertials[0], f"{who}: its <inertial> has no <{tag}>{text}")
         if None in parts.values():
             return None
-        before = len(self.problems)
         mass = self._number(link, parts["mass"], "value", least=0.0)
-        xx, yy, zz, xy, xz, yz = (
-            self._number(link, parts["inertia"], key, least=-_NOISE if key in _DIAGONAL else None)
-            for key in _MOMENTS
-        )
-        pose = self._pose(link, inertials[0])
-        if len(self.problems) > before:
-            return None
+        inertia = parts["inertia"]
+        xx, yy, zz = (self._number(link, inertia, key, least=-_NOISE) for key in _DIAGONAL)
+        xy, xz, yz = (self._number(link, inertia, key) for key in _PRODUCTS)
         repaired, warning = balanced((xx, yy, zz, xy, xz, yz))
         self._warnings += [f"{who}: {warning}"] if warning else []
-        return Inertial(mass=mass, moments=repaired, pose=pose)
+        return Inertial(mass=mass, moments=repaired, pose=self._pose(link, inertials[0]))
 
     def _shapes(self, link: Any, tag: str) -> Iterator[Shape]:
         for element in link.findall(tag):
@@ -396,19 +393,15 @@ class _Reader:
     def _axis(self, joint: Any, who: str) -> Point:
         """Return the axis of a joint that moves, with the length 1."""
         axis = joint.find("axis")
-        text = None if axis is None else axis.get("xyz")
-        if text is not None and not _INFINITE.search(text) and not _floats(text):
-            self._problem(axis, f"{who}: its axis {text!r} must be three numbers")
+        if axis is None or "xyz" not in axis.attrib:
             return 1.0, 0.0, 0.0
-        vector = self._vector(joint, axis, "xyz", (1.0, 0.0, 0.0))
-        length = math.hypot(*vector)
+        x, y, z = self._numbers(joint, axis, "xyz", 3)
+        length = math.hypot(x, y, z)
         if not length:
             self._problem(axis, f"{who}: its axis is 0 0 0, which has no direction")
-            return 1.0, 0.0, 0.0
-        if abs(length - 1.0) < _ROUNDING:
-            return vector
-        x, y, z = (part / length for part in vector)
-        return x, y, z
+        if not length or abs(length - 1.0) < _ROUNDING:
+            return x, y, z
+        return x / length, y / length, z / length
 
     # --- numbers --------------------------------------------------------------------------
 
@@ -436,35 +429,29 @@ class _Reader:
             )
         return x, y, z
 
-    def _number(self, owner: Any, element: Any, key: str, *, least: float | None = None) -> float:
-        """Return the number of an attribute; 0 where it has none, or one below the least."""
+    def _number(self, owner: Any, element: Any, key: str, *, least: float = -math.inf) -> float:
+        """Return the number of an attribute."""
+        return self._numbers(owner, element, key, 1, least=least)[0]
+
+    def _numbers(
+        self, owner: Any, element: Any, key: str, count: int, *, least: float = -math.inf
+    ) -> list[float]:
+        """Return the numbers of an attribute; ones where it has others, or one below `least`."""
         numbers = _floats(element.get(key, ""))
-        if len(numbers) == 1 and (least is None or numbers[0] >= least):
-            return numbers[0]
+        if len(numbers) == count and min(numbers) >= least:
+            return numbers
         given = f"{key}={element.get(key)!r}" if key in element.attrib else f"a missing {key}"
-        wanted = "a finite number" if least is None else "a finite number, at least 0"
+        wanted = f"{count} finite numbers" if count > 1 else "a finite number"
+        wanted += "" if least == -math.inf else ", at least 0"
         self._problem(element, f"{_who(owner)}: {given} of <{element.tag}> must be {wanted}")
-        return 0.0
+        return [1.0] * count
 
     def _given(
-        self, owner: Any, element: Any, *keys: str, least: float | None = None
+        self, owner: Any, element: Any, *keys: str, least: float = -math.inf
     ) -> dict[str, float]:
         """Return the numbers of those attributes that an element has."""
         given = [key for key in keys if key in element.attrib]
         return {key: self._number(owner, element, key, least=least) for key in given}
-
-    def _numbers(self, owner: Any, element: Any, key: str, count: int) -> list[float]:
-        """Return the numbers of an attribute; zeros where it has others."""
-        text = element.get(key, "")
-        numbers = _floats(text)
-        if len(numbers) == count:
-            return numbers
-        self._problem(
-            element,
-            f"{_who(owner)}: {key}={text!r} of <{element.tag}> is not "
-            f"{count} number{'s' * (count > 1)}",
-        )
-        return [0.0] * count
 
 
 def is_file(path: Path) -> bool:

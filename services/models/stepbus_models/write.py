@@ -25,8 +25,9 @@ def urdf_text(
 ) -> str:
     """Return a robot as the text of a URDF, with every number to its last bit.
 
-    for_pinocchio: without planes and what is seen, and with capsules as its parser of XML wants
-    them: cylinders that are marked. meshes: files to name instead of those of the robot. Ball
+    for_pinocchio: without planes and what is seen, with continuous joints as revolute ones, whose
+    position is one number, and with capsules as its parser of XML wants them: cylinders that are
+    marked. meshes: files to name instead of those of the robot. Ball
     joints, which URDF lacks, are fixed.
     """
     root = ET.Element("robot", {"name": robot.name})
@@ -43,7 +44,7 @@ def urdf_text(
         if for_pinocchio:
             _mark_capsules(element)
     for joint in robot.joints.values():
-        _add_joint(root, joint)
+        _add_joint(root, joint, one_number=for_pinocchio)
     # PyBullet cuts lines after 1023 characters.
     ET.indent(root)
     return ET.tostring(root, encoding="unicode")
@@ -95,8 +96,10 @@ def _mark_capsules(link: ET.Element) -> None:
         link.append(marks)
 
 
-def _add_joint(root: ET.Element, joint: Joint) -> None:
+def _add_joint(root: ET.Element, joint: Joint, *, one_number: bool) -> None:
     kind = joint.type if joint.moves else "fixed"
+    if one_number and kind == "continuous":
+        kind = "revolute"
     element = ET.SubElement(root, "joint", {"name": joint.name, "type": kind})
     _add_pose(element, joint.pose)
     ET.SubElement(element, "parent", {"link": joint.parent})
@@ -107,7 +110,7 @@ def _add_joint(root: ET.Element, joint: Joint) -> None:
     stops = {"lower": joint.lower, "upper": joint.upper}
     limit = {key: repr(value) for key, value in stops.items() if value is not None}
     motor = {"effort": joint.effort, "velocity": joint.velocity}
-    if limit or joint.type == "prismatic" or any(value is not None for value in motor.values()):
+    if limit or kind != "continuous" or any(value is not None for value in motor.values()):
         limit |= {key: repr(_UNLIMITED if v is None else v) for key, v in motor.items()}
         ET.SubElement(element, "limit", limit)
     if joint.damping or joint.friction:

@@ -133,21 +133,10 @@ class ContactSensor:
 
     def after_substep(self, seconds: float) -> None:
         """Add up what presses on the watched links; seconds: length of the substep."""
-        forces: dict[Pair, float] = {}
-        nearest: dict[Pair, _Point] = {}
-        for point in map(self._point, self._touching(are_pressed=True)):
-            pair = point.pair
-            if pair not in forces:
-                forces[pair], nearest[pair] = point.force, point
-                continue
-            forces[pair] += point.force
-            if point.distance < nearest[pair].distance:
-                nearest[pair] = point
-        for pair, force in forces.items():
-            load = self._loads.get(pair)
-            if load is None:
-                load = self._loads[pair] = _Load()
-            load.add(force, seconds, nearest[pair])
+        pressed = map(self._point, self._touching(are_pressed=True))
+        for pair, points in _by_pair(pressed).items():
+            force = sum(point.force for point in points)
+            self._loads.setdefault(pair, _Load()).add(force, seconds, _nearest(points))
 
     def sense(self, _t_ns: int) -> Contacts:
         """Return the contacts of the watched links.
@@ -167,7 +156,7 @@ class ContactSensor:
         known = {point.pair for point in points}
         parted = [load.point for pair, load in loads.items() if load.point and pair not in known]
         points += [point._replace(force=0.0) for point in parted]
-        groups = dict(_by_pair(points))
+        groups = _by_pair(points)
         pairs = sorted(groups)
         nearest = [_nearest(groups[pair]) for pair in pairs]
         return Contacts(
@@ -250,12 +239,12 @@ class ContactSensor:
 _NOTHING = _Load()
 
 
-def _by_pair(points: Iterable[_Point]) -> Iterable[tuple[Pair, list[_Point]]]:
+def _by_pair(points: Iterable[_Point]) -> dict[Pair, list[_Point]]:
     """Return the points of each pair."""
     groups: dict[Pair, list[_Point]] = {}
     for point in points:
         groups.setdefault(point.pair, []).append(point)
-    return groups.items()
+    return groups
 
 
 def _nearest(points: Iterable[_Point]) -> _Point:

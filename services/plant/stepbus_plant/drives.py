@@ -6,7 +6,7 @@ from itertools import groupby
 from typing import Any, ClassVar
 
 from stepbus_plant.command_warnings import Warnings
-from stepbus_plant.engine import Engine
+from stepbus_plant.engine import Engine, Goal
 from stepbus_plant.joint import Joint
 from stepbus_plant.physics import Physics
 from stepbus_schemas import JointCommand
@@ -104,7 +104,7 @@ class DirectTorque(Drive):
             self._resist(index, self._efforts[index])
 
     def _resist(self, index: int, torque: float) -> None:
-        self._engine.resist(self._body, self._indices[index], torque)
+        self._engine.turn(self._body, [self._indices[index]], [0.0], [torque])
 
     def before_substep(self) -> None:
         """Apply the torques; the engine forgets them after every substep."""
@@ -252,15 +252,9 @@ class PositionMotor(_Motors):
             self._set_one(index)
 
     def _set_one(self, index: int) -> None:
-        joint = self.joints[index]
-        self._engine.bring(
-            self._body,
-            joint.index,
-            self.target(index),
-            self._velocities[index],
-            self._forces[index],
-            max_velocity=joint.max_velocity,
-        )
+        joint, velocity = self.joints[index], self._velocities[index]
+        goal = Goal(self.target(index), velocity, self._forces[index], joint.max_velocity)
+        self._engine.bring(self._body, joint.index, goal)
 
 
 def _clip(value: float, limit: float) -> float:

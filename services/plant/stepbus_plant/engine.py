@@ -5,12 +5,12 @@ An engine is a module of `engines` whose `ENGINE` makes an `Engine`; nothing els
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point, RunError
 
@@ -19,39 +19,15 @@ Link = tuple[int, int]
 BASE = -1
 """Number of a body's root link; others have that of the joint above them."""
 ANY_BODY, ANY_LINK = -1, -2
+REST: Point = (0.0, 0.0, 0.0)
+Indices = Sequence[int]
+"""Numbers of joints of a body."""
+Values = Sequence[float]
+"""One value for each of these joints."""
 
 
 class PhysicsError(RunError, ArithmeticError):
     """The physics engine failed, or its state is not finite."""
-
-
-class Leader(NamedTuple):
-    """The joint that a joint follows: q = multiplier · q of that + offset [rad or m]."""
-
-    joint: str
-    multiplier: float
-    offset: float
-
-
-@dataclass(frozen=True, kw_only=True)
-class JointInfo:
-    """A joint as its model has it; without stops, lower is above upper.
-
-    type: revolute, prismatic, fixed, or nothing that is supported. link: its child. axis: in the
-    frame of that. damping: of an MJCF [N·m·s/rad]; leader: in an MJCF, which couples them itself.
-    """
-
-    index: int
-    name: str
-    type: str
-    lower: float
-    upper: float
-    effort: float
-    velocity: float
-    link: str
-    axis: Point
-    damping: float = 0.0
-    leader: Leader | None = None
 
 
 class Contact(NamedTuple):
@@ -67,6 +43,46 @@ class Contact(NamedTuple):
     on_other: Point
     normal: Point
     distance: float
+    force: float
+
+
+class Loading(NamedTuple):
+    """How a body is loaded.
+
+    friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth: its
+    cylinders are exact.
+    """
+
+    friction: Mapping[str, float] = {}
+    is_fixed: bool = False
+    collides_with_itself: bool = False
+    has_visuals: bool = True
+    is_smooth: bool = False
+
+
+class Goal(NamedTuple):
+    """What a motor tracks: a position [rad] and its velocity [rad/s].
+
+    torque: the largest [N·m]. max_velocity: [rad/s]; 0: none. gain: share of the error that a
+    substep corrects; 0: the engine's, 0.1.
+    """
+
+    position: float
+    velocity: float
+    torque: float
+    max_velocity: float = 0.0
+    gain: float = 0.0
+
+
+class Gear(NamedTuple):
+    """A coupling: q = multiplier · q of the leader + offset [rad or m].
+
+    erp: share of the error that a substep corrects. force: the largest [N or N·m].
+    """
+
+    multiplier: float
+    offset: float
+    erp: float
     force: float
 
 
@@ -100,15 +116,16 @@ class Light:
 class Engine(Protocol):
     """A world of bodies without a window. Bodies are numbered as they are loaded, from 0 on.
 
+    An engine inherits what it does not do otherwise.
+
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     name: as the world file has it. geometry: as it computes with poses. draws_in_copies: whether a
-    copy of the process can draw images. reads_mjcf: whether `load` takes an MJCF, too.
+    copy of the process can draw images.
     """
 
     name: str
     geometry: Geometry
     draws_in_copies: bool
-    reads_mjcf: bool
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None: ...
 
@@ -122,11 +139,11 @@ class Engine(Protocol):
 
     def save(self) -> bytes | None:
         """Return the state to the last bit, with contacts; None: it cannot be had."""
-        ...
+        return None
 
     def restore(self, state: bytes) -> None:
         """Take what `save` returned of the same world."""
-        ...
+        raise NotImplementedError(f"{len(state)} bytes for {self.name}, which saves nothing")
 
     def close(self) -> None:
         """Let go of everything; harmless when repeated."""
@@ -134,30 +151,19 @@ class Engine(Protocol):
 
     # --- bodies ---------------------------------------------------------------------------
 
-    def load(
-        self,
-        model: Path,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        collides_with_itself: bool,
-        has_visuals: bool,
-        is_smooth: bool,
-    ) -> int:
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
         """Load a body without damping or a limit of velocities; return its number.
 
-        friction: of all links, `lateral`, `rolling`, `spinning`; absent: the model's. is_smooth:
-        its cylinders are exact. Raises WiringError for a model that cannot be loaded.
+        pose: of its root's frame. Raises WiringError for a robot that cannot be loaded.
         """
         ...
 
     def notes(self, body: int) -> list[str]:
         """Return what of a body's model is not used, a sentence each."""
-        ...
+        return []
 
-    def joints(self, body: int) -> list[JointInfo]:
-        """Return all joints of a body, in the order of their numbers."""
+    def joints(self, body: int) -> list[str]:
+        """Return the names of all joints of a body, in the order of their numbers from 0 on."""
         ...
 
     def links(self, body: int) -> dict[str, Link]:
@@ -174,11 +180,9 @@ class Engine(Protocol):
 
     def let_sleep(self, body: int, *, now: bool = False) -> None:
         """Allow an engine to skip a body once it is at rest, or from now on, until it is moved."""
-        ...
 
     def wake(self, body: int) -> None:
         """Wake up a body: a sleeping one would stay where it is put, even in the air."""
-        ...
 
     # --- joints ---------------------------------------------------------------------------
 
@@ -196,57 +200,20 @@ class Engine(Protocol):
         """Set damping [N·m·s/rad] and stops [rad] of a joint; infinite: none."""
         ...
 
-    def couple(
-        self,
-        body: int,
-        follower: int,
-        leader: int,
-        *,
-        multiplier: float,
-        offset: float = 0.0,
-        erp: float,
-        force: float,
-    ) -> None:
-        """Keep a joint where another one takes it, as by gears.
-
-        erp: share of the error that a substep corrects. force: the largest [N or N·m].
-        """
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
+        """Keep a joint where another one takes it, as by gears."""
         ...
 
-    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
         """Apply torques [N·m] to joints in the next substep only."""
         ...
 
-    def turn(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        torques: Sequence[float],
-    ) -> None:
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """Set motors that track velocities [rad/s] with limited torques [N·m] from now on."""
         ...
 
-    def resist(self, body: int, index: int, torque: float) -> None:
-        """Set a motor that resists any motion of a joint with up to a torque [N·m]."""
-        ...
-
-    def bring(
-        self,
-        body: int,
-        index: int,
-        position: float,
-        velocity: float,
-        torque: float,
-        *,
-        max_velocity: float = 0.0,
-        gain: float = 0.0,
-    ) -> None:
-        """Set a motor that tracks a position [rad] and its velocity with a limited torque [N·m].
-
-        max_velocity: [rad/s]; 0: none. gain: share of the error that a substep corrects; 0: the
-        engine's, 0.1.
-        """
+    def bring(self, body: int, index: int, goal: Goal) -> None:
+        """Set a motor that tracks a position and its velocity with a limited torque."""
         ...
 
     def watch_reaction(self, joint: Link) -> None:
@@ -286,12 +253,11 @@ class Engine(Protocol):
         """Return pose and velocity of a link."""
         ...
 
-    def put(self, body: int, frame: Pose) -> None:
-        """Put the frame of a body's root link somewhere, at rest; its joints stay as they are."""
-        ...
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
+        """Put the frame of a body's root link somewhere; its joints stay as they are.
 
-    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """Put the frame of a body's root link somewhere, moving like that [m/s, rad/s]."""
+        velocity: of its centre of mass [m/s]. spin: angular velocity [rad/s].
+        """
         ...
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
@@ -337,7 +303,6 @@ class Engine(Protocol):
 
     def forget_contacts(self, link: Link) -> None:
         """Forget the contacts of a link, which the next substep then finds anew."""
-        ...
 
     def cast(self, starts: Array, ends: Array) -> Array:
         """Return how far along each ray the first hit is, from 0 to 1, or infinity.

@@ -7,12 +7,10 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
+from stepbus_models import Joint as DescribedJoint
 from stepbus_models import Mimic
-from stepbus_plant.engine import JointInfo
 from stepbus_plant.world import Actuation, JointSettings, OwnMode
-from stepbus_schemas import Description
-
-# Joint limits are often a full turn, rounded up [rad].
+from stepbus_schemas import Description, Point
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -20,10 +18,10 @@ class Joint:
     """One movable joint of the world.
 
     name: unique in the world; `body/joint` if two bodies share it. body, index: the engine's
-    numbers. type: revolute, continuous or prismatic. lower, upper: stops [rad]. effort: torque
-    limit [N·m]. max_velocity: limit of the commanded velocity [rad/s]; 0: none. motor: a joint
-    without a motor swings freely. brake: deceleration in an emergency stop [rad/s²]; None: as fast
-    as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
+    numbers. type: revolute, continuous or prismatic. axis: in the frame of its child. lower, upper:
+    stops [rad]. effort: torque limit [N·m]. max_velocity: limit of the commanded velocity [rad/s];
+    0: none. motor: a joint without a motor swings freely. brake: deceleration in an emergency stop
+    [rad/s²]; None: as fast as it can. damping: [N·m·s/rad]. friction: Coulomb friction [N·m].
     start, start_velocity: at t = 0 [rad, rad/s]. mimic: the joint of its body that it follows.
     For prismatic joints read [m] and [N] instead of [rad] and [N·m].
     """
@@ -32,6 +30,7 @@ class Joint:
     body: int
     index: int
     type: str
+    axis: Point
     lower: float
     upper: float
     effort: float
@@ -96,7 +95,7 @@ class Joint:
             yield "has no limits in its URDF; give both 'lower' and 'upper', or neither"
         elif self.lower > self.upper:
             yield f"lower {self.lower} is above upper {self.upper}"
-        elif not self.lower <= self.start <= self.upper:
+        elif self.mimic is None and not self.lower <= self.start <= self.upper:
             limits = f"[{self.lower}, {self.upper}]"
             yield f"start position {self.start} is outside its limits {limits}"
         has_motor = self.motor and (self.mode, self.actuation) != ("torque", "direct")
@@ -108,32 +107,39 @@ class Joint:
             )
 
 
-def make_joint(body: int, info: JointInfo, settings: JointSettings, actuation: Actuation) -> Joint:
-    """Return a joint as loaded, overridden by the settings.
+def make_joint(
+    where: tuple[int, int],
+    described: DescribedJoint,
+    settings: JointSettings,
+    *,
+    actuation: Actuation,
+    damping: float,
+) -> Joint:
+    """Return a joint as described, overridden by the settings.
 
-    actuation: default if the settings have none.
+    where: its numbers in the engine. actuation, damping [N·m·s/rad]: where the settings have none.
     """
 
-    def either(value: float | None, default: float) -> float:
-        return default if value is None else value
+    def either(*values: float | None) -> float:
+        return next((value for value in values if value is not None), 0.0)
 
-    is_bounded = info.lower <= info.upper
-    lower = either(settings.lower, info.lower if is_bounded else -math.inf)
-    upper = either(settings.upper, info.upper if is_bounded else math.inf)
+    lower = either(settings.lower, described.lower, -math.inf)
+    upper = either(settings.upper, described.upper, math.inf)
     return Joint(
-        name=info.name,
-        body=body,
-        index=info.index,
-        type="continuous" if info.type == "revolute" and not is_bounded else info.type,
+        name=described.name,
+        body=where[0],
+        index=where[1],
+        type=described.type,
+        axis=described.axis,
         lower=lower,
         upper=upper,
-        effort=either(settings.effort, info.effort),
-        max_velocity=either(settings.max_velocity, info.velocity),
+        effort=either(settings.effort, described.effort),
+        max_velocity=either(settings.max_velocity, described.velocity),
         mode=settings.mode or "torque",
         motor=settings.motor is not False,
         actuation=settings.actuation or actuation,
         brake=settings.brake,
-        damping=either(settings.damping, info.damping),
+        damping=either(settings.damping, damping),
         friction=settings.friction or 0.0,
         start=either(settings.position, min(max(0.0, lower), upper)),
         start_velocity=settings.velocity or 0.0,

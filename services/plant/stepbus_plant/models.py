@@ -1,46 +1,30 @@
 """Models that engines load, and the pairs of links that an SRDF leaves out."""
 
-import tempfile
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection
 from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree as ET
 
-from stepbus_models import Inertial, RobotDescription, is_file, urdf_text
-from stepbus_participant import scratch_folder
+from stepbus_models import Inertial, RobotDescription, is_file
 from stepbus_schemas import WiringError
 
 _TINY = Inertial(mass=1e-6, moments=(1e-9, 1e-9, 1e-9, 0.0, 0.0, 0.0))
 """Negligible but not zero: PyBullet assumes 1 kg for a link without an inertial, and warns."""
 
 
-@contextmanager
-def loadable(robot: RobotDescription) -> Iterator[Path]:
-    """Provide the file of a robot that engines load, as a context manager.
+def loadable(robot: RobotDescription, loose: Collection[str] = ()) -> RobotDescription:
+    """Return a robot for an engine: every link has an inertial, some joints have no stops.
 
-    A URDF in which every link has an inertial: a link without one is massless by the definition of
-    URDF and gets a negligible mass. An MJCF stays as it is. Raises WiringError for missing meshes.
+    A link without an inertial is massless by the definition of URDF and gets a negligible mass.
+    loose: names of these joints. Raises WiringError for missing meshes.
     """
-    if robot.format == "mjcf":
-        yield robot.path
-        return
     refuse_missing_meshes(robot)
     links = {
         name: link if link.inertial else replace(link, inertial=_TINY)
         for name, link in robot.links.items()
     }
-    with tempfile.TemporaryDirectory(prefix="stepbus-urdf-", dir=scratch_folder()) as folder:
-        urdf = Path(folder) / robot.path.name.removesuffix(".xacro")
-        urdf.write_bytes(urdf_text(replace(robot, links=links)).encode())
-        yield urdf
-
-
-def is_mjcf(path: Path) -> bool:
-    """Return whether a model is an MJCF: XML whose root is <mujoco>."""
-    # S314: see below.
-    _, element = next(ET.iterparse(path, events=["start"]))  # noqa: S314
-    return bool(element.tag == "mujoco")
+    free = {name: replace(robot.joints[name], lower=None, upper=None) for name in loose}
+    return replace(robot, links=links, joints={**robot.joints, **free})
 
 
 def refuse_missing_meshes(robot: RobotDescription) -> None:

@@ -2,17 +2,17 @@
 
 import dataclasses
 import itertools
+import math
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from pathlib import Path
 from typing import TypeVar
 from weakref import WeakValueDictionary
 
 from stepbus_models import Mimic, RobotDescription, read_robot
 from stepbus_participant import Problems, suggest
 from stepbus_participant.parameters import Keys
-from stepbus_plant.engine import BASE, JointInfo, Link, PhysicsError
+from stepbus_plant.engine import BASE, Gear, Link, Loading, PhysicsError
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.joint import Joint, make_joint
@@ -24,6 +24,7 @@ from stepbus_plant.world_file import World
 from stepbus_schemas import WiringError
 
 T = TypeVar("T")
+_OWN = JointSettings()
 _GEAR_ERP = 0.2
 _GEAR_FORCE = 1e4
 _STANDS = 1e-3
@@ -93,9 +94,9 @@ class Physics:
     def all_joints(self) -> dict[str, Link]:
         """Return the child link of every joint, fixed ones included, by the joint's name."""
         return _by_name(
-            (body, joint.name, (number, joint.index))
+            (body, joint, (number, index))
             for number, body in enumerate(self.bodies)
-            for joint in self.engine.joints(number)
+            for index, joint in enumerate(self.engine.joints(number))
         )
 
     def lacks_joint(self, name: str) -> str:
@@ -144,18 +145,24 @@ class Physics:
             if (value := getattr(body.friction, key)) is not None
         }
         try:
-            robot = self._read(body.urdf)
+            robot = read_robot(body.urdf)
             robot = robot if item is None else fitted(item, robot)
-            with loadable(robot) as model:
-                number = self.engine.load(
-                    model,
-                    (body.position, quaternion(body.orientation_rpy)),
+            followed = {
+                joint: robot.joints[joint].mimic
+                for joint in robot.joints
+                if body.joints.get(joint, _OWN).mimic is not False
+            }
+            number = self.engine.load(
+                loadable(robot, [joint for joint, mimic in followed.items() if mimic]),
+                (body.position, quaternion(body.orientation_rpy)),
+                Loading(
                     friction,
                     is_fixed=body.fixed_base,
                     collides_with_itself=body.srdf is not None,
                     has_visuals=body.visuals,
                     is_smooth=item is not None,
-                )
+                ),
+            )
             if robot.format == "urdf":
                 self._refuse_shapeless(robot, number)
         except (PhysicsError, WiringError) as exc:
@@ -165,37 +172,22 @@ class Physics:
         self.robots.append(robot)
         warnings = robot.warnings if robot.format == "urdf" else ()
         self.notes += [(f"body {name}", note) for note in (*warnings, *self.engine.notes(number))]
-        infos = self.engine.joints(number)
-        if robot.format == "urdf":
-            followed = {joint.name: joint.mimic for joint in robot.joints.values() if joint.mimic}
-        else:
+        if robot.format == "mjcf":
             self._coupled.add(number)
-            followed = {i.name: Mimic(**i.leader._asdict()) for i in infos if i.leader}
-        movable = [info for info in infos if info.type in {"revolute", "prismatic"}]
-        self.fixed |= {info.name for info in infos if info.type == "fixed"}
+        joints = self._joints_of(number, name, body, followed)
+        self.fixed |= {joint.name for joint in robot.joints.values() if joint.type == "fixed"}
         if self.world.sleeping:
             # Motors do not wake a body up.
-            if not movable:
+            if not joints:
                 self.engine.let_sleep(number)
             self._items += [] if item is None else [number]
         self._disable_collisions(number, name, body)
-        joints = self._joints_of(number, movable, name, body, followed)
         self._check_joints(name, body, joints)
-        solid = (self.engine.is_solid((number, index)) for index in range(BASE, len(infos)))
+        solid = map(self.engine.is_solid, self.engine.links(number).values())
         if not body.fixed_base and joints and not any(solid):
             text = "it is not fixed to the world and has no collision shape, so it falls"
             self.notes.append((f"body {name}", f"{text}; add `fixed_base: true`?"))
         yield from ((name, joint) for joint in joints)
-
-    def _read(self, path: Path) -> RobotDescription:
-        """Return a robot; raises WiringError for one that the engine does not read."""
-        robot = read_robot(path)
-        if robot.format == "mjcf" and not self.engine.reads_mjcf:
-            raise WiringError(
-                f"{path}: is an MJCF, which engine {self.engine.name} does not read; "
-                "use `engine: mujoco`"
-            )
-        return robot
 
     def _refuse_shapeless(self, robot: RobotDescription, number: int) -> None:
         """Raise WiringError for a link whose collision shapes the engine has dropped."""
@@ -227,28 +219,28 @@ class Physics:
                 self.engine.let_through(links[one], links[other])
 
     def _joints_of(
-        self,
-        number: int,
-        infos: Sequence[JointInfo],
-        name: str,
-        body: Body,
-        followed: Mapping[str, Mimic],
+        self, number: int, name: str, body: Body, followed: Mapping[str, Mimic | None]
     ) -> list[Joint]:
-        """Return the joints of a body, those with <mimic> as followers of others."""
-        own = {info.name: body.joints.get(info.name, JointSettings()) for info in infos}
+        """Return the joints of a body that move, those with <mimic> as followers of others."""
+        robot, names = self.robots[number], self.engine.joints(number)
+        own = {joint: body.joints.get(joint, _OWN) for joint in names if robot.joints[joint].moves}
         joints = {
-            info.name: make_joint(
-                number, info, own[info.name].over(body.joint_defaults), self._actuation
+            joint: make_joint(
+                (number, names.index(joint)),
+                robot.joints[joint],
+                settings.over(body.joint_defaults),
+                actuation=self._actuation,
+                damping=robot.joints[joint].damping if robot.format == "mjcf" else 0.0,
             )
-            for info in infos
+            for joint, settings in own.items()
         }
         followers = {
             joint: joints[joint].follow(joints[mimic.joint], mimic)
             for joint in joints
-            if (mimic := followed.get(joint)) is not None and own[joint].mimic is not False
+            if (mimic := followed.get(joint)) is not None
         }
         for joint, follower in followers.items():
-            leader = followed[joint].joint
+            leader = follower.mimic.joint if follower.mimic else ""
             self._followers.setdefault((number, joints[leader].index), []).append(follower)
             text = f"follows joint {leader!r} (<mimic>); remove this key, or set `mimic: false`"
             self.mistakes += [
@@ -277,22 +269,18 @@ class Physics:
         engine = self.engine
         for joint in self.joints.values():
             where = joint.body, joint.index
-            engine.set_joint(*where, damping=joint.damping, lower=joint.lower, upper=joint.upper)
+            is_led = joint.mimic is not None and joint.body not in self._coupled
+            # Stops of a follower would fight its leader, which has stops itself.
+            stops = (-math.inf, math.inf) if is_led else (joint.lower, joint.upper)
+            engine.set_joint(*where, damping=joint.damping, lower=stops[0], upper=stops[1])
             self.teleport(joint, joint.start, joint.start_velocity)
-            engine.resist(*where, joint.friction)
+            engine.turn(joint.body, [joint.index], [0.0], [joint.friction])
         for body, leader in self._followers:
             if body in self._coupled:
                 continue
             for follower, mimic in self._followers_of((body, leader)):
-                engine.couple(
-                    body,
-                    follower.index,
-                    leader,
-                    multiplier=mimic.multiplier,
-                    offset=mimic.offset,
-                    erp=_GEAR_ERP,
-                    force=_GEAR_FORCE,
-                )
+                gear = Gear(mimic.multiplier, mimic.offset, _GEAR_ERP, _GEAR_FORCE)
+                engine.couple(body, follower.index, leader, gear)
         if self._items:
             engine.update_shapes()
         for number in self._items:

@@ -2,12 +2,14 @@
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
+from stepbus_models import Link as DescribedLink
+from stepbus_models import Shape
 from stepbus_participant import Problems, suggest
-from stepbus_plant.appearance import Appearance, appearances
 from stepbus_plant.engine import BASE, Link
-from stepbus_plant.geometry import Pose
+from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.params import FixedPoint
 from stepbus_plant.physics import Physics
 from stepbus_plant.stock import Item
@@ -16,6 +18,19 @@ from stepbus_schemas import Description, Point, Poses, Quaternion
 PLANOGRAM = "planogram"
 """Name of an output of type Poses/1 that shows where links belong, instead of the true poses."""
 _CENTIMETRE = 0.01
+_ONLY_NAMED = ("mesh", "plane")
+
+
+@dataclass(frozen=True)
+class Appearance:
+    """Collision shapes of a link in its frame, as text, and the colour of its visual.
+
+    Lengths are in [m], quaternions x, y, z, w, and colours r, g, b (0 to 1). The engine cannot
+    report them: it turns a cylinder into a mesh, and gives shapes relative to the centre of mass.
+    """
+
+    shape: str = ""
+    color: str = ""
 
 
 class PoseSensor:
@@ -95,9 +110,9 @@ class PoseSensor:
         """Return the appearance of each link; a point has none."""
         shown: dict[Link, Appearance] = {}
         for body in dict.fromkeys(body for body, _ in self._indices):
-            by_name = appearances(self._physics.robots[body])
+            described = self._physics.robots[body].links
             links = self._engine.links(body).items()
-            shown |= {link: by_name.get(name, Appearance()) for name, link in links}
+            shown |= {link: _appearance(described[name]) for name, link in links}
         return [
             Appearance() if name in self._offsets else shown[index]
             for name, index in zip(self.names, self._indices, strict=True)
@@ -128,3 +143,19 @@ def _slot(item: Item) -> Pose:
     x, y = (round(value / _CENTIMETRE) * _CENTIMETRE for value in item.slot[:2])
     half = item.slot_yaw / 2
     return (x, y, item.slot[2]), (0.0, 0.0, math.sin(half), math.cos(half))
+
+
+def _appearance(link: DescribedLink) -> Appearance:
+    colours = (_text(seen.rgba[:3]) for seen in link.visuals if seen.rgba is not None)
+    return Appearance("; ".join(map(_shape, link.collisions)), next(colours, ""))
+
+
+def _shape(shape: Shape) -> str:
+    size = () if shape.kind in _ONLY_NAMED else shape.size
+    pose = (*shape.pose.xyz, *quaternion(shape.pose.rpy))
+    return " ".join(filter(None, (shape.kind, _text(size), "@", _text(pose))))
+
+
+def _text(numbers: Sequence[float]) -> str:
+    # Nine digits hide the last bits of sines; adding 0 removes the sign of a zero.
+    return " ".join(f"{round(number, 9) + 0.0:.9g}" for number in numbers)

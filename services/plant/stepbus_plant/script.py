@@ -2,15 +2,14 @@
 
 import math
 from collections.abc import Collection, Sequence
-from typing import Any
+from typing import Any, NamedTuple
 
 from stepbus_participant import Problems, format_duration, suggest
 from stepbus_plant.devices import Devices
 from stepbus_plant.emergency import StopSwitch
-from stepbus_plant.engine import BASE, Link
-from stepbus_plant.geometry import quaternion
+from stepbus_plant.engine import BASE, Engine, Goal, Link
+from stepbus_plant.geometry import Pose, quaternion
 from stepbus_plant.joint import Joint
-from stepbus_plant.moving_body import MovingBody
 from stepbus_plant.params import Action
 from stepbus_plant.physics import Physics
 from stepbus_schemas import Point
@@ -22,6 +21,58 @@ _JAM_GAIN = 0.5
 
 _OVERLAP = 2e-3
 """Deeper than that, a body has been put into another one [m]."""
+
+
+class Blow(NamedTuple):
+    """The first contact of such a body with another one; force: of its first substep [N]."""
+
+    force: float
+    one: tuple[int, int]
+    other: tuple[int, int]
+
+
+class MovingBody:
+    """Moves from where it is to a pose, at constant velocities.
+
+    seconds: how long it takes. blow: the first contact, once there was one.
+    """
+
+    def __init__(self, engine: Engine, body: int, goal: Pose, seconds: float) -> None:
+        self._engine = engine
+        self._body = body
+        self._start, self._goal = engine.frame((body, BASE)), goal
+        self._seconds = seconds
+        self._elapsed = 0.0
+        ends = zip(self._start[0], goal[0], strict=True)
+        vx, vy, vz = ((b - a) / seconds for a, b in ends)
+        self._velocity = (vx, vy, vz)
+        self._spin = engine.geometry.spin_between(self._start[1], goal[1], seconds)
+        self._touched = {contact.other for contact in engine.contacts(body)}
+        self.blow: Blow | None = None
+
+    @property
+    def is_there(self) -> bool:
+        """Return whether it has arrived, and stands."""
+        return self._elapsed >= self._seconds
+
+    def before_substep(self) -> None:
+        """Put it where it is now."""
+        share = min(self._elapsed / self._seconds, 1.0)
+        frame = self._engine.geometry.between(self._start, self._goal, share)
+        self._engine.put(self._body, frame, self._velocity, self._spin)
+
+    def after_substep(self, seconds: float) -> None:
+        """Move on, and look whether it has hit something that it did not touch before."""
+        self._elapsed += seconds
+        if self.blow is None:
+            pressed = self._engine.contacts(self._body, are_pressed=True)
+            new = [contact for contact in pressed if contact.other not in self._touched]
+            if new:
+                worst = max(new, key=lambda contact: contact.force)
+                force = sum(contact.force for contact in new if contact.other == worst.other)
+                self.blow = Blow(force, worst.one, worst.other)
+        if self.is_there:
+            self._engine.put(self._body, self._goal)
 
 
 class Script:
@@ -158,15 +209,8 @@ class Script:
         """Hold the jammed joints; call it after the drives, whose motors it overrides."""
         for name, position in self.jammed.items():
             joint = self._physics.joints[name]
-            self._physics.engine.bring(
-                joint.body,
-                joint.index,
-                position,
-                0.0,
-                _JAM_EFFORT,
-                max_velocity=math.inf,
-                gain=_JAM_GAIN,
-            )
+            goal = Goal(position, 0.0, _JAM_EFFORT, max_velocity=math.inf, gain=_JAM_GAIN)
+            self._physics.engine.bring(joint.body, joint.index, goal)
 
     def after_substep(self, seconds: float) -> None:
         """Look what moving bodies have hit; seconds: length of the substep."""

@@ -52,9 +52,9 @@ def camera_pose(folder):
     """Return where the engine has the camera of the robot at ANGLES on a chassis that moved."""
     with closing(empty_world()) as engine:
         robot = load_fixed(engine, write_robot(folder), CHASSIS, (0.0, 0.0, YAW))
-        for info in engine.joints(robot):
-            if info.name in JOINTS:
-                engine.put_joint(robot, info.index, ANGLES[JOINTS.index(info.name)], 0.0)
+        for index, name in enumerate(engine.joints(robot)):
+            if name in JOINTS:
+                engine.put_joint(robot, index, ANGLES[JOINTS.index(name)], 0.0)
         return engine.frame(engine.links(robot)["camera"])
 
 

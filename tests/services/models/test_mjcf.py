@@ -7,7 +7,6 @@ import sys
 import numpy as np
 import pytest
 from support.mjcf import FINGER, SLIDE, part, robot_of, save
-from support.services.plant import make_plant
 
 from stepbus_kinematics import RobotModel
 from stepbus_models import Mimic, read_robot
@@ -272,14 +271,6 @@ def test_several_bodies_are_below_the_world(tmp_path):
     text = f"<mujoco><worldbody>{ball.format('a')}{ball.format('b')}</worldbody></mujoco>"
     robot = robot_of(tmp_path, text)
     assert (robot.root, list(robot.joints)) == ("world", ["ja", "jb"])
-
-
-def test_engine_pybullet_refuses_it_in_one_sentence(tmp_path):
-    save(tmp_path, part())
-    with pytest.raises(
-        WiringError, match=r"arm\.xml: is an MJCF, which engine pybullet does not read"
-    ):
-        make_plant(tmp_path, "  c: {urdf: arm.xml, fixed_base: true}\nengine: pybullet\n")
 
 
 def test_a_urdf_may_have_an_element_of_mujoco(tmp_path):

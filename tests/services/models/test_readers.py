@@ -26,24 +26,6 @@ def read(folder: Path, before="", after=""):
     return read_robot(path)
 
 
-@pytest.mark.parametrize(
-    ("given", "axis"),
-    [("0 2 0", (0, 1, 0)), ("0 0.99 0", (0, 1, 0)), ("3 4 0", (0.6, 0.8, 0))],
-)
-def test_an_axis_has_the_length_1(tmp_path, given, axis):
-    assert read(tmp_path, "0 1 0", given).joints["j"].axis == pytest.approx(axis)
-
-
-@pytest.mark.parametrize(
-    ("before", "after"),
-    [('"revolute"', '"continuous"'), ('lower="-1" upper="1" ', "")],
-)
-def test_a_continuous_joint_has_no_stops(tmp_path, before, after):
-    joint = read(tmp_path, before, after).joints["j"]
-    assert (joint.type, joint.lower, joint.upper) == ("continuous", None, None)
-    assert (joint.effort, joint.velocity) == (10.0, 3.0)
-
-
 def test_a_link_without_an_inertial_has_none(tmp_path):
     robot = read(tmp_path)
     assert robot.links["base"].inertial is None

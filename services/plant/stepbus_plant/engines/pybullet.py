@@ -1,27 +1,33 @@
 """PyBullet: the reference, whose recordings have the same bytes on every machine."""
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_models import RobotDescription
 from stepbus_participant import installed_version
 from stepbus_plant.engine import (
     ANY_BODY,
     ANY_LINK,
     BASE,
+    REST,
     Contact,
-    JointInfo,
+    Engine,
+    Gear,
+    Goal,
+    Indices,
     Light,
     Link,
+    Loading,
     Motion,
     PhysicsError,
+    Values,
 )
 from stepbus_plant.engines.bullet import BulletGeometry, bullet
-from stepbus_plant.engines.bullet_meshes import readable
+from stepbus_plant.engines.bullet_meshes import written
 from stepbus_plant.geometry import Array, Geometry, Pose
 from stepbus_schemas import Point, WiringError
 
@@ -30,28 +36,20 @@ _GROUP, _ALL_GROUPS = 1, -1
 _WHITE = (1.0, 1.0, 1.0)
 _NOTHING = 1.0 - 1e-7
 """Depth from which on there is nothing: TinyRenderer rounds its 1 in single precision."""
+_MOST_JOINTS = 127
 
 
-_TYPES = {
-    bullet.JOINT_REVOLUTE: "revolute",
-    bullet.JOINT_PRISMATIC: "prismatic",
-    bullet.JOINT_FIXED: "fixed",
-}
-
-
-class BulletEngine:
+class BulletEngine(Engine):
     """A headless PyBullet client, see `Engine`. client: its number."""
 
     name = "pybullet"
     draws_in_copies = True
-    reads_mjcf = False
 
     def __init__(self, step_s: float, gravity: Point, solver_iterations: int) -> None:
         self.geometry: Geometry = BulletGeometry()
         self.client: int = bullet.connect(bullet.DIRECT)
         self._here = {"physicsClientId": self.client}
         self._to_frame: dict[int, Pose] = {}
-        self._frames: dict[int, tuple[Pose, Pose]] = {}
         # Not needed for repeatability, but it affects the trajectory: set it before anything else.
         bullet.setPhysicsEngineParameter(
             deterministicOverlappingPairs=1,
@@ -76,13 +74,6 @@ class BulletEngine:
         """See `Engine`."""
         return f"TinyRenderer of pybullet {installed_version('pybullet')}"
 
-    def save(self) -> None:
-        """Return that there is no state to be had: contacts remember their impulses."""
-
-    def restore(self, state: bytes) -> None:
-        """Take no state, as it has none."""
-        raise NotImplementedError(f"{len(state)} bytes for PyBullet, which saves nothing")
-
     def close(self) -> None:
         """Disconnect; harmless when repeated."""
         if self.client >= 0:
@@ -91,72 +82,47 @@ class BulletEngine:
 
     # --- bodies ---------------------------------------------------------------------------
 
-    def load(
-        self,
-        model: Path,
-        pose: Pose,
-        friction: Mapping[str, float],
-        *,
-        is_fixed: bool,
-        collides_with_itself: bool,
-        has_visuals: bool,
-        is_smooth: bool,
-    ) -> int:
-        """Load a body without damping or a limit of velocities; return its number.
-
-        friction: of all links; absent: the model's. is_smooth: cylinders are round, instead of a
-        mesh of 32 faces, whose collision margin makes it stand 1 mm higher.
-        Raises WiringError for a model that cannot be loaded.
-        """
+    def load(self, robot: RobotDescription, pose: Pose, options: Loading) -> int:
+        """See `Engine`; other cylinders are meshes of 32 faces, whose margin lifts them by 1 mm."""
+        if robot.format == "mjcf":
+            text = "is an MJCF, which engine pybullet does not read; use `engine: mujoco`"
+            raise WiringError(f"{robot.path}: {text}")
+        if len(robot.joints) > _MOST_JOINTS:
+            text = f"has {len(robot.joints)} joints, fixed ones included, and engine pybullet takes"
+            raise WiringError(f"{robot.path}: {text} {_MOST_JOINTS}; use `engine: mujoco`")
         # Without it PyBullet guesses inertias from the shapes, and is badly wrong.
         flags = bullet.URDF_USE_INERTIA_FROM_FILE
-        flags |= bullet.URDF_USE_SELF_COLLISION if collides_with_itself else 0
-        flags |= 0 if has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
-        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if is_smooth else 0
+        flags |= bullet.URDF_USE_SELF_COLLISION if options.collides_with_itself else 0
+        flags |= 0 if options.has_visuals else bullet.URDF_IGNORE_VISUAL_SHAPES
+        flags |= bullet.URDF_USE_IMPLICIT_CYLINDER if options.is_smooth else 0
         try:
-            with readable(model) as urdf:
+            with written(robot) as urdf:
                 body: int = bullet.loadURDF(
-                    str(urdf), *pose, useFixedBase=is_fixed, flags=flags, **self._here
+                    str(urdf), *pose, useFixedBase=options.is_fixed, flags=flags, **self._here
                 )
         except bullet.error as exc:
             raise WiringError(str(exc)) from exc
         undamped = {"linearDamping": 0.0, "angularDamping": 0.0, "jointDamping": 0.0}
-        frictions = {f"{key}Friction": value for key, value in friction.items()}
+        frictions = {f"{key}Friction": value for key, value in options.friction.items()}
         for link in range(BASE, bullet.getNumJoints(body, **self._here)):
             bullet.changeDynamics(body, link, **undamped, **frictions, **self._here)
         # By default PyBullet limits every velocity to 100 rad/s, which hides a divergence.
         bullet.changeDynamics(body, BASE, maxJointVelocity=math.inf, **self._here)
         return body
 
-    def notes(self, body: int) -> list[str]:
-        """See `Engine`."""
-        return []
+    def _infos(self, body: int) -> list[Any]:
+        count = bullet.getNumJoints(body, **self._here)
+        return [bullet.getJointInfo(body, index, self.client) for index in range(count)]
 
-    def joints(self, body: int) -> list[JointInfo]:
+    def joints(self, body: int) -> list[str]:
         """See `Engine`."""
-        infos = (
-            bullet.getJointInfo(body, index, self.client)
-            for index in range(bullet.getNumJoints(body, **self._here))
-        )
-        return [
-            JointInfo(
-                index=info[0],
-                name=info[1].decode(),
-                type=_TYPES.get(info[2], ""),
-                lower=info[8],
-                upper=info[9],
-                effort=info[10],
-                velocity=info[11],
-                link=info[12].decode(),
-                axis=info[13],
-            )
-            for info in infos
-        ]
+        return [info[1].decode() for info in self._infos(body)]
 
     def links(self, body: int) -> dict[str, Link]:
         """See `Engine`."""
         root = bullet.getBodyInfo(body, self.client)[0].decode()
-        return {root: (body, BASE), **{j.link: (body, j.index) for j in self.joints(body)}}
+        children = {info[12].decode(): (body, info[0]) for info in self._infos(body)}
+        return {root: (body, BASE), **children}
 
     def is_solid(self, link: Link) -> bool:
         """See `Engine`."""
@@ -194,45 +160,29 @@ class BulletEngine:
         stops = {"jointLowerLimit": lower, "jointUpperLimit": upper} if lower > -math.inf else {}
         bullet.changeDynamics(body, index, jointDamping=damping, **stops, **self._here)
 
-    def couple(
-        self,
-        body: int,
-        follower: int,
-        leader: int,
-        *,
-        multiplier: float,
-        offset: float = 0.0,
-        erp: float,
-        force: float,
-    ) -> None:
+    def couple(self, body: int, follower: int, leader: int, gear: Gear) -> None:
         """See `Engine`."""
         origins = {"parentFramePosition": (0.0, 0.0, 0.0), "childFramePosition": (0.0, 0.0, 0.0)}
         pair, axis = (body, follower, body, leader), (1.0, 0.0, 0.0)
-        gear = bullet.createConstraint(
+        made = bullet.createConstraint(
             *pair, bullet.JOINT_GEAR, jointAxis=axis, **origins, **self._here
         )
         bullet.changeConstraint(
-            gear,
-            gearRatio=-multiplier,
-            relativePositionTarget=offset,
-            erp=erp,
-            maxForce=force,
+            made,
+            gearRatio=-gear.multiplier,
+            relativePositionTarget=gear.offset,
+            erp=gear.erp,
+            maxForce=gear.force,
             **self._here,
         )
 
-    def push(self, body: int, indices: Sequence[int], torques: Sequence[float]) -> None:
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
         """See `Engine`."""
         bullet.setJointMotorControlArray(
             body, indices, bullet.TORQUE_CONTROL, forces=torques, physicsClientId=self.client
         )
 
-    def turn(
-        self,
-        body: int,
-        indices: Sequence[int],
-        velocities: Sequence[float],
-        torques: Sequence[float],
-    ) -> None:
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
         """See `Engine`."""
         bullet.setJointMotorControlArray(
             body,
@@ -243,38 +193,17 @@ class BulletEngine:
             **self._here,
         )
 
-    def resist(self, body: int, index: int, torque: float) -> None:
+    def bring(self, body: int, index: int, goal: Goal) -> None:
         """See `Engine`."""
-        bullet.setJointMotorControl2(
-            body,
-            index,
-            bullet.VELOCITY_CONTROL,
-            targetVelocity=0.0,
-            force=torque,
-            **self._here,
-        )
-
-    def bring(
-        self,
-        body: int,
-        index: int,
-        position: float,
-        velocity: float,
-        torque: float,
-        *,
-        max_velocity: float = 0.0,
-        gain: float = 0.0,
-    ) -> None:
-        """See `Engine`."""
-        more = {"maxVelocity": max_velocity} if max_velocity > 0.0 else {}
-        more |= {"positionGain": gain, "velocityGain": 1.0} if gain else {}
+        more = {"maxVelocity": goal.max_velocity} if goal.max_velocity > 0.0 else {}
+        more |= {"positionGain": goal.gain, "velocityGain": 1.0} if goal.gain else {}
         bullet.setJointMotorControl2(
             body,
             index,
             bullet.POSITION_CONTROL,
-            targetPosition=position,
-            targetVelocity=velocity,
-            force=torque,
+            targetPosition=goal.position,
+            targetVelocity=goal.velocity,
+            force=goal.torque,
             **more,
             **self._here,
         )
@@ -311,15 +240,7 @@ class BulletEngine:
         if index == BASE:
             if body not in self._to_frame:
                 self._to_frame[body] = self.geometry.inverse(self.inertial(link))
-            centre = self.centre(body)
-            # Most bodies stand: then the frame is that of the latest time.
-            known = self._frames.get(body)
-            if known is None or known[0] != centre:
-                known = self._frames[body] = (
-                    centre,
-                    self.geometry.compose(centre, self._to_frame[body]),
-                )
-            return known[1]
+            return self.geometry.compose(self.centre(body), self._to_frame[body])
         return self.frames(body, [index])[0]
 
     def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
@@ -338,13 +259,9 @@ class BulletEngine:
         )
         return Motion(state[4:6], state[0], state[6], state[7])
 
-    def put(self, body: int, frame: Pose) -> None:
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
         """See `Engine`."""
         self.put_centre(body, self.geometry.compose(frame, self.inertial((body, BASE))))
-
-    def carry(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """See `Engine`."""
-        self.put(body, frame)
         bullet.resetBaseVelocity(body, velocity, spin, **self._here)
 
     def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
@@ -403,10 +320,7 @@ class BulletEngine:
     def image(
         self, size: tuple[int, int], view: Array, projection: Array, light: Light
     ) -> tuple[NDArray[np.uint8], Array]:
-        """Return colours, shape (height, width, 3), and OpenGL's depth buffer, shape (h, w).
-
-        size: width and height [pixel]. view, projection: OpenGL's matrices, shape (4, 4).
-        """
+        """See `Engine`."""
         # The renderer samples the corner of a pixel; shift by half a pixel to its centre.
         projection = projection.copy()
         projection[0, 2] += 1 / size[0]

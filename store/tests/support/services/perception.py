@@ -12,7 +12,7 @@ import numpy as np
 
 from stepbus_models import read_robot
 from stepbus_plant.camera import Camera, Lens
-from stepbus_plant.engine import BASE, Engine
+from stepbus_plant.engine import BASE, Engine, Loading
 from stepbus_plant.engines import default_engine, open_engine
 from stepbus_plant.geometry import quaternion
 from stepbus_plant.models import loadable
@@ -155,16 +155,8 @@ def _visual(name: str, text: str, color: tuple[float, float, float]) -> str:
 
 def load_fixed(engine: Engine, urdf: Path, position, rpy) -> int:
     """Return the number of a body that stands somewhere and looks as its model says."""
-    with loadable(read_robot(urdf)) as whole:
-        return engine.load(
-            whole,
-            (tuple(position), quaternion(rpy)),
-            {},
-            is_fixed=True,
-            collides_with_itself=False,
-            has_visuals=True,
-            is_smooth=False,
-        )
+    pose = tuple(position), quaternion(rpy)
+    return engine.load(loadable(read_robot(urdf)), pose, Loading(is_fixed=True))
 
 
 def empty_world() -> Engine:

@@ -96,11 +96,6 @@ def test_an_error_of_calibration_is_the_same_in_all_steps(tmp_path):
     assert 1e-4 < abs(gaps.pop() - 0.05) < 0.01
 
 
-def test_without_errors_distances_are_exact(tmp_path):
-    contacts = measured(tmp_path, f"{SIDE / 2 + 0.02 + RADIUS}, 0, 0.5", noise=0)[0]
-    assert contacts.distance == pytest.approx([0.02], abs=2e-3)
-
-
 def test_a_touch_is_still_felt(tmp_path):
     write_ground(tmp_path)
     write_can(tmp_path)

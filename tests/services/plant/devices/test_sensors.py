@@ -72,12 +72,6 @@ def test_a_falling_imu_feels_nothing(tmp_path):
     np.testing.assert_allclose(found.linear_acceleration, 0, atol=1e-6)
 
 
-def test_the_description_of_a_lidar_has_its_link_and_number_of_rays(tmp_path):
-    scene(tmp_path, "lidars: {front: {link: post, rays: 7}}")
-    description = make_plant(tmp_path, {"front": "LaserScan/1"}).describe()["front"]
-    assert (description.names, description.shape) == (["post"], [7])
-
-
 def test_transforms_are_poses_in_the_frame_of_the_parent(tmp_path):
     scene(tmp_path, "transforms: {tf: {links: [tip, post], parent: bar}}")
     found = readings(tmp_path, "tf", "Transforms/1", steps=9)[-1]
@@ -170,23 +164,6 @@ def test_a_sensor_changes_no_other_reading(tmp_path):
         plant.output(None)
         plant.plant.advance()
     assert plant.output(None)["state"] == plain
-
-
-def test_all_mistakes_of_sensors_are_listed_with_their_lines(tmp_path):
-    scene(
-        tmp_path,
-        "imus:\n  imu: {link: tipp}\nwrenches:\n  ft: {joint: hing}\nlidars:\n"
-        "  front: {link: post, period: 7ms}\ntransforms:\n  tf: {links: [post], parent: wal}",
-    )
-    with pytest.raises(WiringError) as caught:
-        make_plant(tmp_path, {})
-    rows = [line.split("world.yaml:")[1].split(": ") for line in str(caught.value).splitlines()]
-    assert [": ".join(row[:2]) for row in rows] == [
-        "3: imus.imu.link",
-        "5: wrenches.ft.joint",
-        "7: lidars.front.period",
-        "9: transforms.tf.parent",
-    ]
 
 
 def test_a_port_without_a_sensor_says_what_the_world_lacks(tmp_path):

@@ -94,7 +94,7 @@ def test_two_boxes_that_collide_keep_their_momentum_and_go_on_together(tmp_path,
     }
     plant = make(tmp_path, engine, bodies, "gravity: [0, 0, 0]")
     frame = plant.physics.engine.frame((0, BASE))
-    plant.physics.engine.carry(0, frame, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    plant.physics.engine.put(0, frame, (1.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     advance(plant, 300)
     one, two = velocity(plant, "one"), velocity(plant, "two")
     np.testing.assert_allclose(2 * one + two, (2.0, 0.0, 0.0), atol=1e-6)
@@ -184,7 +184,7 @@ def on_floor(tmp_path, engine, friction):
 
 def test_rolling_friction_slows_a_ball(tmp_path, engine):
     plant = on_floor(tmp_path, engine, "rolling: 0.01")
-    plant.physics.engine.carry(1, ((0, 0, 0.1), (0, 0, 0, 1)), (1.0, 0.0, 0.0), (0.0, 10.0, 0.0))
+    plant.physics.engine.put(1, ((0, 0, 0.1), (0, 0, 0, 1)), (1.0, 0.0, 0.0), (0.0, 10.0, 0.0))
     advance(plant, 500)
     # Its torque is 0.01 m · m g; a ball's moment adds 0.4 to its mass.
     expected = 1.0 - 0.01 * G / 0.1 / 1.4 * 0.5
@@ -193,7 +193,7 @@ def test_rolling_friction_slows_a_ball(tmp_path, engine):
 
 def test_spinning_friction_slows_a_ball_that_turns_on_the_spot(tmp_path, engine):
     plant = on_floor(tmp_path, engine, "spinning: 0.01")
-    plant.physics.engine.carry(1, ((0, 0, 0.1), (0, 0, 0, 1)), (0.0, 0.0, 0.0), (0.0, 0.0, 30.0))
+    plant.physics.engine.put(1, ((0, 0, 0.1), (0, 0, 0, 1)), (0.0, 0.0, 0.0), (0.0, 0.0, 30.0))
     advance(plant, 500)
     spin = plant.physics.engine.motion((1, BASE)).spin
     expected = 30 - 0.01 * G / (0.4 * 0.1**2) * 0.05 * 10

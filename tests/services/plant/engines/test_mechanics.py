@@ -50,7 +50,7 @@ def test_a_thrown_body_turns_about_its_centre_of_mass(tmp_path, engine):
     # About its own z axis, a principal one; it lies on its side.
     turn = (math.sqrt(0.5), 0.0, 0.0, math.sqrt(0.5))
     spin = tuple((rotation(turn) @ (0.0, 0.0, 3.0)).tolist())
-    plant.physics.engine.carry(0, ((1.0, 2.0, 3.0), turn), (0.5, 0.0, -1.0), spin)
+    plant.physics.engine.put(0, ((1.0, 2.0, 3.0), turn), (0.5, 0.0, -1.0), spin)
     before = centre(plant, "club")
     np.testing.assert_allclose(before, (1, 2, 3) + rotation(turn) @ (0.3, 0, 0.1), atol=1e-6)
     advance(plant, 500)

@@ -180,6 +180,17 @@ def test_without_a_fixed_base_it_falls_from_where_the_world_file_has_it(tmp_path
     assert [text for _, text in plant.physics.notes] == ["geoms of its <worldbody> are left out"]
 
 
+def test_what_flies_in_a_world_of_several_bodies_flies_over_its_terrain(tmp_path):
+    text = (
+        f'<mujoco>{OPTION}<asset><hfield name="hills" nrow="2" ncol="2" size="9 9 1 1"/></asset>'
+        '<worldbody><geom type="hfield" hfield="hills"/><body><geom size=".1"/></body>'
+        '<body name="ball" pos="0 0 3"><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    )
+    plant = advance(plant_of(tmp_path, text, f"{FIXED}, position: [1, 2, 0]"), 100)
+    ball = plant.physics.engine.frame(plant.physics.links["ball"])[0]
+    assert ball == pytest.approx((1.0, 2.0, 3.0 - 9.81 * 1e-6 * 100 * 101 / 2))
+
+
 def test_pybullet_refuses_it_in_one_sentence(tmp_path):
     pytest.importorskip("pybullet")
     with pytest.raises(WiringError) as refused:

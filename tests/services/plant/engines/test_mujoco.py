@@ -5,12 +5,10 @@ import subprocess
 import sys
 
 import pytest
-from support.paths import CHECKOUT
 from support.services.devices import box, joint, link, make_stand, write_gripper
 
 from stepbus_participant import Problems
 from stepbus_plant.engine import BASE, Light
-from stepbus_plant.engines.differences import DIFFERENCES, ELEMENTS, PYBULLET_CONTACT, table
 from stepbus_plant.params import Params
 from stepbus_plant.physics import Physics
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
@@ -32,9 +30,9 @@ def load(folder, urdf, world="bodies: {one: {urdf: one.urdf}}"):
     ("found", "sentence"),
     [
         ("<torus radius='1'/>", "link 'base': a <collision> is a <torus>"),
-        ("<box size='1 2'/>", "size='1 2' of <box> is not 3 numbers"),
+        ("<box size='1 2'/>", "size='1 2' of <box> must be 3 finite numbers"),
         ("<box size='1 0 1'/>", "size 1 must be positive"),
-        ("<sphere radius='x'/>", "radius='x' of <sphere> is not 1 number"),
+        ("<sphere radius='x'/>", "radius='x' of <sphere> must be a finite number"),
         ('<plane normal="0 0 1"/>', "link 'base': engine mujoco does not support a `<plane>`"),
     ],
 )
@@ -45,14 +43,13 @@ def test_a_shape_that_it_does_not_know_is_refused_with_its_file(tmp_path, found,
     assert sentence in str(refused.value)
 
 
-@pytest.mark.parametrize("tag", PYBULLET_CONTACT)
-def test_an_element_of_a_contact_that_only_pybullet_reads_is_refused_by_name(tmp_path, tag):
+@pytest.mark.parametrize("tag", ["restitution", "stiffness", "friction_anchor"])
+def test_an_element_of_a_contact_that_only_pybullet_reads_is_named_by_a_warning(tmp_path, tag):
     urdf = link("base", 1.0, box("1 1 1"))
     contact = f"<contact><{tag} value='0.5'/></contact></link>"
-    with pytest.raises(WiringError, match=rf"support <{tag}> of .*; use engine pybullet"):
-        load(tmp_path, urdf.replace("</link>", contact))
-    (tmp_path / "none").mkdir()
-    load(tmp_path / "none", urdf.replace("</link>", contact.replace("0.5", "0")))
+    note = f"engine mujoco ignores <{tag}> of a link's <contact> (base)"
+    assert load(tmp_path, urdf.replace("</link>", contact)).notes == [("body one", note)]
+    assert load(tmp_path, urdf.replace("</link>", contact.replace("0.5", "0"))).notes == []
 
 
 def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
@@ -66,7 +63,7 @@ def test_links_of_a_body_that_is_moved_carry_what_is_on_them(tmp_path):
     )
     engine = load(tmp_path, cart, f"bodies: {{{world}}}").engine
     for step in range(1000):
-        engine.carry(
+        engine.put(
             0, ((0.5e-3 * step, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0)), (0.5, 0.0, 0.0), (0.0,) * 3
         )
         engine.step()
@@ -87,13 +84,6 @@ def test_what_is_half_transparent_is_seen(tmp_path):
     colours, depth = engine.image((9, 9), view, projection_matrix(0.5, 1.0, 0.1, 5.0), light)
     assert colours[4, 4].tolist() == [255, 0, 0]
     assert depth[4, 4] < 1.0
-
-
-def test_the_docs_have_the_table_of_the_code():
-    text = (CHECKOUT / "docs/guide/running/engines.md").read_text(encoding="utf-8")
-    assert table() in text
-    assert table(("In a URDF", "Meaning"), ELEMENTS) in text
-    assert len(DIFFERENCES) > 10
 
 
 SEE = """

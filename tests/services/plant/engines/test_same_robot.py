@@ -24,7 +24,6 @@ from support.services.mechanics import (
 from support.tools import needs_opengl
 
 from stepbus_kinematics import RobotModel
-from stepbus_participant import SettingsError
 from stepbus_plant.engine import BASE, Light
 from stepbus_plant.viewpoint import projection_matrix, view_matrix
 from stepbus_schemas import WiringError
@@ -43,9 +42,19 @@ def start(folder, engine, urdf, world=""):
     return make(folder, engine, {"arm": fixed(urdf)}, world)
 
 
-@pytest.mark.parametrize("axis", ["0 2 0", "0 0.99 0", "0 1e-3 0", "0 1 0"])
-def test_an_axis_of_any_length_is_a_direction(tmp_path, engine, axis):
-    plant = advance(start(tmp_path, engine, arm(axis)), 1)
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        *[('xyz="0 1 0"', f'xyz="{axis}"') for axis in ("0 2 0", "0 0.99 0", "0 1e-3 0")],
+        ('"root"', '"world"'),
+        ("</joint>", '<dynamics damping="9" friction="9"/></joint>'),
+    ],
+)
+def test_what_changes_nothing_changes_nothing(tmp_path, engine, before, after):
+    """Lengths of axes, a link that is called world, and friction, which the world file has."""
+    urdf = arm("0 1 0")
+    assert before in urdf
+    plant = advance(start(tmp_path, engine, urdf.replace(before, after)), 1)
     acceleration = state(plant, "hinge")[1] / STEP
     assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
 
@@ -59,23 +68,19 @@ def test_a_prismatic_axis_of_any_length_falls_freely(tmp_path, engine, axis):
     assert height == pytest.approx(-state(plant, "hinge")[0], rel=1e-6)
 
 
-def test_a_continuous_joint_has_no_stops_though_its_limit_gives_some(tmp_path, engine):
-    urdf = arm("0 0 1", limit='lower="-0.1" upper="0.1" effort="99" velocity="99"')
-    plant = start(tmp_path, engine, urdf)
-    command(plant, "torque", 1.0)
-    advance(plant, 1000)
-    assert state(plant, "hinge")[0] == pytest.approx(0.5 / (MOMENT + LEVER**2), rel=2e-3)
-    assert plant.physics.joints["hinge"].upper == math.inf
+NARROW = 'lower="-0.1" upper="0.1" effort="99" velocity="99"'
 
 
-def test_a_revolute_joint_without_stops_has_none_anywhere_and_is_named(tmp_path, engine):
-    plant = start(tmp_path, engine, arm("0 0 1", "revolute"))
+@pytest.mark.parametrize(("kind", "limit"), [("continuous", NARROW), ("revolute", "")])
+def test_a_joint_without_stops_has_none_anywhere(tmp_path, engine, kind, limit):
+    """A revolute one is named; a continuous one has none though its limit gives some."""
+    plant = start(tmp_path, engine, arm("0 0 1", kind, limit))
     command(plant, "torque", 1.0)
     advance(plant, 1000)
     assert state(plant, "hinge")[0] == pytest.approx(0.5 / (MOMENT + LEVER**2), rel=2e-3)
     assert RobotModel(tmp_path / "arm.urdf", ["hinge"]).upper[0] == math.inf
-    (note,) = [text for _, text in plant.physics.notes]
-    assert "'hinge' is revolute without lower" in note
+    named = ["'hinge' is revolute without lower" in text for _, text in plant.physics.notes]
+    assert named == [True] * (kind == "revolute")
 
 
 def test_a_prismatic_joint_without_stops_falls_freely_and_is_named(tmp_path, engine):
@@ -84,11 +89,6 @@ def test_a_prismatic_joint_without_stops_falls_freely_and_is_named(tmp_path, eng
     assert state(plant, "hinge")[1] == pytest.approx(G * 0.1, rel=1e-6)
     (note,) = [text for _, text in plant.physics.notes]
     assert "'hinge' is prismatic without lower" in note
-
-
-def test_an_empty_axis_is_refused_by_name(tmp_path, engine):
-    with pytest.raises(SettingsError, match="'hinge': its axis ''"):
-        start(tmp_path, engine, arm(""))
 
 
 IMPOSSIBLE = {
@@ -175,7 +175,7 @@ def test_a_mesh_of_another_format_or_by_its_url_has_its_size(tmp_path, engine, n
 OUTLINE = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
 
 
-def test_a_concave_mesh_has_its_box_and_rays_hit_its_hull_or_itself(tmp_path, engine):
+def test_a_concave_mesh_is_in_its_box_and_rays_hit_its_hull_or_itself(tmp_path, engine):
     solid = trimesh.creation.extrude_triangulation(
         vertices=np.array(OUTLINE, dtype=float),
         faces=[(0, 1, 2), (0, 2, 3), (0, 3, 4), (0, 4, 5)],
@@ -185,9 +185,9 @@ def test_a_concave_mesh_has_its_box_and_rays_hit_its_hull_or_itself(tmp_path, en
     thing = robot(link("l", 1.0, (1.0,) * 3, '<mesh filename="l.stl"/>'))
     physics = make(tmp_path, engine, {"l": fixed(thing)}).physics
     low, high = physics.engine.box((0, BASE))
-    # PyBullet's boxes are larger by its margin of 1 mm and its contact threshold.
-    assert low == pytest.approx((0.0, 0.0, 0.0), abs=4e-3)
-    assert high == pytest.approx((2.0, 2.0, 1.0), abs=4e-3)
+    # Boxes are larger: PyBullet's by its margin, MuJoCo's where the axes of inertia turn.
+    assert (np.array(low) < 4e-3).all()
+    assert (np.array(high) > (2.0 - 4e-3, 2.0 - 4e-3, 1.0 - 4e-3)).all()
     # In the leg, in the notch but within the hull, and outside of the hull.
     downwards = np.array([[0.5, 0.5, 3.0], [1.2, 1.2, 3.0], [1.6, 1.6, 3.0]])
     hits = physics.engine.cast(downwards, downwards * (1.0, 1.0, -1.0))
@@ -270,13 +270,6 @@ def test_links_behind_fixed_joints_keep_their_names_masses_and_places(tmp_path, 
     assert physics.engine.frame(physics.links["tool"])[0] == pytest.approx((0.7, 0, 0))
 
 
-def test_a_link_may_be_called_world(tmp_path, engine):
-    plant = start(tmp_path, engine, arm("0 1 0").replace('"root"', '"world"'))
-    assert list(plant.physics.links) == ["world", "rod"]
-    acceleration = state(advance(plant, 1), "hinge")[1] / STEP
-    assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
-
-
 def test_a_link_without_an_inertial_weighs_next_to_nothing_whatever_its_shape(tmp_path, engine):
     ball = '<link name="bulb"><collision><geometry><sphere radius="0.1"/></geometry></collision></link>'
     seen = '<link name="lamp"><visual><geometry><sphere radius="0.1"/></geometry></visual></link>'
@@ -308,12 +301,6 @@ def test_meshes_of_the_same_name_in_two_folders_are_two(tmp_path, engine):
         physics = make(tmp_path, engine, {name: fixed(urdf)}).physics
         (hit,) = physics.engine.cast(np.array([[0, 0, 1.0]]), np.array([[0, 0, -1.0]]))
         assert 1.0 - 2.0 * hit == pytest.approx(top, abs=2e-3)
-
-
-def test_damping_and_friction_of_a_urdf_are_not_used(tmp_path, engine):
-    urdf = arm("0 1 0").replace("</joint>", '<dynamics damping="9" friction="9"/></joint>')
-    acceleration = state(advance(start(tmp_path, engine, urdf), 1), "hinge")[1] / STEP
-    assert acceleration == pytest.approx(G * LEVER / (MOMENT + LEVER**2), rel=1e-6)
 
 
 def test_limits_of_effort_and_velocity_are_those_of_the_file(tmp_path, engine):

@@ -55,14 +55,6 @@ def test_the_other_vectors_of_a_command_are_checked_too(tmp_path, more, mistake)
     refuse(plant, command(0.0, 0.0, mode="position", **more), mistake)
 
 
-def test_a_wrong_mode_is_refused_after_a_right_one_too(tmp_path):
-    plant = make_plant(tmp_path)
-    commander = plant.commander("command", plant.names)
-    commander.apply(command(1.0, 2.0))
-    with pytest.raises(CommandError, match="joint1 has mode torque, but"):
-        commander.apply(command(1.0, 2.0, mode="velocity"))
-
-
 def test_huge_values_are_no_mistake(tmp_path):
     plant = make_plant(tmp_path)
     plant.commander("command", plant.names).apply(command(1.7e308, 1.7e308))

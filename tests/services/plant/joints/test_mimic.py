@@ -58,6 +58,23 @@ def test_computed_torque_moves_joint_and_follower_as_one(tmp_path, joint_type):
         plant.advance()
 
 
+def test_stops_of_a_follower_do_not_hold_the_joint_that_it_follows(tmp_path):
+    """Its joint takes it to −0.2 rad; its own stops end at 0.25 rad."""
+    make(tmp_path)
+    path = tmp_path / "arm.urdf"
+    narrow = LIMIT.replace('lower="-3"', 'lower="0.25"')
+    path.write_text(narrow.join(path.read_text().rsplit(LIMIT, 1)))
+    joints = "{joint_defaults: {mode: velocity}, urdf: arm.urdf, fixed_base: true}"
+    (tmp_path / "world.yaml").write_text(f"physics_step: 1ms\nbodies: {{arm: {joints}}}")
+    params = Params(world=tmp_path / "world.yaml")
+    plant = SimulatedPlant(load_world(params.world), params, 5_000_000, 0)
+    assert plant.joints.description.limits["lower"] == [-3.0, 0.25]
+    plant.commander("command", ["lead"]).apply(JointCommand(mode="velocity", values=[1.0]))
+    for _ in range(200):
+        plant.advance()
+    assert plant.sense().position == pytest.approx([1.0, followed(1.0)], abs=5e-3)
+
+
 def test_a_teleport_takes_the_follower_along(tmp_path):
     plant = make(tmp_path)
     plant.calls.teleport("lead", 1.0)

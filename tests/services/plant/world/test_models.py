@@ -6,8 +6,8 @@ from support.services.plant import LIMIT, make_plant
 from stepbus_models import read_robot
 from stepbus_participant import Endpoint, Ticket
 from stepbus_plant.engine import BASE
-from stepbus_plant.models import loadable
-from stepbus_schemas import WiringError
+from stepbus_plant.engines.bullet_meshes import written
+from stepbus_schemas import JointCommand, WiringError
 
 BOX = '<collision><geometry><box size="0.2 0.2 0.2"/></geometry></collision>'
 INERTIAL = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
@@ -63,12 +63,39 @@ def test_a_link_without_an_inertial_weighs_next_to_nothing_and_gives_no_warning(
     assert (mass <= 1e-6, "inertial" in capfd.readouterr().out) == (True, False)
 
 
+def test_a_joint_that_moves_only_what_has_no_mass_moves_it_with_every_engine(tmp_path):
+    nothing = '<mass value="0"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/>'
+    text = CHAIN.replace(INERTIAL + BOX, f"<inertial>{nothing}</inertial>")
+    (tmp_path / "chain.urdf").write_text(text)
+    body = "{urdf: chain.urdf, fixed_base: true, joint_defaults: {mode: velocity}}"
+    plant = make_plant(tmp_path, f"  c: {body}\n")
+    command = JointCommand(mode="velocity", values=[0.5])
+    plant.commander("command", ["second"]).apply(command)
+    for _ in range(10):
+        plant.advance()
+    assert plant.sense().velocity == pytest.approx([0.0, 0.5], abs=1e-3)
+    assert plant.physics.notes == []
+
+
+def test_pybullet_refuses_more_joints_than_it_has_room_for_in_one_sentence(tmp_path):
+    pytest.importorskip("pybullet")
+    rows = [f'<link name="l{n}"/>' for n in range(129)]
+    rows += [
+        f'<joint name="j{n}" type="fixed"><parent link="l{n}"/><child link="l{n + 1}"/></joint>'
+        for n in range(128)
+    ]
+    (tmp_path / "long.urdf").write_text(f'<robot name="long">{"".join(rows)}</robot>')
+    sentence = r"long\.urdf: has 128 joints, .*takes 127; use `engine: mujoco`"
+    with pytest.raises(WiringError, match=sentence):
+        make_plant(tmp_path, "  c: {urdf: long.urdf, fixed_base: true}\nengine: pybullet\n")
+
+
 def test_meshes_beside_a_urdf_are_found_from_its_copy(tmp_path):
     path = tmp_path / "half.urdf"
     mesh = '<collision><geometry><mesh filename="part.obj"/></geometry></collision>'
     (tmp_path / "part.obj").touch()
     path.write_text(f'<robot name="half"><link name="only">{mesh}</link></robot>')
-    with loadable(read_robot(path)) as copy:
+    with written(read_robot(path)) as copy:
         assert f'"{tmp_path / "part.obj"}"' in copy.read_text()
     assert not copy.exists()
 
@@ -83,5 +110,5 @@ def test_the_copy_of_a_model_is_in_the_private_folder_of_the_run(tmp_path, monke
     monkeypatch.setenv("STEPBUS_TICKET", str(ticket))
     path = tmp_path / "half.urdf"
     path.write_text('<robot name="half"><link name="only"/></robot>')
-    with loadable(read_robot(path)) as copy:
+    with written(read_robot(path)) as copy:
         assert copy.is_relative_to(tmp_path / "private")

@@ -135,24 +135,3 @@ def test_an_arm_in_free_fall_does_not_bend_and_a_fixed_one_does(tmp_path):
 def test_every_key_is_documented(rows):
     text = (DOCS / "reference/world.md").read_text(encoding="utf-8")
     assert [key for key in rows.__struct_encode_fields__ if f"`{key}`" not in text] == []
-
-
-def test_names_that_joints_devices_and_params_get_wrong_are_listed_in_one_go(tmp_path):
-    devices = (
-        "bases: {base: {left: whel, right: joint1, wheel_radius: 0.1, track: 0.5}}\n"
-        "grippers: {gripper: {left: fingr, right: joint2}}\n"
-        "contacts: {touch: {links: [lnk1]}}\n"
-        "cameras: {eye: {link: camra, period: 5ms}}\n"
-    )
-    arm = body("arm", "two_link", joints="{jont1: {effort: 3}}")
-    lines = refusal(tmp_path, arm, world=devices, joints=["jont2"])
-    assert [line.split(";")[0].split(": ", 1)[-1] for line in lines] == [
-        "'jont2' is unknown",
-        "bases.base.left: joint 'whel' is unknown",
-        "bases.base.right: joint 'joint1' has mode torque",
-        "grippers.gripper.left: joint 'fingr' is unknown",
-        "grippers.gripper.right: joint 'joint2' is revolute, not prismatic",
-        "contacts.touch.links[0]: link 'lnk1' is unknown",
-        "cameras.eye.link: link 'camra' is unknown",
-        "bodies.arm.joints.jont1: unknown joint 'jont1'",
-    ]

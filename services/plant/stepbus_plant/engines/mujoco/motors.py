@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from stepbus_plant.engine import Goal
 from stepbus_plant.geometry import Array
 
 _GAIN = 0.1
@@ -37,9 +38,12 @@ def add_motor(spec: Any, joint: str, dt: float) -> None:
 
 
 class Motors:
-    """The motors of a model, arrays of shape (n,) by the number of their tendon."""
+    """The motors of a model, arrays of shape (n,) by the number of their tendon.
 
-    def __init__(self, model: Any, dt: float) -> None:
+    dt: length of a substep [s]. before: others, of fewer or as many joints, whose state goes on.
+    """
+
+    def __init__(self, model: Any, dt: float, before: "Motors | None" = None) -> None:
         count = model.ntendon
         self._model, self._dt = model, dt
         self._velocities = np.zeros(count)
@@ -49,17 +53,14 @@ class Motors:
         self._torques = np.zeros(count)
         # Of the friction that joints have themselves, before that of tendons.
         self._joint_rows = int(np.count_nonzero(model.dof_frictionloss))
+        for own, old in zip(self._arrays(), before._arrays() if before else (), strict=False):
+            own[: len(old)] = old
 
     def _arrays(self) -> tuple[Array, ...]:
         return (
             *(self._model.tendon_frictionloss, self._velocities, self._goals),
             *(self._gains, self._fastest, self._torques),
         )
-
-    def take(self, before: "Motors") -> None:
-        """Go on as other motors, of fewer or as many joints, before these."""
-        for own, old in zip(self._arrays(), before._arrays(), strict=True):
-            own[: len(old)] = old
 
     def turn(
         self, motors: NDArray[np.int64], velocities: Sequence[float], torques: Sequence[float]
@@ -68,13 +69,12 @@ class Motors:
         self._velocities[motors], self._goals[motors] = velocities, np.nan
         self._model.tendon_frictionloss[motors] = torques
 
-    def bring(
-        self, motor: int, goal: tuple[float, float], torque: float, fastest: float, gain: float
-    ) -> None:
-        """Track a position [rad] and its velocity, no faster than `fastest` [rad/s]."""
-        self._goals[motor], self._velocities[motor] = goal
-        self._fastest[motor], self._gains[motor] = fastest, gain or _GAIN
-        self._model.tendon_frictionloss[motor] = torque
+    def bring(self, motor: int, goal: Goal) -> None:
+        """Track a position and its velocity."""
+        self._goals[motor], self._velocities[motor] = goal.position, goal.velocity
+        self._fastest[motor] = goal.max_velocity or np.inf
+        self._gains[motor] = goal.gain or _GAIN
+        self._model.tendon_frictionloss[motor] = goal.torque
 
     def step(self, data: Any) -> None:
         """Advance by one substep."""

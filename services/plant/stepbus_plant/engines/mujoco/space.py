@@ -23,11 +23,6 @@ class Space:
         shapes = [n for n in range(model.ngeom) if _SOLID[model.geom_group[n]]]
         self._link = [link_of.get(int(body), (-1, -1)) for body in model.geom_bodyid]
         self._shapes = np.array(shapes, dtype=np.int64)
-        self._corners = {
-            n: model.mesh_vert[model.mesh_vertadr[mesh] :][: model.mesh_vertnum[mesh]].astype(float)
-            for n, geom in enumerate(shapes)
-            if (mesh := model.geom_dataid[geom]) >= 0
-        }
         self._geoms: dict[Link, list[int]] = {}
         for n in shapes:
             self._geoms.setdefault(self._link[n], []).append(n)
@@ -88,7 +83,10 @@ class Space:
         return _point(low[own].min(axis=0)), _point(high[own].max(axis=0))
 
     def _boxes(self) -> tuple[Array, Array]:
-        """Return the corners of the boxes of all shapes, shape (n, 3) each."""
+        """Return the corners of the boxes of all shapes, shape (n, 3) each.
+
+        That of a mesh lies along the axes of its inertia, and is too large where these turn.
+        """
         model, data, shapes = self._model, self._data, self._shapes
         turns = data.geom_xmat[shapes].reshape(-1, 3, 3)
         centres = data.geom_xpos[shapes] + np.einsum(
@@ -97,10 +95,6 @@ class Space:
         halves = np.einsum("nij,nj->ni", np.abs(turns), model.geom_aabb[shapes, 3:])
         halves[model.geom_type[shapes] == mujoco.mjtGeom.mjGEOM_PLANE] = np.inf
         low, high = centres - halves, centres + halves
-        # The box of a mesh lies along the axes of its inertia, and is too large where these turn.
-        for n, corners in self._corners.items():
-            points = corners @ turns[n].T + data.geom_xpos[shapes[n]]
-            low[n], high[n] = points.min(axis=0), points.max(axis=0)
         return low, high
 
     def cast(self, starts: Array, ends: Array) -> Array:

@@ -1,7 +1,7 @@
 """A compiled model and its state: substeps, joints, poses."""
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -9,11 +9,24 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_plant.engine import BASE, Contact, Link, Motion
+from stepbus_plant.engine import (
+    ANY_BODY,
+    ANY_LINK,
+    BASE,
+    REST,
+    Contact,
+    Engine,
+    Goal,
+    Indices,
+    Link,
+    Motion,
+    PhysicsError,
+    Values,
+)
 from stepbus_plant.engines.mujoco.model import Body
 from stepbus_plant.engines.mujoco.motors import Motors, motor_of
 from stepbus_plant.engines.mujoco.space import Space
-from stepbus_plant.geometry import Array, Pose, rotation
+from stepbus_plant.geometry import Array, Geometry, Pose, rotation
 from stepbus_schemas import Point
 
 # By default MuJoCo writes them into a file in the current folder.
@@ -38,180 +51,263 @@ class _State(msgspec.Struct, forbid_unknown_fields=True):
     contacts: list[Contact]
 
 
-class World:
-    """A compiled model, its state, and what we keep beside it."""
+class World(Engine):
+    """What an `Engine` does once its bodies are loaded.
 
-    def __init__(self, model: Any, data: Any, bodies: Sequence[Body], dt: float) -> None:
-        self.model, self.data = model, data
-        self._bodies = list(bodies)
-        self._id = {
-            (body.number, n): model.body(body.body_name(n)).id
-            for body in bodies
-            for n in range(BASE, len(body.infos))
-        }
-        # A link with several joints has more than one number, of which contacts have the last.
-        self.space = Space(model, data, {number: link for link, number in self._id.items()})
-        self.motors = Motors(model, dt)
-        self.reactions: dict[Link, tuple[Array, Array]] = {}
+    spec: of its model. dt: length of a substep [s]. The model is compiled when something first
+    needs it, and again after what changes it.
+    """
+
+    def __init__(self, spec: Any, dt: float) -> None:
+        self.geometry = Geometry()
+        self._spec, self._dt = spec, dt
+        self._bodies: list[Body] = []
+        self._placed = 0
+        self._is_changed, self._is_seen = True, False
+        self._waiting: list[Callable[[], None]] = []
+        self._compiled: tuple[Any, Any] | None = None
+        self._motors: Any = None
+        self._space: Any = None
+        self._id: dict[Link, int] = {}
+        self._reactions: dict[Link, tuple[Array, Array]] = {}
         self._drift: dict[int, tuple[Array, Array]] = {}
         self._contacts: list[Contact] | None = None
-        self._is_seen = False
         self._numbers: dict[tuple[int, tuple[int, ...]], tuple[_Numbers, _Numbers, _Numbers]] = {}
 
-    def follow(self, before: "World | None") -> None:
-        """Go on as the world did before its model was compiled anew; None: this is the first."""
-        if before is not None:
-            self.motors.take(before.motors)
-            self.reactions = before.reactions
-            self._drift_with(before._drift)
-        for body in self._bodies[0 if before is None else len(before._bodies) :]:
-            self.place(body.number, body.root)
+    def _now(self) -> tuple[Any, Any]:
+        """Return the model and its data."""
+        if self._compiled is None or self._is_changed:
+            self._compiled, self._is_changed = self._compile(), False
+            self._drift_with(self._drift)
+            for body in self._bodies[self._placed :]:
+                self._place(body.number, body.root)
+            self._placed = len(self._bodies)
+            waiting, self._waiting = self._waiting, []
+            for act in waiting:
+                act()
+        return self._compiled
+
+    def _compile(self) -> tuple[Any, Any]:
+        """Return a new model and its data, which goes on where the one before was."""
+        try:
+            if self._compiled is None:
+                model = self._spec.compile()
+                data = mujoco.MjData(model)
+            else:
+                model, data = self._spec.recompile(*self._compiled)
+        except (ValueError, mujoco.FatalError) as exc:
+            raise PhysicsError(f"MuJoCo cannot build the world: {one_line(exc)}") from exc
+        self._id = {
+            (body.number, n): model.body(body.body_name(n)).id
+            for body in self._bodies
+            for n in range(BASE, len(body.rows) - 1)
+        }
+        self._numbers, self._contacts, self._is_seen = {}, None, False
+        # A link with several joints has more than one number, of which contacts have the last.
+        self._space = Space(model, data, {number: link for link, number in self._id.items()})
+        self._motors = Motors(model, self._dt, self._motors)
+        return model, data
+
+    def _then(self, act: Callable[[], None]) -> None:
+        """Change the state of the world once it is compiled, which takes its time."""
+        if self._is_changed:
+            self._waiting.append(act)
+        else:
+            act()
 
     def step(self) -> None:
-        """Advance by one substep."""
+        """See `Engine`."""
+        model, data = self._now()
         self._contacts, self._is_seen = None, False
-        self.motors.step(self.data)
-        if self.reactions:
-            self._feel()
-        self.data.qfrc_applied[:] = 0.0
+        self._motors.step(data)
+        if self._reactions:
+            self._feel(model, data)
+        data.qfrc_applied[:] = 0.0
 
-    def _feel(self) -> None:
+    def _feel(self, model: Any, data: Any) -> None:
         """Keep the reactions of watched joints, as they were before the bodies moved."""
-        data = self.data
-        mujoco.mj_rnePostConstraint(self.model, data)
-        for link in self.reactions:
+        mujoco.mj_rnePostConstraint(model, data)
+        for link in self._reactions:
             body = self._id[link]
             torque, force = data.cfrc_int[body, :3], data.cfrc_int[body, 3:]
-            about = data.subtree_com[self.model.body_rootid[body]]
+            about = data.subtree_com[model.body_rootid[body]]
             moved = torque + np.cross(about - data.xipos[body], force)
             turn = data.xmat[body].reshape(3, 3)
-            self.reactions[link] = turn.T @ force, turn.T @ moved
+            self._reactions[link] = turn.T @ force, turn.T @ moved
 
     # --- state ----------------------------------------------------------------------------
 
     def save(self) -> bytes:
-        """Return everything that the next substep, or a reading before it, depends on."""
-        physics = np.empty(mujoco.mj_stateSize(self.model, _INTEGRATION))
-        mujoco.mj_getState(self.model, self.data, physics, _INTEGRATION)
+        """See `Engine`."""
+        model, data = self._now()
+        physics = np.empty(mujoco.mj_stateSize(model, _INTEGRATION))
+        mujoco.mj_getState(model, data, physics, _INTEGRATION)
         return msgspec.msgpack.encode(
             _State(
                 physics=physics.tolist(),
-                motors=self.motors.save(),
+                motors=self._motors.save(),
                 drift={n: (v.tolist(), w.tolist()) for n, (v, w) in self._drift.items()},
-                reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self.reactions.items()],
+                reactions=[(at, f.tolist(), t.tolist()) for at, (f, t) in self._reactions.items()],
                 contacts=self.contacts(),
             )
         )
 
-    def restore(self, data: bytes) -> None:
-        """Take what `save` returned."""
-        saved = msgspec.msgpack.decode(data, type=_State)
-        mujoco.mj_setState(self.model, self.data, np.array(saved.physics), _INTEGRATION)
-        self.motors.restore(saved.motors)
-        self.reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
+    def restore(self, state: bytes) -> None:
+        """See `Engine`."""
+        saved, (model, data) = msgspec.msgpack.decode(state, type=_State), self._now()
+        mujoco.mj_setState(model, data, np.array(saved.physics), _INTEGRATION)
+        self._motors.restore(saved.motors)
+        self._reactions = {link: (np.array(f), np.array(t)) for link, f, t in saved.reactions}
         self._contacts, self._is_seen = saved.contacts, False
         self._drift_with({n: (np.array(v), np.array(w)) for n, (v, w) in saved.drift.items()})
 
     # --- joints ---------------------------------------------------------------------------
 
-    def numbers(self, body: int, indices: Sequence[int]) -> tuple[_Numbers, _Numbers, _Numbers]:
+    def _numbers_of(self, body: int, indices: Sequence[int]) -> tuple[_Numbers, _Numbers, _Numbers]:
         """Return where joints have their position, and their velocity, and their motors."""
+        model, _ = self._now()
         key = body, tuple(indices)
         if key not in self._numbers:
             names = [self._bodies[body].joint_name(index) for index in indices]
-            joints = [self.model.joint(name) for name in names]
+            joints = [model.joint(name) for name in names]
             found = (
                 [joint.qposadr[0] for joint in joints],
                 [joint.dofadr[0] for joint in joints],
-                [self.model.tendon(motor_of(name)).id for name in names],
+                [model.tendon(motor_of(name)).id for name in names],
             )
             places, dofs, motors = (np.array(row, dtype=np.int64) for row in found)
             self._numbers[key] = places, dofs, motors
         return self._numbers[key]
 
     def read(self, body: int, indices: Sequence[int]) -> Any:
-        """Return (position, velocity, nothing, torque of the motor) of joints."""
-        places, dofs, motors = self.numbers(body, indices)
-        positions, velocities = self.data.qpos[places].tolist(), self.data.qvel[dofs].tolist()
+        """See `Engine`; without reactions."""
+        places, dofs, motors = self._numbers_of(body, indices)
+        _, data = self._now()
+        positions, velocities = data.qpos[places].tolist(), data.qvel[dofs].tolist()
         nothing = [None] * len(positions)
-        return list(zip(positions, velocities, nothing, self.motors.torques(motors), strict=True))
+        return list(zip(positions, velocities, nothing, self._motors.torques(motors), strict=True))
 
     def put_joint(self, body: int, index: int, position: float, velocity: float) -> None:
-        """Set position and velocity of a joint."""
-        places, dofs, _ = self.numbers(body, [index])
-        self.data.qpos[places], self.data.qvel[dofs] = position, velocity
-        self._is_seen = False
+        """See `Engine`."""
 
-    def watch(self, joint: Link) -> None:
-        """Measure the reaction of a joint from now on."""
-        self.reactions.setdefault(joint, (np.zeros(3), np.zeros(3)))
+        def put() -> None:
+            places, dofs, _ = self._numbers_of(body, [index])
+            _, data = self._now()
+            data.qpos[places], data.qvel[dofs] = position, velocity
+            self._is_seen = False
+
+        self._then(put)
+
+    def push(self, body: int, indices: Indices, torques: Values) -> None:
+        """See `Engine`."""
+        _, dofs, _ = self._numbers_of(body, indices)
+        self._now()[1].qfrc_applied[dofs] = torques
+
+    def turn(self, body: int, indices: Indices, velocities: Values, torques: Values) -> None:
+        """See `Engine`."""
+
+        def turn() -> None:
+            self._motors.turn(self._numbers_of(body, indices)[2], velocities, torques)
+
+        self._then(turn)
+
+    def bring(self, body: int, index: int, goal: Goal) -> None:
+        """See `Engine`."""
+        (motor,) = self._numbers_of(body, [index])[2]
+        self._motors.bring(motor, goal)
+
+    def watch_reaction(self, joint: Link) -> None:
+        """See `Engine`."""
+        self._reactions.setdefault(joint, _RESTS)
+
+    def reaction(self, joint: Link) -> tuple[Array, Array]:
+        """See `Engine`."""
+        return self._reactions[joint]
 
     # --- poses ----------------------------------------------------------------------------
 
-    def looked(self) -> "World":
-        """Return itself, with all poses and velocities as they are now."""
+    def _looked(self) -> tuple[Any, Any]:
+        """Return the model and its data, with all poses and velocities as they are now."""
+        model, data = self._now()
         if not self._is_seen:
-            mujoco.mj_kinematics(self.model, self.data)
-            mujoco.mj_comPos(self.model, self.data)
-            mujoco.mj_comVel(self.model, self.data)
+            mujoco.mj_kinematics(model, data)
+            mujoco.mj_comPos(model, data)
+            mujoco.mj_comVel(model, data)
             self._is_seen = True
-        return self
+        return model, data
 
     def mass(self, link: Link) -> float:
-        """Return the mass of a link [kg]."""
-        return float(self.model.body_mass[self._id[link]])
+        """See `Engine`."""
+        model, _ = self._now()
+        is_fixed = self._bodies[link[0]].is_fixed and link[1] == BASE
+        return 0.0 if is_fixed else float(model.body_mass[self._id[link]])
 
     def inertial(self, link: Link) -> Pose:
-        """Return the centre of mass of a link in its frame, and no turn."""
-        return _point(self.model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
+        """See `Engine`; along the axes of the link."""
+        model, _ = self._now()
+        return _point(model.body_ipos[self._id[link]]), (0.0, 0.0, 0.0, 1.0)
+
+    def centre(self, body: int) -> Pose:
+        """See `Engine`."""
+        return self.geometry.compose(self.frame((body, BASE)), self.inertial((body, BASE)))
 
     def frame(self, link: Link) -> Pose:
-        """Return the pose of a link's frame."""
-        data, number = self.looked().data, self._id[link]
-        return _pose(data.xpos[number], data.xquat[number])
+        """See `Engine`."""
+        (_, data), number = self._looked(), self._id[link]
+        w, i, j, k = data.xquat[number].tolist()
+        return _point(data.xpos[number]), (i, j, k, w)
+
+    def frames(self, body: int, indices: Sequence[int]) -> list[Pose]:
+        """See `Engine`."""
+        return [self.frame((body, index)) for index in indices]
 
     def motion(self, link: Link) -> Motion:
-        """Return pose and velocity of a link."""
-        frame, body = self.frame(link), self._id[link]
+        """See `Engine`."""
+        (model, data), frame, body = self._looked(), self.frame(link), self._id[link]
         found = np.empty(6)
-        kind = mujoco.mjtObj.mjOBJ_BODY
-        mujoco.mj_objectVelocity(self.model, self.data, kind, body, found, 0)
-        root = int(self.model.body_rootid[body])
+        mujoco.mj_objectVelocity(model, data, mujoco.mjtObj.mjOBJ_BODY, body, found, 0)
+        root = int(model.body_rootid[body])
         if root in self._drift:
             velocity, spin = self._drift[root]
-            found[3:] += velocity + np.cross(spin, self.data.xipos[body] - self.data.xpos[root])
+            found[3:] += velocity + np.cross(spin, data.xipos[body] - data.xpos[root])
             found[:3] += spin
-        return Motion(frame, _point(self.data.xipos[body]), _point(found[3:]), _point(found[:3]))
+        return Motion(frame, _point(data.xipos[body]), _point(found[3:]), _point(found[:3]))
 
-    def place(self, body: int, frame: Pose) -> None:
+    def _place(self, body: int, frame: Pose) -> None:
         """Put the root of a body somewhere, and leave its velocity."""
-        place, (i, j, k, w) = frame
-        data, number = self.data, self._id[body, BASE]
+        (model, data), (place, (i, j, k, w)) = self._now(), frame
+        number = self._id[body, BASE]
         if self._bodies[body].is_fixed:
-            mocap = self.model.body_mocapid[number]
+            mocap = model.body_mocapid[number]
             data.mocap_pos[mocap], data.mocap_quat[mocap] = place, (w, i, j, k)
         else:
-            at = self.model.jnt_qposadr[self.model.body_jntadr[number]]
+            at = model.jnt_qposadr[model.body_jntadr[number]]
             data.qpos[at : at + 7] = (*place, w, i, j, k)
         self._is_seen = False
 
-    def put(self, body: int, frame: Pose, velocity: Point, spin: Point) -> None:
-        """Put the root of a body somewhere; velocity: of the centre of its mass."""
-        self.place(body, frame)
-        number = self._id[body, BASE]
+    def put(self, body: int, frame: Pose, velocity: Point = REST, spin: Point = REST) -> None:
+        """See `Engine`."""
+        self._place(body, frame)
+        (model, data), number = self._now(), self._id[body, BASE]
         turn, angular = rotation(frame[1]), np.array(spin, dtype=float)
-        linear = np.subtract(velocity, np.cross(spin, turn @ self.model.body_ipos[number]))
+        linear = np.subtract(velocity, np.cross(spin, turn @ model.body_ipos[number]))
         if not self._bodies[body].is_fixed:
-            at = self.model.jnt_dofadr[self.model.body_jntadr[number]]
-            self.data.qvel[at : at + 3], self.data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
+            at = model.jnt_dofadr[model.body_jntadr[number]]
+            data.qvel[at : at + 3], data.qvel[at + 3 : at + 6] = linear, turn.T @ angular
         elif linear.any() or angular.any() or number in self._drift:
             self._drift_with({**self._drift, number: (linear, angular)})
 
+    def put_centre(self, body: int, pose: Pose, *, keeps_velocity: bool = False) -> None:
+        """See `Engine`."""
+        frame = self.geometry.compose(pose, self.geometry.inverse(self.inertial((body, BASE))))
+        (self._place if keeps_velocity else self.put)(body, frame)
+
     def _drift_with(self, drift: dict[int, tuple[Array, Array]]) -> None:
         """Let the surfaces of standing bodies move, and so what is on them; drift: see `_State`."""
-        model, data, stopped = self.model, self.looked().data, dict.fromkeys(self._drift, _RESTS)
+        stopped = dict.fromkeys(self._drift, _RESTS)
         self._drift = drift
         for number, (velocity, spin) in {**stopped, **drift}.items():
+            model, data = self._looked()
             model.flg_surfacevel = True
             stands = (model.body_rootid == number) & (model.body_treeid < 0)
             for geom in np.flatnonzero(stands[model.geom_bodyid]):
@@ -219,24 +315,73 @@ class World:
                 moved = velocity + np.cross(spin, data.geom_xpos[geom] - data.xpos[number])
                 model.geom_surfacevel[geom] = *(turn.T @ moved), *(turn.T @ spin)
 
-    # --- contacts -------------------------------------------------------------------------
+    # --- contacts and rays ----------------------------------------------------------------
 
-    def find_contacts(self) -> None:
-        """Find contacts, without forces, as everything is now."""
-        self.looked()
-        mujoco.mj_collision(self.model, self.data)
-        self._contacts = self.space.contacts(has_forces=False)
+    def update_shapes(self) -> None:
+        """See `Engine`; these contacts have no forces."""
+        mujoco.mj_collision(*self._looked())
+        self._contacts = self._space.contacts(has_forces=False)
 
-    def contacts(self) -> list[Contact]:
-        """Return the contacts that were found last."""
+    def contacts(
+        self, body: int = ANY_BODY, link: int = ANY_LINK, *, are_pressed: bool = False
+    ) -> list[Contact]:
+        """See `Engine`."""
+        self._now()
         if self._contacts is None:
-            self._contacts = self.space.contacts(has_forces=True)
-        return self._contacts
+            self._contacts = self._space.contacts(has_forces=True)
+        found = [row for row in self._contacts if row.force > 0.0 or not are_pressed]
+        if body == ANY_BODY:
+            return found
+        first = (_with_first(contact, body, link) for contact in found)
+        return [contact for contact in first if contact is not None]
+
+    def closest(self, link: Link, body: int, within: float, other: int = ANY_LINK) -> list[Contact]:
+        """See `Engine`."""
+        self._looked()
+        found: list[Contact] = self._space.closest(link, body, within, other)
+        return found
+
+    def neighbours(self, link: Link, within: float) -> list[Link]:
+        """See `Engine`."""
+        self._looked()
+        found: list[Link] = self._space.neighbours(link, within)
+        return found
+
+    def box(self, link: Link) -> tuple[Point, Point]:
+        """See `Engine`."""
+        centre = self.motion(link).centre
+        return self._space.box(link) or (centre, centre)
+
+    def cast(self, starts: Array, ends: Array) -> Array:
+        """See `Engine`."""
+        self._looked()
+        shares: Array = self._space.cast(starts, ends)
+        return shares
 
 
-def _pose(place: Array, turn: Array) -> Pose:
-    w, i, j, k = turn.tolist()
-    return _point(place), (i, j, k, w)
+def _with_first(contact: Contact, body: int, link: int) -> Contact | None:
+    """Return a contact of a body, or of its link, as that link has it; None: it has no part."""
+
+    def has(touching: Link) -> bool:
+        return touching[0] == body and link in (ANY_LINK, touching[1])
+
+    if has(contact.one):
+        return contact
+    if not has(contact.other):
+        return None
+    x, y, z = contact.normal
+    return contact._replace(
+        one=contact.other,
+        other=contact.one,
+        on_one=contact.on_other,
+        on_other=contact.on_one,
+        normal=(-x, -y, -z),
+    )
+
+
+def one_line(error: Exception) -> str:
+    """Return what MuJoCo says, on one line."""
+    return " ".join(str(error).removeprefix("XML Error: ").removeprefix("Error: ").split())
 
 
 def _point(values: Array) -> Point:
