@@ -106,16 +106,26 @@ class Chart:
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A time that all charts show [s]. level: of a `TimelineEvent`, divergence, or empty."""
+    """An event of a run, or another time that all charts show [s].
+
+    level: info, warning, error, goal, call, fault, failure, divergence, or empty. source: of an
+    event: a participant, or its port.
+    """
 
     t: float
     level: str = ""
     text: str = ""
+    source: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Return its text, after its source."""
+        return f"{self.source}: {self.text}" if self.source else self.text
 
     @property
     def label(self) -> str:
         """Return its time, its level and its first line."""
-        return f"{self.t:.3f} s {self.level}: {(self.text.splitlines() or [''])[0]}"
+        return f"{self.t:.3f} s {self.level}: {(self.sentence.splitlines() or [''])[0]}"
 
 
 def path_of(port: PortCurves) -> Line | None:

@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Callable, Mapping
 from typing import Any
-
-import numpy as np
 
 from stepbus_orchestrator.recording import PortInfo
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, JointReference, JointState, Message
-from stepbus_tools.viewing.render import pixels_of
+from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 
-PER_S = 30.0
-"""Messages of each topic a second, at most; events are all there."""
 SHOWN = ("Event/1", "Image/1", "JointReference/1", "JointState/1")
 """Types that are converted, beside those that move the scene."""
 WORLD = "world"
@@ -29,11 +24,11 @@ Emit = Callable[[str, Any, int], None]
 class Conversion:
     """Converts a scene and messages. emit: takes what they become.
 
-    Raises ExtraMissing without foxglove-sdk or Pillow.
+    Raises ExtraMissing without foxglove-sdk.
     """
 
     def __init__(self, scene: Scene, emit: Emit) -> None:
-        self._types, self._pillow = need("Foxglove", "foxglove.messages", "PIL.Image")
+        (self._types,) = need("Foxglove", "foxglove.messages")
         self._emit = emit
         self._frames = [frame for frame in scene.frames if not frame.is_ghost]
         self._parents = {frame.name: frame.parent for frame in self._frames}
@@ -106,14 +101,9 @@ class Conversion:
 
     def _image(self, port: PortInfo, image: Image, t_ns: int) -> Any:
         """Return an image as JPEG; None where its bytes do not fit its size."""
-        stream = io.BytesIO()
-        try:
-            pixels = np.ascontiguousarray(pixels_of(image))
-            self._pillow.fromarray(pixels).save(stream, "JPEG", quality=85)
-        except (ValueError, SystemError):
-            return None
-        return self._types.CompressedImage(
-            timestamp=self._stamp(t_ns), frame_id=port.topic, data=stream.getvalue(), format="jpeg"
+        data = jpeg(image)
+        return data and self._types.CompressedImage(
+            timestamp=self._stamp(t_ns), frame_id=port.topic, data=data, format="jpeg"
         )
 
     def _log(self, port: PortInfo, event: Event, t_ns: int) -> Any:

@@ -89,7 +89,7 @@ class Findings:
             if calls := recording.ports.get(layout.CALLS_TOPIC):
                 rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
                 self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
-        self._add(one.mark for one in events)
+        self._add(events)
 
     def _compare(self, path: Path, other: Path, runs: Sequence[str]) -> None:
         t_s, level = 0.0, "info"

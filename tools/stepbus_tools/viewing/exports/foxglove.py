@@ -11,12 +11,11 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion
-from stepbus_tools.viewing.scene.bodies import Latest
+from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.whole_file import replaced
 
-from .instants import NS, Rate, instants, readable_ports
+from .instants import readable_ports, thinned
 
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -24,20 +23,15 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
-    rate, latest, due_ns = Rate(PER_S), dict[str, Latest](), 0
     with replaced(target) as path, _opened(path, target) as log:
         conversion = Conversion(scene, log)
         conversion.place({frame.name: frame.pose for frame in scene.frames}, 0)
         conversion.bodies()
-        for t_ns, group in instants(recording, wanted, lost, reached):
-            moving = [i for i in group if i.port.topic in scene.topics]
-            latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
-            if moving and t_ns >= due_ns:
-                due_ns = t_ns + round(NS / PER_S)
-                conversion.place(scene.poses(latest), t_ns)
+        for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
+            if moved:
+                conversion.place(scene.poses(moved), t_ns)
             for instant in group:
-                if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
-                    conversion.take(instant.port, instant.message, t_ns)
+                conversion.take(instant.port, instant.message, t_ns)
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target], problems=problems, lost=list(lost))
 

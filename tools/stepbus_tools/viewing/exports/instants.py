@@ -8,8 +8,11 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_schemas import Message, StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.viewing.exports.exporter import Reached, nothing_to_export
+from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.scene import Scene
 
 NS = 1_000_000_000
+_PER_S = 30.0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,6 +46,27 @@ def instants(
     in_order = _in_order(recording, ports, lost, reached)
     for t_ns, group in groupby(in_order, key=lambda instant: instant.t_ns):
         yield t_ns, list(group)
+
+
+def thinned(
+    recording: Recording,
+    scene: Scene,
+    ports: Collection[Port],
+    lost: dict[str, str],
+    reached: Reached,
+) -> Iterator[tuple[int, Messages, list[Instant]]]:
+    """Yield each time [ns], what places the scene where it has moved, and the messages at it.
+
+    At most 30 poses of the scene, and messages of each topic, in a second; events are all there.
+    lost: as of `instants`.
+    """
+    rate, latest = Rate(_PER_S), dict[str, Latest]()
+    for t_ns, group in instants(recording, ports, lost, reached):
+        moving = [i for i in group if i.port.topic in scene.topics]
+        latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
+        has_moved = bool(moving) and rate.passes("", t_ns)
+        passed = [i for i in group if i.port.type == "Event/1" or rate.passes(i.port.topic, t_ns)]
+        yield t_ns, latest if has_moved else {}, passed
 
 
 def _in_order(

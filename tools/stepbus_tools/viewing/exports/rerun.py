@@ -23,16 +23,13 @@ from stepbus_tools.columns import LISTS, Column, Field, Table
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.render import jpeg
-from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.whole_file import replaced
 
-from .instants import Instant, Rate, instants, readable_ports
+from .instants import Instant, readable_ports, thinned
 
-_PER_S = 30.0
-"""Poses and images a second, at most; curves and events are all there."""
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""
 _DEPTH = "32FC1"
@@ -49,16 +46,13 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
             file.open(path)
             for shown in scene.frames:
                 file.look(shown)
-            rate, latest = Rate(_PER_S), dict[str, Latest]()
-            for t_ns, group in instants(recording, wanted, lost, reached):
-                moving = [i for i in group if i.port.topic in scene.topics]
-                latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
-                if moving and rate.passes("", t_ns):
-                    file.move(scene.world_poses(latest), group[0].step, t_ns)
+            for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
+                if moved:
+                    file.move(
+                        scene.world_poses(moved), max(one.step for one in moved.values()), t_ns
+                    )
                 for instant in group:
-                    is_event = isinstance(instant.message, Event)
-                    if is_event or rate.passes(instant.port.topic, t_ns):
-                        file.take(instant)
+                    file.take(instant)
             lost |= file.curves(ports, lost)
             file.end()
         finally:

@@ -181,11 +181,8 @@ class RunPage:
     @property
     def marks(self) -> list[Mark]:
         """Return what all charts show of its events: all of few, the serious ones of many."""
-        return [
-            one.mark
-            for one in self.events
-            if one.level != "info" or len(self.events) <= _FEW_EVENTS
-        ]
+        is_short = len(self.events) <= _FEW_EVENTS
+        return [one for one in self.events if is_short or one.level != "info"]
 
     def local(self, text: str) -> str:
         """Return a text without the folder of the run: nobody else has this machine's folders."""

@@ -54,7 +54,7 @@ class Curves:
                 {"title": group.title, "charts": [arrays.chart(chart) for chart in group.charts]}
                 for group in self.groups
             ],
-            "marks": [{"t": m.t, "level": m.level, "text": m.text} for m in self.marks],
+            "marks": [{"t": m.t, "level": m.level, "text": m.sentence} for m in self.marks],
             "end": self.end_s,
             "arrays": arrays.encoded(),
         }

@@ -174,7 +174,7 @@ def _path(runs: Sequence[RunPage]) -> str:
 
 def _events(runs: Sequence[RunPage]) -> str:
     rows = "".join(
-        f'<tr class="{escape(one.level)}"><td>{one.t_ns * 1e-9:.3f} s</td>'
+        f'<tr class="{escape(one.level)}"><td>{one.t:.3f} s</td>'
         f"<td>{escape(run.label)}</td><td>{escape(one.level)}</td><td>{escape(one.source)}</td>"
         f"<td>{escape(one.text)}</td></tr>"
         for run in runs
