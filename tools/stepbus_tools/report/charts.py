@@ -140,8 +140,7 @@ def path_of(port: PortCurves) -> Line | None:
 def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
     """Return error, position, velocity and torque, or force, of a joint; some may be empty."""
     state, reference = curves.state_of(joint), curves.reference_of(joint)
-    is_sliding = curves.is_prismatic(joint)
-    unit, number = "m" if is_sliding else "rad", curves.measured.index(joint)
+    unit, number = curves.unit(joint), curves.measured.index(joint)
 
     def of(port: SignalCurves | None, quantity: str) -> Line | None:
         return None if port is None else port.of(quantity, joint)
@@ -171,8 +170,8 @@ def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
             ("reference", of(reference, "velocity"), "reference"),
         ),
         chart(
-            "force" if is_sliding else "torque",
-            "N" if is_sliding else "N·m",
+            "force" if unit == "m" else "torque",
+            "N" if unit == "m" else "N·m",
             ("effort",),
             ("applied", of(state, "effort"), "measured"),
             *commands,
@@ -207,8 +206,8 @@ def all_joints(curves: JointCurves) -> Iterator[Chart]:
 
     Of more than twenty joints, the first are shown.
     """
-    for is_sliding in (False, True):
-        joints = [name for name in curves.measured if curves.is_prismatic(name) == is_sliding]
+    for unit in ("rad", "m"):
+        joints = [name for name in curves.measured if curves.unit(name) == unit]
         cut = f" (first {_MOST_JOINTS} of {len(joints)} joints)"
         more = cut if len(joints) > _MOST_JOINTS else ""
         shown = [joint_charts(curves, joint) for joint in joints[:_MOST_JOINTS]]

@@ -11,8 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stepbus_participant import need
-from stepbus_tools.look import MARK, style_sheet
-from stepbus_tools.report.figure_html import png_figure
+from stepbus_tools.look import MARK, png_figure, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN, UNITS

@@ -7,13 +7,12 @@ from pathlib import Path
 
 from stepbus_orchestrator.recording import PortInfo, Recording, Tail
 from stepbus_schemas import Event
-from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
+from stepbus_tools.viewing.exports.foxglove import SHOWN, Conversion
 from stepbus_tools.viewing.foxglove_server import Row, Server
 from stepbus_tools.viewing.history import History, timed_messages
 from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.scene import Messages, Scene
 
 Happened = tuple[int, PortInfo, Event]
 """Time [ns], port and event."""

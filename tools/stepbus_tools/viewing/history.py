@@ -19,7 +19,7 @@ from stepbus_schemas import (
 )
 from stepbus_tools.columns import dotted
 from stepbus_tools.report.charts import Mark
-from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.scene import Latest, Messages
 
 EVENT_TYPES = ("Event/1", "GoalStatus/1", layout.CALLS_TYPE)
 _MOST = 400

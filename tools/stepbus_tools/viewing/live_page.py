@@ -21,12 +21,10 @@ from stepbus_tools.viewing.controls import Controls
 from stepbus_tools.viewing.history import EVENT_TYPES, mark_of, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.marks import failure_banner, result_in
-from stepbus_tools.viewing.stage.stage import add_light
-from stepbus_tools.viewing.stage.view import View, plain_topics
+from stepbus_tools.viewing.stage.stage import Framing, add_light
+from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, result_in
+from stepbus_tools.viewing.viewpoint import Swept
 
 _LAST_S = 0.2
 """What a browser takes to be told the last."""

@@ -18,15 +18,18 @@ from stepbus_schemas import StepbusError
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Scene
-from stepbus_tools.viewing.scene.swept import swept
+from stepbus_tools.viewing.scene.scene import Messages, Scene
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.marks import failure_banner, on_slider
-from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage, add_light
-from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
+from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
+from stepbus_tools.viewing.stage.view import (
+    View,
+    failure_banner,
+    on_slider,
+    plain_topics,
+    stop_banner,
+)
+from stepbus_tools.viewing.viewpoint import swept
 
 _SAMPLES = 400
 """Times at which it is looked what moves."""

@@ -13,7 +13,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.scene import Latest, Messages
 
 FRAME_S = 1 / 30
 IDLE_S = 5.0

@@ -7,8 +7,8 @@ from typing import Any
 
 from stepbus_schemas import JointState
 from stepbus_tools.viewing.run_client import RunClient
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.stage import Stage
 
 _TARGET = "set_target"

@@ -16,8 +16,7 @@ from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.scene.swept import Swept
-from stepbus_tools.viewing.viewpoint import clear_corner, framed, parse_viewpoint
+from stepbus_tools.viewing.viewpoint import Swept, clear_corner, framed, parse_viewpoint
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 

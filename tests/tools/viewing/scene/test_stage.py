@@ -5,9 +5,8 @@ import types
 import pytest
 
 from stepbus_schemas import Contacts, Description, Detections
-from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.pose import Pose, about
-from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Latest, Scene
 from stepbus_tools.viewing.stage.overlays import Overlays
 from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import Ghosts, Stage

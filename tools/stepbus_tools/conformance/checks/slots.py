@@ -1,9 +1,8 @@
 """Checks of slots: bulk content in files that the participants share."""
 
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 

@@ -21,14 +21,19 @@ from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
 from stepbus_tools.columns import LISTS, Column, Field, Table
 from stepbus_tools.report.summary import scenario_name
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.exports.exporter import (
+    Exported,
+    Exporter,
+    Instant,
+    Reached,
+    readable_ports,
+    thinned,
+)
 from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.whole_file import replaced
-
-from .instants import Instant, readable_ports, thinned
 
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""

@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stepbus_participant import parse_duration
+from stepbus_tools.viewing.exports.exporter import NS, Instant
 from stepbus_tools.viewing.render import jpeg
-from stepbus_tools.viewing.scene.bodies import positions_in
 from stepbus_tools.viewing.scene.pose import about
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.scene import Scene, positions_in
 
 from .frames import FrameTree, Transform
-from .instants import NS, Instant
 
 _UNKNOWN = 1e12
 """Variance where a recording does not say how good a value is: 0 would say that it is exact."""

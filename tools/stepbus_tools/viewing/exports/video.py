@@ -16,16 +16,14 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import format_duration, need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.look import PAPER
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.exports.exporter import NS, Exported, Exporter, Rate, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import swept
-from stepbus_tools.viewing.viewpoint import parse_viewpoint
+from stepbus_tools.viewing.viewpoint import parse_viewpoint, swept
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
-from .instants import NS, Rate
 
 _FRAMES_PER_S = 25.0
 _MOST_FRAMES_PER_S = 120.0

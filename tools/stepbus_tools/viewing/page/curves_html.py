@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_tools.look import engineering, line_style, prefixed
+from stepbus_tools.look import engineering, line_sample, line_style, prefixed, run_sample
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
-from stepbus_tools.report.figure_html import line_sample, run_sample
 
 from .content import Group, RunPage
 

@@ -11,10 +11,10 @@ from stepbus_orchestrator.replay.sources import Sources
 from stepbus_participant import scratch_folder
 from stepbus_schemas import parse_shapes
 from stepbus_tools.viewing.scene.pose import from_xyzw
+from stepbus_tools.viewing.scene.scene import Body, JointSource
 
-from .bodies import Body, JointSource
 from .meshes import GREY, PLACEHOLDER, Color, Visual, primitive
-from .model import Model
+from .model import Model, is_moved_by
 from .origin import Origin
 from .scene import GHOST, BodyMotion, Chain, Frame, LinkMotion, Scene
 
@@ -195,12 +195,12 @@ class _Builder:
         """
         model = body.model
         known = {name for source in sources for name in source.names}
-        moving = [joint for joint in model.joints if joint.is_moved_by(known)]
+        moving = [joint for joint in model.joints if is_moved_by(joint, known)]
         shown = _below(model, {joint.child for joint in moving}) if real else set(model.links)
-        rows = [(model.root, "", body.start)]
-        for joint in model.joints:
-            pose = joint.at(model.position(joint, {}))
-            rows.append((joint.child, prefix + joint.parent, pose))
+        rows = [
+            (model.root, "", body.start),
+            *((j.child, prefix + j.parent, model.placed(j, {})) for j in model.joints),
+        ]
         self._frames += [
             Frame(
                 name=prefix + link,

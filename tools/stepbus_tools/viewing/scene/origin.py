@@ -8,8 +8,8 @@ from stepbus_participant import find_file, read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.scene.pose import Pose, Vector, from_rpy
+from stepbus_tools.viewing.scene.scene import Body
 
-from .bodies import Body
 from .model import Model, load_model
 
 _MODELS = (".urdf", ".xacro", ".xml")

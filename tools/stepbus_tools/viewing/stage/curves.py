@@ -13,8 +13,8 @@ from stepbus_schemas import Message
 from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of
 from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.report.charts import Mark
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.scene.scene import Messages
 
 _MOST_LINES = 16
 """Of one signal; more cannot be told apart."""

@@ -8,9 +8,9 @@ import numpy as np
 
 from stepbus_schemas import Contacts, Detections, Image, Plan
 from stepbus_tools.viewing.render import pixels_of
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.stage import Stage
 
 _CONTACT: tuple[int, int, int] = (230, 30, 30)
