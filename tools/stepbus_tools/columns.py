@@ -207,6 +207,21 @@ def dotted(port: PortInfo) -> str:
     return f"{port.participant}.{port.name}"
 
 
+def limits_of(
+    limits: Mapping[str, Sequence[float]], quantity: str, index: int
+) -> tuple[float, float]:
+    """Return the lowest and the highest value of a joint's quantity; infinite without a limit.
+
+    limits: of the port's description. index: of the joint.
+    """
+    keys = {"position": ("lower", "upper")}.get(quantity, (quantity, quantity))
+    low, high = (
+        float(limits[key][index]) if index < len(limits.get(key, ())) else default
+        for key, default in zip(keys, (-math.inf, math.inf), strict=True)
+    )
+    return (low, high) if quantity == "position" else (-abs(low), high)
+
+
 def fields_of(port: PortInfo, message_class: type) -> list[Field]:
     """Return the fields of a port's messages, as its description names and measures them."""
     info: Any = inspect.type_info(message_class)

@@ -79,7 +79,7 @@ def conformance(
             knows_names=not is_raw,
             is_plain_checked=any(check.name == "steps" for check in checks),
         )
-        results = _run_checks(kit, checks, on_result)
+        results = run_checks(kit, checks, on_result)
     return Report(
         scenario=scenario.name,
         participant=participant,
@@ -89,7 +89,7 @@ def conformance(
     )
 
 
-def _run_checks(
+def run_checks(
     kit: Kit, checks: Iterable[Check], on_result: Callable[[CheckResult], None]
 ) -> tuple[CheckResult, ...]:
     """Run checks one after the other; on_result: called with each result. Raises Interrupted."""

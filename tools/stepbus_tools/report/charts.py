@@ -13,7 +13,7 @@ import numpy as np
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
-from stepbus_tools.columns import Table, readable
+from stepbus_tools.columns import Table, limits_of, readable
 from stepbus_tools.report.curves import FieldCurve, JointCurves, Line, PortCurves, SignalCurves
 
 Role = Literal["measured", "error", "reference", "command", "target"]
@@ -145,19 +145,19 @@ def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
     def of(port: SignalCurves | None, quantity: str) -> Line | None:
         return None if port is None else port.of(quantity, joint)
 
-    def chart(title: str, unit: str, limits: Sequence[str], *rows: _Row) -> Chart:
-        return Chart(title, unit, _lines(rows, number), _limits(state, joint, limits))
+    def chart(title: str, unit: str, limited: str, *rows: _Row) -> Chart:
+        return Chart(title, unit, _lines(rows, number), _limits(state, joint, limited))
 
     commands: list[_Row] = [
         (f"command {index or ''}".strip(), of(port, "values"), "command")
         for index, port in enumerate(curves.torques)
     ]
     return [
-        chart("error", unit, (), ("error", curves.error(joint), "error")),
+        chart("error", unit, "", ("error", curves.error(joint), "error")),
         chart(
             "position",
             unit,
-            ("lower", "upper"),
+            "position",
             ("measured", of(state, "position"), "measured"),
             ("reference", of(reference, "position"), "reference"),
             ("target", of(state, "target"), "target"),
@@ -165,14 +165,14 @@ def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
         chart(
             "velocity",
             f"{unit}/s",
-            ("velocity",),
+            "velocity",
             ("measured", of(state, "velocity"), "measured"),
             ("reference", of(reference, "velocity"), "reference"),
         ),
         chart(
             "force" if unit == "m" else "torque",
             "N" if unit == "m" else "N·m",
-            ("effort",),
+            "effort",
             ("applied", of(state, "effort"), "measured"),
             *commands,
         ),
@@ -189,16 +189,12 @@ def _lines(rows: Iterable[_Row], number: int) -> list[ChartLine]:
     return [ChartLine(name, row, role, number) for name, row, role in shown]
 
 
-def _limits(state: SignalCurves | None, joint: str, keys: Sequence[str]) -> list[float]:
-    """Return the limits of a joint that are finite; of a single key, both signs of it."""
+def _limits(state: SignalCurves | None, joint: str, quantity: str) -> list[float]:
+    """Return the limits of a joint that are finite."""
     if state is None:
         return []
-    index = state.names.index(joint)
-    rows = [state.limits.get(key, ()) for key in keys]
-    numbers = [float(row[index]) for row in rows if len(row) > index]
-    if len(keys) == 1:
-        numbers += [-value for value in numbers]
-    return sorted(value for value in numbers if np.isfinite(value))
+    ends = limits_of(state.limits, quantity, state.names.index(joint))
+    return [value for value in ends if np.isfinite(value)]
 
 
 def all_joints(curves: JointCurves) -> Iterator[Chart]:

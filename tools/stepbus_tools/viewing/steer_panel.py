@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from stepbus_schemas import JointState
+from stepbus_tools.columns import limits_of
 from stepbus_tools.viewing.run_client import RunClient
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.scene import Messages
@@ -187,11 +188,8 @@ def _limits(ports: Ports) -> Iterator[tuple[str, float, float]]:
     for port in ports.values():
         if port.type != "JointState/1":
             continue
-        limits = port.description.limits
-        lower, upper = (limits.get(key, ()) for key in ("lower", "upper"))
         for number, joint in enumerate(port.names):
-            low = lower[number] if number < len(lower) else -math.inf
-            high = upper[number] if number < len(upper) else math.inf
+            low, high = limits_of(port.description.limits, "position", number)
             if joint not in seen:
                 seen.add(joint)
                 yield joint, max(low, -math.pi), min(high, math.pi)

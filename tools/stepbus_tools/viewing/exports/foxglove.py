@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -65,14 +65,11 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
 
     try:
         yield log
-    except BaseException:
-        with suppress(RuntimeError):
+    finally:
+        try:
             writer.close()
-        raise
-    try:
-        writer.close()
-    except RuntimeError as exc:
-        raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
+        except RuntimeError as exc:
+            raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
 
 
 SHOWN = ("Event/1", "Image/1", "JointReference/1", "JointState/1")

@@ -144,26 +144,17 @@ class _Rrd:
                 self._newest[name] = pose
                 self._stream.log(self._world(name), _transform(self._rr, pose))
 
-    def _times(self, steps: Any, t_ns: Any) -> list[Any]:
-        durations = np.asarray(t_ns, dtype="timedelta64[ns]")
-        return [
-            self._rr.TimeColumn("time", duration=durations),
-            self._rr.TimeColumn("step", sequence=steps),
-        ]
-
     def take(self, instant: Instant) -> None:
         """Write an event or an image; anything else is part of the scene."""
         match instant.message:
             case Event() as event:
-                self._log(f"events/{instant.port.participant}", event.level, event.text, instant)
+                self._at(instant.step, instant.t_ns)
+                word = {"warning": "WARN"}.get(event.level, event.level.upper())
+                place = f"events/{instant.port.participant}"
+                self._stream.log(place, self._rr.TextLog(event.text, level=word))
             case Image() as image if (shown := self._image(image)) is not None:
                 self._at(instant.step, instant.t_ns)
                 self._stream.log(instant.port.topic, shown)
-
-    def _log(self, place: str, level: str, text: str, when: Instant) -> None:
-        self._at(when.step, when.t_ns)
-        word = {"warning": "WARN"}.get(level, level.upper())
-        self._stream.log(place, self._rr.TextLog(text, level=word))
 
     def _at(self, step: int, t_ns: int) -> None:
         self._stream.set_time("time", duration=np.timedelta64(t_ns, "ns"))
@@ -208,7 +199,10 @@ class _Rrd:
             names = [_name(field.name, column) for column in field.columns]
             self._curves.add(place)
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
-        times = self._times(batch.steps, batch.t_ns)
+        times = [
+            self._rr.TimeColumn("time", duration=batch.t_ns.astype("timedelta64[ns]")),
+            self._rr.TimeColumn("step", sequence=batch.steps),
+        ]
         self._stream.send_columns(place, times, self._rr.Scalars.columns(scalars=numbers))
 
     def end(self) -> None:
@@ -225,10 +219,6 @@ def _name(field: str, column: Column) -> str:
     return name if column.unit in ("", "-") else f"{name} [{column.unit}]"
 
 
-def _xyzw(pose: Pose) -> tuple[float, float, float, float]:
-    w, x, y, z = pose.wxyz
-    return x, y, z, w
-
-
 def _transform(rr: Any, pose: Pose) -> Any:
-    return rr.Transform3D(translation=pose.position, quaternion=_xyzw(pose))
+    w, x, y, z = pose.wxyz
+    return rr.Transform3D(translation=pose.position, quaternion=(x, y, z, w))

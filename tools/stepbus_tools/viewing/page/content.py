@@ -35,41 +35,31 @@ from stepbus_tools.viewing.history import History, read_timeline
 _decode = msgspec.msgpack.Decoder(StepTiming).decode
 
 
-@dataclass(frozen=True, kw_only=True)
-class StepTimes:
-    """How long one participant waited and computed, shape (steps,) [µs]."""
-
-    wait: NDArray[np.float64]
-    compute: NDArray[np.float64]
+StepTimes = Mapping[str, NDArray[np.float64]]
+"""Participant → how long it waited and computed in each step, shape (2, steps) [µs]."""
 
 
-def read_step_times(folder: Path) -> Mapping[str, StepTimes]:
-    """Return participant → its step times; none without a timing.mcap that can be read."""
+def read_step_times(folder: Path) -> StepTimes:
+    """Return the times of all steps; none without a timing.mcap that can be read."""
     rows: dict[str, list[NDArray[np.float64]]] = {}
     try:
         with Recording(folder / layout.TIMING_FILE) as recording:
             port = recording.ports.get("steps")
             for entry in port.entries() if port else ():
                 timing = _decode(entry.data)
-                part = np.array(timing.rows, dtype=float).reshape(-1, 3)
+                part = np.array(timing.rows, dtype=float).reshape(-1, 3)[:, 1:].T
                 rows.setdefault(timing.participant, []).append(part * 1e-3)
     except (RecordingFailed, msgspec.MsgspecError):
         pass
-    whole = {name: np.concatenate(parts) for name, parts in rows.items()}
-    return {
-        name: StepTimes(wait=part[:, 1], compute=part[:, 2])
-        for name, part in whole.items()
-        if len(part)
-    }
+    whole = {name: np.concatenate(parts, axis=1) for name, parts in rows.items()}
+    return {name: part for name, part in whole.items() if part.size}
 
 
-def times_html(times: Mapping[str, StepTimes]) -> str:
+def times_html(times: StepTimes) -> str:
     """Return a table of participants, the slowest first."""
-    names = sorted(times, key=lambda name: -float(times[name].compute.sum()))
-    most = max(float(np.mean(t.compute + t.wait)) for t in times.values()) or 1.0
+    most = max(float(part.sum(axis=0).mean()) for part in times.values()) or 1.0
     rows = []
-    for name in names:
-        compute, wait = times[name].compute, times[name].wait
+    for name, (wait, compute) in sorted(times.items(), key=lambda row: -float(row[1][1].sum())):
         shares = "".join(
             f'<i class={style} style="width:{100 * time.mean() / most:.1f}%"></i>'
             for style, time in (("f0", compute), ("wait", wait))

@@ -74,17 +74,16 @@ def figures(run: RunPage) -> Iterator[tuple[str, str]]:
         yield "simulated", f"{result.simulated_s:g} s"
         yield "wall time", f"{result.wall_s:.2f} s"
         yield "real-time factor", f"{result.real_time_factor:.2f}"
-    charts = [(one, group.title) for group in run.groups for one in group.charts]
-    errors = [row for row in charts if row[0].title == "error" and row[1] in run.joints.measured]
-    if errors:
-        worst, joint = max(errors, key=lambda row: row[0].largest)
+    if errors := _charts(run):
+        joint, worst = max(errors.items(), key=lambda row: row[1].largest)
         yield "largest error, whole run", f"{engineering(worst.largest, worst.unit)}, {joint}"
+    charts = [(one, group.title) for group in run.groups for one in group.charts]
     used = [(c.used, c.title, joint) for c, joint in charts if c.used is not None]
     if used:
         share, what, joint = max(used)
         yield "nearest to a limit", f"{100 * share:.0f} %, {joint} {what}"
     if run.times:
-        longest, name = max((float(t.compute.max()), name) for name, t in run.times.items())
+        longest, name = max((float(part[1].max()), name) for name, part in run.times.items())
         yield "longest step", f"{in_units(longest)}, {name}"
     if result is not None:
         counts = ((result.warning_count, "warning"), (len(result.faults), "fault"))

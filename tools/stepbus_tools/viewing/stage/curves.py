@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
-from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of
+from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of, limits_of
 from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.scene.build import Ports
@@ -28,7 +28,6 @@ A second recording has its values behind those of the first, shape (T, 2 n).
 """
 _FAILURE, _PAST = "failure", 0.02
 """The end of a run that failed is a line, which the axis goes past by so much of its length."""
-_LIMITS = {"position": ("lower", "upper"), "velocity": ("velocity",), "effort": ("effort",)}
 _RULES = (
     ("soft", ("info", "warning", "goal", "call")),
     ("bad", ("error", "fault", "failure")),
@@ -97,11 +96,8 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
 
 
 def _limits(port: PortInfo, field: str, count: int) -> list[tuple[float, float]]:
-    rows = [port.description.limits.get(key, ()) for key in _LIMITS.get(field, ())]
-    if not rows or any(len(row) < count for row in rows):
-        return []
-    pairs = zip(*rows, strict=True) if len(rows) > 1 else ((-value, value) for value in rows[0])
-    return [(float(low), float(high)) for low, high in pairs][:count]
+    pairs = [limits_of(port.description.limits, field, index) for index in range(count)]
+    return pairs if np.isfinite(pairs).any() else []
 
 
 def _numbers(value: Any) -> list[float]:
