@@ -54,20 +54,16 @@ class Swept:
     def take(self, messages: Messages) -> None:
         """Take where the scene is at another time."""
         boxes = self._boxes(messages)
-        for body, box in boxes.items():
-            if (
-                body not in self._moving
-                and apart(self._first.setdefault(body, box), box) > _MOVED_M
-            ):
-                # What has been shown so far was all that is there.
-                self._swept = self._swept if self._moving else None
-                self._moving.add(body)
-        moving = self._moving & boxes.keys() or boxes.keys()
-        rows = [box for body in moving for box in (boxes[body], self._first[body])]
-        if self._swept is not None:
-            rows.append(self._swept)
-        if rows:
-            self._swept = _union(rows)
+        self._first = boxes | self._first
+        moved = {body for body in boxes if apart(self._first[body], boxes[body]) > _MOVED_M}
+        if moved and not self._moving:
+            # What has been shown so far was all that is there.
+            self._swept = None
+        self._moving |= moved
+        shown = self._moving & boxes.keys() or boxes.keys()
+        rows = [box for body in shown for box in (boxes[body], self._first[body])]
+        rows += [] if self._swept is None else [self._swept]
+        self._swept = _union(rows) if rows else None
 
     def _boxes(self, messages: Messages) -> dict[str, Box]:
         """Return body → its box."""

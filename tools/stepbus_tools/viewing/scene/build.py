@@ -1,7 +1,7 @@
 """From a recording's descriptions and files to its scene."""
 
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from stepbus_tools.viewing.scene.pose import from_xyzw
 from stepbus_tools.viewing.scene.scene import Body, JointSource
 
 from .meshes import GREY, PLACEHOLDER, Color, Visual, primitive
-from .model import Model, is_moved_by
+from .model import is_moved_by
 from .origin import Origin
 from .scene import GHOST, BodyMotion, Chain, Frame, LinkMotion, Scene
 
@@ -70,18 +70,22 @@ class _Builder:
         self._bodies = [self._with_ports(body) for body in origin.bodies]
 
     def build(self) -> Scene:
-        placed = [name for body in self._bodies for name in self._add_body(body)]
+        placed = {name for body in self._bodies for name in self._add_body(body)}
         known = {body.name for body in self._bodies}
         for name, link in self._links.items():
             if link.body not in known:
                 look = self._look(link)
                 self._frames.append(Frame(name=name, visuals=look, body=link.body))
-                placed.append(name)
+                placed.add(name)
         if not any(frame.visuals for frame in self._frames):
             self._notes.append("it has no model and no shapes to draw; showing curves only")
+        links = {
+            port.topic: [name if name in placed else None for name in port.names]
+            for port in self._true_poses()
+        }
         return Scene(
             frames=self._frames,
-            motions=[self._link_motion(set(placed)), *self._motions],
+            motions=[LinkMotion(links), *self._motions],
             chains=list(self._chains()),
             notes=list(dict.fromkeys(self._notes)),
             bodies=self._bodies,
@@ -109,14 +113,6 @@ class _Builder:
                 link = _Link(name, body, kind, shape, color, {})
                 links.setdefault(name, link).ports[port.topic] = number
         return links
-
-    def _link_motion(self, placed: Collection[str]) -> LinkMotion:
-        return LinkMotion(
-            {
-                port.topic: [name if name in placed else None for name in port.names]
-                for port in self._true_poses()
-            }
-        )
 
     def _look(self, link: _Link) -> tuple[Visual, ...]:
         """Return what a link without a model of its body looks like."""
@@ -165,14 +161,11 @@ class _Builder:
         placed = [own[name] for name in seen if name in body.links]
         if body.links and len(placed) == len(seen):
             for name in seen:
-                pose = body.start @ body.model.pose(name, {})
-                visuals = body.model.links[name]
-                self._frames.append(
-                    Frame(name=own[name], pose=pose, visuals=visuals, body=body.name)
-                )
+                pose, visuals = body.start @ body.model.pose(name, {}), body.model.links[name]
+                frame = Frame(name=own[name], pose=pose, visuals=visuals, body=body.name)
+                self._frames.append(frame)
         else:
-            placed = []
-            own = {}
+            placed, own = [], {}
             self._add_tree(body, f"{body.name}/", body.measured)
         targets = self._sources(body, _WANTED)
         if targets:
@@ -196,7 +189,10 @@ class _Builder:
         model = body.model
         known = {name for source in sources for name in source.names}
         moving = [joint for joint in model.joints if is_moved_by(joint, known)]
-        shown = _below(model, {joint.child for joint in moving}) if real else set(model.links)
+        shown = {joint.child for joint in moving} if real else set(model.links)
+        for joint in model.joints:
+            # Parents first: what hangs on a link is shown with it.
+            shown |= {joint.child} if joint.parent in shown else set()
         rows = [
             (model.root, "", body.start),
             *((j.child, prefix + j.parent, model.placed(j, {})) for j in model.joints),
@@ -255,14 +251,6 @@ def _joint_names(body: Body, port: PortInfo) -> list[str]:
     joints = {joint.name for joint in body.model.joints if joint.moves}
     names = [name.removeprefix(f"{body.name}/") for name in port.names]
     return names if joints.intersection(names) else []
-
-
-def _below(model: Model, children: set[str]) -> set[str]:
-    """Return some links, and those that hang on them."""
-    for joint in model.joints:
-        if joint.parent in children:
-            children.add(joint.child)
-    return children
 
 
 def _color(text: str) -> Color:
