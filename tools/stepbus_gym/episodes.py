@@ -34,16 +34,13 @@ class Folders:
                 )
                 return Path(self._temporary.name).resolve() / "run"
             self._parent.mkdir(parents=True, exist_ok=True)
-            numbers = itertools.count(self._newest() + 1)
+            known = [int(path.name) for path in self._parent.iterdir() if path.name.isdigit()]
+            numbers = itertools.count(max(known, default=0) + 1)
             return first_new(self._parent / f"{number:06}" for number in numbers)
         except OSError as exc:
             raise RecordingFailed(
                 f"cannot create a folder for an episode: {exc.filename}: {exc.strerror or exc}"
             ) from exc
-
-    def _newest(self) -> int:
-        names = (path.name for path in self._parent.iterdir())
-        return max((int(name) for name in names if name.isdigit()), default=0)
 
     def drop(self) -> None:
         """Remove what is temporary."""

@@ -82,7 +82,8 @@ def style_sheet() -> str:
     Of class `l0` is a line of the first colour, of class `f0` what is filled with it.
     """
     day, night = (
-        "".join(f"--{name}:{value};" for name, value in (*page.items(), *_numbered(lines)))
+        "".join(f"--{name}:{value};" for name, value in page.items())
+        + "".join(f"--c{number}:{value};" for number, value in enumerate(lines))
         for page, lines in ((PAPER, LINES), (NIGHT, LINES_DARK))
     )
     fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
@@ -94,10 +95,6 @@ def style_sheet() -> str:
         f":root{{color-scheme:light dark;{fonts}{day}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}{classes}"
     )
-
-
-def _numbered(lines: tuple[str, ...]) -> list[tuple[str, str]]:
-    return [(f"c{number}", value) for number, value in enumerate(lines)]
 
 
 _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))

@@ -66,24 +66,25 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
     state: what was measured, one sample for each step of the tester.
     """
     return [
-        _best([_verdict(trial, joints, state) for trial in plan if trial.joint is joint])
+        best([_verdict(trial, joints, state) for trial in plan if trial.joint is joint])
         or Verdict(joint=joint.name, type=joint.type, mode=joint.mode)
         for joint in joints
     ]
 
 
-def _best(verdicts: Sequence[Verdict]) -> Verdict | None:
-    """Return the first verdict without findings, or else the first, with what the other found."""
+def best(verdicts: Sequence[Verdict]) -> Verdict | None:
+    """Return the first verdict without findings, or else the first, with what the others found."""
     chosen = next((v for v in verdicts if v.ok), None) or next(iter(verdicts), None)
     if chosen is None:
         return None
-    texts = [
-        f"sent to {verdict.shown(verdict.commanded or 0.0)} it {finding}"
-        for verdict in verdicts
-        if verdict is not chosen
-        for finding in verdict.findings
-    ]
-    return msgspec.structs.replace(chosen, other_side="; ".join(texts))
+    texts: list[str] = []
+    for verdict in verdicts:
+        is_rotary = verdict.type != "prismatic"
+        where = f"sent to {verdict.shown(verdict.commanded or 0.0)}" if is_rotary else "else"
+        if verdict is not chosen:
+            texts += [f"{where} it {finding}" for finding in verdict.findings]
+        texts.append(verdict.other_side)
+    return msgspec.structs.replace(chosen, other_side="; ".join(filter(None, texts)))
 
 
 def _verdict(trial: Trial, joints: Sequence[TestedJoint], state: Signal) -> Verdict:

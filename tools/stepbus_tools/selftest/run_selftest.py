@@ -2,6 +2,7 @@
 
 import dataclasses
 import threading
+from collections.abc import Mapping, Sequence
 
 import msgspec
 from msgspec import structs
@@ -16,7 +17,7 @@ from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.ports import InputSpec, OutputSpec
 from stepbus_schemas import Description, WiringError
-from stepbus_tools.selftest.judge import Verdict, judge
+from stepbus_tools.selftest.judge import Verdict, best, judge
 from stepbus_tools.selftest.tester import by_mode, make_plan, read_joints
 
 _COMMAND, _STATE, _EVENT = "JointCommand/1", "JointState/1", "Event/1"
@@ -45,16 +46,33 @@ def selftest(
 ) -> SelfTest:
     """Run the plant of a scenario alone with a tester, and judge each of its joints.
 
-    angle: to send rotary joints to [rad], or as near as their stops allow. Raises WiringError
-    where the scenario has no plant that is commanded by joint, RunFailure when its run fails; it
-    quotes the log of the culprit.
+    angle: to send rotary joints to [rad], or as near as their stops allow. A joint that gets
+    there on neither side is sent half as far: the robot may have been in its own path.
+    Raises WiringError where the scenario has no plant that is commanded by joint, RunFailure
+    when its run fails; it quotes the log of the culprit.
     """
     plant, port = _plant_of(scenario)
     description = _described(scenario, plant.name, port, interrupt)
-    tested = _test_scenario(scenario, plant, port, description, angle)
-    with scratch_folder("selftest") as folder:
-        result = run(tested, Options(out=folder / "run"), observer, interrupt).check()
-        return _judged(result, plant, port, angle)
+
+    def attempt(angle: float, only: list[str]) -> SelfTest:
+        aim = {"angle": angle, "only": only}
+        tested = _test_scenario(scenario, plant, port, description, aim)
+        with scratch_folder("selftest") as folder:
+            result = run(tested, Options(out=folder / "run"), observer, interrupt).check()
+            return _judged(result, plant, port, angle, only)
+
+    outcome = attempt(angle, list(description.names))
+    missed = [verdict.joint for verdict in outcome.joints if not verdict.ok]
+    if not missed:
+        return outcome
+    again = attempt(angle / 2, missed)
+    pairs = zip(outcome.joints, again.joints, strict=True)
+    better = {v.joint: best([first, v]) for first, v in pairs if v.ok and v.joint in missed}
+    return SelfTest(
+        plant=plant.name,
+        simulated_s=outcome.simulated_s + again.simulated_s,
+        joints=[better.get(verdict.joint) or verdict for verdict in outcome.joints],
+    )
 
 
 def _plant_of(scenario: Scenario) -> tuple[ParticipantSpec, str]:
@@ -92,7 +110,7 @@ def _test_scenario(
     plant: ParticipantSpec,
     port: str,
     description: Description,
-    angle: float,
+    aim: Mapping[str, object],
 ) -> Scenario:
     """Return a scenario of the plant and a tester, which has an output for each mode."""
     modes = {
@@ -108,7 +126,7 @@ def _test_scenario(
         every=plant.every,
         inputs={"joint_state": InputSpec(from_=f"{plant.name}.{port}")},
         outputs={mode: OutputSpec(type=_COMMAND) for mode in modes},
-        params={"angle": angle, "names": modes},
+        params={**aim, "names": modes},
     )
     alone = structs.replace(
         plant,
@@ -125,13 +143,15 @@ def _test_scenario(
     )
 
 
-def _judged(result: Result, plant: ParticipantSpec, port: str, angle: float) -> SelfTest:
+def _judged(
+    result: Result, plant: ParticipantSpec, port: str, angle: float, only: Sequence[str]
+) -> SelfTest:
     recording = Recording(result.recording)
     topic: Port = recording[f"{plant.name}.{port}"]
     state = read_signal(topic, topic, _QUANTITIES)
     if state is None or "position" not in state.fields:
         raise WiringError(f"{plant.name}.{port} has no positions; nothing to test")
     joints = read_joints(topic.description, state.fields["position"][0].tolist())
-    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle)
+    plan = make_plan(joints, plant.every * result.step_ns * 1e-9, angle, only)
     verdicts = judge(joints, plan, state)
     return SelfTest(plant=plant.name, simulated_s=result.simulated_s, joints=verdicts)

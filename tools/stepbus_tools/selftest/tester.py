@@ -125,14 +125,17 @@ def by_mode(joints: Sequence[TestedJoint]) -> dict[str, list[TestedJoint]]:
     return groups
 
 
-def make_plan(joints: Sequence[TestedJoint], step_s: float, angle: float) -> list[Trial]:
+def make_plan(
+    joints: Sequence[TestedJoint], step_s: float, angle: float, only: Sequence[str]
+) -> list[Trial]:
     """Return the trials, one after the other; joints without a motor have none.
 
-    step_s: from one command to the next [s]. angle: to send rotary joints to [rad].
+    step_s: from one command to the next [s]. angle: to send rotary joints to [rad]. only: names
+    of the joints to test.
     """
     first = settle = max(1, round(_SETTLE_S / step_s))
     plan: list[Trial] = []
-    moved = [joint for joint in joints if joint.mode != "passive"]
+    moved = [joint for joint in joints if joint.mode != "passive" and joint.name in only]
     for joint, goal in ((item, goal) for item in moved for goal in item.goals(angle)):
         plan.append(_trial(joint, goal, first, settle, step_s))
         first = plan[-1].end
@@ -214,7 +217,7 @@ class Tester(Participant):
     """Commands every joint in turn, and ends the run after the last.
 
     Its input is the joint state; its outputs are named as the modes they command. Parameters:
-    angle [rad]; names: of all joints of each mode.
+    angle [rad]; only: names of the joints to test; names: of all joints of each mode.
     """
 
     def describe(self) -> Mapping[str, Description]:
@@ -236,7 +239,8 @@ class Tester(Participant):
             if state.position is None:
                 raise RunError(f"{self.config.name}: the plant senses no positions")
             self._joints = read_joints(self._description, state.position)
-            self._plan = make_plan(self._joints, step_s, self.config.params["angle"])
+            params = self.config.params
+            self._plan = make_plan(self._joints, step_s, params["angle"], params["only"])
         if not self._plan or count >= self._plan[-1].end:
             step.end("all joints have been tested")
         return dict(commands_at(count, self._plan, self._joints, step_s))

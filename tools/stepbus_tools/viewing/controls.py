@@ -120,7 +120,7 @@ class Controls:
         if limit is not None:
             slower = {name: value for name, value in speeds.items() if value and value < limit}
             speeds = {_pace(limit): None, **slower}
-        if now not in speeds.values():
+        if now is not None and now not in speeds.values():
             speeds[_pace(now)] = now
         if speeds != self._speeds:
             self._speeds = speeds

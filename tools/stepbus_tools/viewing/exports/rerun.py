@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
-from stepbus_tools.columns import LISTS, Column, Field, Table
+from stepbus_tools.columns import LISTS, Field, Table
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
@@ -196,7 +196,9 @@ class _Rrd:
             return
         place = f"{port.topic}/{field.name}"
         if place not in self._curves:
-            names = [_name(field.name, column) for column in field.columns]
+            names = [column.name.removeprefix(f"{field.name}.") for column in field.columns]
+            unit = field.columns[0].unit
+            names = [f"{name} [{unit}]" for name in names] if unit not in {"", "-"} else names
             self._curves.add(place)
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
         times = [
@@ -211,12 +213,6 @@ class _Rrd:
         if result is not None and result.exit_code:
             self._at(max(result.at_step, 0), max(result.at_step, 0) * result.step_ns)
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
-
-
-def _name(field: str, column: Column) -> str:
-    """Return the name of a curve, with its unit."""
-    name = column.name.removeprefix(f"{field}.")
-    return name if column.unit in ("", "-") else f"{name} [{column.unit}]"
 
 
 def _transform(rr: Any, pose: Pose) -> Any:

@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.look import line_style
-from stepbus_tools.report.charts import Chart, ChartLine, Mark, field_chart, joint_charts
+from stepbus_tools.report.charts import Chart, Mark, field_chart, joint_charts
 from stepbus_tools.report.curves import (
     ContactCurves,
     JointCurves,
@@ -199,10 +199,12 @@ def _groups(run: RunPage) -> Iterator[Group]:
     joints = run.joints.measured
     charts = {joint: [c for c in joint_charts(run.joints, joint) if c.lines] for joint in joints}
     errors = {joint: c for joint in joints for c in charts[joint] if c.title == "error"}
+    known = [joint for joint in joints[:_MOST_JOINTS] if joint in errors]
+    named = {joint: replace(errors[joint].lines[0], label=joint) for joint in known}
     overview = [
         Chart("error", unit, lines)
         for unit in ("rad", "m")
-        if (lines := list(_named_errors(errors, joints[:_MOST_JOINTS], unit)))
+        if (lines := [named[joint] for joint in known if errors[joint].unit == unit])
     ]
     if len(joints) > 1 and overview:
         more = len(joints) - _MOST_JOINTS
@@ -223,11 +225,3 @@ def _groups(run: RunPage) -> Iterator[Group]:
             title = f"{_TITLES[kind]}: {name}" if kind in _TITLES else f"{name} ({kind})"
             is_open = kind not in _QUIET and any(chart.varies for chart in shown)
             yield Group(title=title, is_open=is_open, charts=shown)
-
-
-def _named_errors(
-    errors: Mapping[str, Chart], joints: Sequence[str], unit: str
-) -> Iterator[ChartLine]:
-    for joint in joints:
-        if joint in errors and errors[joint].unit == unit:
-            yield replace(errors[joint].lines[0], label=joint)

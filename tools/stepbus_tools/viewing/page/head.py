@@ -239,14 +239,11 @@ _Rows = Iterator[tuple[str, list[str]]]
 def _outcomes(runs: Sequence[RunPage]) -> _Rows:
     words = [run.result.outcome if run.result else "unknown" for run in runs]
     yield "outcome", [f'<span class="word {escape(word)}">{escape(word)}</span>' for word in words]
-    given = [_given(run) for run in runs]
+    results = [run.result for run in runs]
+    # What the scenario does not say.
+    given = [[*one.overrides, *one.faults] if one else [] for one in results]
     if any(given):
         yield "settings, faults", ["<br>".join(map(escape, texts)) or "–" for texts in given]
-
-
-def _given(run: RunPage) -> list[str]:
-    """Return what the run was given that its scenario does not say."""
-    return [*run.result.overrides, *run.result.faults] if run.result else []
 
 
 def _errors(runs: Sequence[RunPage]) -> _Rows:

@@ -74,7 +74,9 @@ class _Builder:
         known = {body.name for body in self._bodies}
         for name, link in self._links.items():
             if link.body not in known:
-                look = self._look(link)
+                # A body without a model of its own may have that of its type.
+                model = self._origin.types.get(link.type)
+                look = model.links.get(model.root, ()) if model else tuple(self._shapes(link))
                 self._frames.append(Frame(name=name, visuals=look, body=link.body))
                 placed.add(name)
         if not any(frame.visuals for frame in self._frames):
@@ -113,11 +115,6 @@ class _Builder:
                 link = _Link(name, body, kind, shape, color, {})
                 links.setdefault(name, link).ports[port.topic] = number
         return links
-
-    def _look(self, link: _Link) -> tuple[Visual, ...]:
-        """Return what a link without a model of its body looks like."""
-        model = self._origin.types.get(link.type)
-        return tuple(self._shapes(link)) if model is None else model.links.get(model.root, ())
 
     def _shapes(self, link: _Link) -> Iterator[Visual]:
         try:

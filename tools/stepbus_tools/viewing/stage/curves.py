@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
 from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of, limits_of
 from stepbus_tools.look import LINES, PAPER, line_style
@@ -80,7 +79,8 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
             count = len(_numbers(getattr(latest.message, field.name)))
             if count and field.columns[0].type in (*NUMBERS, *LISTS):
                 label, names = f"{dotted(port)}.{field.name}", field.labels(count)[:_MOST_LINES]
-                limits = _limits(port, field.name, len(names))
+                described = port.description.limits
+                limits = [limits_of(described, field.name, index) for index in range(len(names))]
                 unit = field.columns[0].unit
                 rows.append(
                     Signal(
@@ -89,15 +89,10 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
                         names=names,
                         label=label,
                         unit=unit,
-                        limits=limits,
+                        limits=limits if np.isfinite(limits).any() else (),
                     )
                 )
     return rows
-
-
-def _limits(port: PortInfo, field: str, count: int) -> list[tuple[float, float]]:
-    pairs = [limits_of(port.description.limits, field, index) for index in range(count)]
-    return pairs if np.isfinite(pairs).any() else []
 
 
 def _numbers(value: Any) -> list[float]:

@@ -285,7 +285,9 @@ class _Camera:
         camera = client.camera
         size = (camera.image_width, camera.image_height)
         has_grown = self._box is None or apart(box, self._box) > _GREW * size_of(box)
-        if (size == self._size and not has_grown) or self._is_moved(camera.position, size_of(box)):
+        apart_m = [float(np.linalg.norm(camera.position - ours)) for ours in self._ours]
+        is_moved = min(apart_m, default=0.0) > _SAME * max(1.0, size_of(box))
+        if (size == self._size and not has_grown) or is_moved:
             return
         self._box, self._size = box, size
         aspect = size[0] / max(1, size[1])
@@ -295,10 +297,6 @@ class _Camera:
         with client.atomic():
             camera.position = tuple(view.eye.tolist())
             camera.look_at = tuple(view.target.tolist())
-
-    def _is_moved(self, position: Any, size: float) -> bool:
-        rows = [float(np.linalg.norm(position - ours)) for ours in self._ours]
-        return bool(rows) and min(rows) > _SAME * max(1.0, size)
 
 
 def free_part(width: int, height: int) -> Part:

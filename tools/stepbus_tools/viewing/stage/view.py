@@ -91,7 +91,7 @@ class View:
         held = [messages[topic].message for topic in self._held if topic in messages]
         self.stopped = next(
             (
-                f"by {_who(one)}, since t = {one.since:.2f} s"
+                f"by {one.by or 'the scenario'}, since t = {one.since:.2f} s"
                 for one in held
                 if isinstance(one, EmergencyStop) and one.active
             ),
@@ -131,10 +131,6 @@ def _legend(run: str, ghost: str) -> str:
 def plain_topics(ports: Ports) -> list[str]:
     """Return the ports that may have curves."""
     return [port.topic for port in ports.values() if port.type not in _BULKY]
-
-
-def _who(stop: EmergencyStop) -> str:
-    return stop.by or "the scenario"
 
 
 def _held(topic: str, message: object) -> str:
