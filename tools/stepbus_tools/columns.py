@@ -202,6 +202,17 @@ def readable(recording: Recording) -> tuple[list[Table], dict[str, str]]:
     return tables, lost
 
 
+def pieces(
+    recording: Recording, tables: Sequence[Table], lost: Mapping[str, str]
+) -> Iterator[tuple[Table, Batch]]:
+    """Yield the messages of all tables piece by piece, but of those that are lost by then."""
+    for piece in recording.batches([table.port for table in tables]):
+        for table in tables:
+            batch = piece[table.port.topic]
+            if len(batch.steps) and table.port.topic not in lost:
+                yield table, batch
+
+
 def dotted(port: PortInfo) -> str:
     """Return a port as signals name it: `plant.joint_state`."""
     return f"{port.participant}.{port.name}"

@@ -241,7 +241,7 @@ def test_foxglove_shows_bodies_and_images(view):
     assert Pillow.open(io.BytesIO(image.data)).size == (4, 2)
 
 
-@pytest.mark.parametrize("form", ["ros2", "foxglove"])
+@pytest.mark.parametrize("form", ["ros2", "foxglove", "csv", "parquet"])
 def test_half_a_recording_is_exported_and_a_foreign_file_is_one_sentence(
     recording, tmp_path, capsys, form
 ):

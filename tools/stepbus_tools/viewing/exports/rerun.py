@@ -19,7 +19,7 @@ from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
-from stepbus_tools.columns import LISTS, Field, Table
+from stepbus_tools.columns import LISTS, Field, Table, pieces
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.exports.exporter import (
     Exported,
@@ -175,19 +175,16 @@ class _Rrd:
         """Write all numbers; return topic → why one is not whole, of those that were not lost."""
         tables = [Table(p) for p in ports if p.type not in _NO_CURVES and p.topic not in lost]
         failed: dict[str, str] = {}
-        for piece in self._recording.batches([table.port for table in tables]):
-            for table in tables:
-                batch, topic = piece[table.port.topic], table.port.topic
-                if not len(batch.steps) or topic in failed:
-                    continue
-                try:
-                    rows = list(table.numbers(batch, [f for f in table.fields if f.is_numeric]))
-                except StepbusError as exc:
-                    failed[topic] = f"{topic}: {exc}"
-                    continue
-                for field, numbers in rows:
-                    if numbers is not None and field.columns[0].type not in LISTS:
-                        self._curve(table.port, field, batch, numbers)
+        for table, batch in pieces(self._recording, tables, failed):
+            topic, fields = table.port.topic, [f for f in table.fields if f.is_numeric]
+            try:
+                rows = list(table.numbers(batch, fields))
+            except StepbusError as exc:
+                failed[topic] = f"{topic}: {exc}"
+                continue
+            for field, numbers in rows:
+                if numbers is not None and field.columns[0].type not in LISTS:
+                    self._curve(table.port, field, batch, numbers)
         return failed
 
     def _curve(self, port: Port, field: Field, batch: Batch, numbers: Array) -> None:
