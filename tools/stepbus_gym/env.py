@@ -28,7 +28,7 @@ from stepbus_participant import Config, Step, suggest
 from stepbus_schemas import RunError, WiringError, error_text
 
 from .episodes import Folders
-from .interface import Interface, Params, PolicyPorts, Vector, bounds
+from .interface import Params, PolicyPorts, Vector, bounds
 from .policy import PolicyParticipant, checked_action
 from .render import Camera, Renderer
 
@@ -216,7 +216,10 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         temporary = Folders("none")
         try:
             self._begin(self._scenario, temporary)
-            interface = self._interface()
+            made = self._participant
+            interface = None if made is None else made.interface
+            if interface is None:
+                raise ResetNeeded("no episode has begun")
         except RunFailure as exc:
             # The logs are lost: their folder goes now.
             exc.args = (exc.cause,)
@@ -264,11 +267,6 @@ class StepbusEnv(gymnasium.Env[Vector, Vector]):
         episode, self._episode = self._episode, None
         if episode is not None and episode.step is not None:
             self.result = episode.end(f"the episode is {reason}")
-
-    def _interface(self) -> Interface:
-        if self._participant is None or self._participant.interface is None:
-            raise ResetNeeded("no episode has begun")
-        return self._participant.interface
 
     def _info(self, step: Step) -> dict[str, Any]:
         episode = self._episode

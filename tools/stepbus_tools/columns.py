@@ -202,9 +202,35 @@ def readable(recording: Recording) -> tuple[list[Table], dict[str, str]]:
     return tables, lost
 
 
+def pieces(
+    recording: Recording, tables: Sequence[Table], lost: Mapping[str, str]
+) -> Iterator[tuple[Table, Batch]]:
+    """Yield the messages of all tables piece by piece, but of those that are lost by then."""
+    for piece in recording.batches([table.port for table in tables]):
+        for table in tables:
+            batch = piece[table.port.topic]
+            if len(batch.steps) and table.port.topic not in lost:
+                yield table, batch
+
+
 def dotted(port: PortInfo) -> str:
     """Return a port as signals name it: `plant.joint_state`."""
     return f"{port.participant}.{port.name}"
+
+
+def limits_of(
+    limits: Mapping[str, Sequence[float]], quantity: str, index: int
+) -> tuple[float, float]:
+    """Return the lowest and the highest value of a joint's quantity; infinite without a limit.
+
+    limits: of the port's description. index: of the joint.
+    """
+    keys = {"position": ("lower", "upper")}.get(quantity, (quantity, quantity))
+    low, high = (
+        float(limits[key][index]) if index < len(limits.get(key, ())) else default
+        for key, default in zip(keys, (-math.inf, math.inf), strict=True)
+    )
+    return (low, high) if quantity == "position" else (-abs(low), high)
 
 
 def fields_of(port: PortInfo, message_class: type) -> list[Field]:

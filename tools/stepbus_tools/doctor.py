@@ -63,14 +63,7 @@ class Finding(msgspec.Struct, frozen=True):
 
 def examine() -> list[Finding]:
     """Return all findings, the ones that others depend on first."""
-    return [
-        *versions(),
-        *loads(),
-        *disk(),
-        link("unix"),
-        link("tcp"),
-        *extras(),
-    ]
+    return [*versions(), *loads(), *disk(), link("unix"), link("tcp"), *extras()]
 
 
 # --- packages ----------------------------------------------------------------------------------

@@ -5,10 +5,18 @@ fourteen lines apart; the colours differ for readers with any colour blindness t
 `tests/tools/test_look.py` measures, and have a contrast of 3:1 with what they are drawn on.
 """
 
+import base64
+import io
 import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
+
+import numpy as np
+from numpy.typing import NDArray
+
+from stepbus_participant import need
 
 TEXT_FONT = '"Inter", "Segoe UI", system-ui, -apple-system, "Helvetica Neue", sans-serif'
 NUMBER_FONT = '"JetBrains Mono", ui-monospace, "SF Mono", Consolas, "DejaVu Sans Mono", monospace'
@@ -74,7 +82,8 @@ def style_sheet() -> str:
     Of class `l0` is a line of the first colour, of class `f0` what is filled with it.
     """
     day, night = (
-        "".join(f"--{name}:{value};" for name, value in (*page.items(), *_numbered(lines)))
+        "".join(f"--{name}:{value};" for name, value in page.items())
+        + "".join(f"--c{number}:{value};" for number, value in enumerate(lines))
         for page, lines in ((PAPER, LINES), (NIGHT, LINES_DARK))
     )
     fonts = f"--text:{TEXT_FONT};--numbers:{NUMBER_FONT};"
@@ -86,10 +95,6 @@ def style_sheet() -> str:
         f":root{{color-scheme:light dark;{fonts}{day}}}"
         f"@media screen and (prefers-color-scheme:dark){{:root{{{night}}}}}{classes}"
     )
-
-
-def _numbered(lines: tuple[str, ...]) -> list[tuple[str, str]]:
-    return [(f"c{number}", value) for number, value in enumerate(lines)]
 
 
 _PREFIXES = ((1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"), (1e-9, "n"))
@@ -116,3 +121,37 @@ def engineering(value: float, unit: str) -> str:
     """Return a number of three digits with its unit."""
     factor, shown = prefixed(value, unit)
     return f"{value * factor:.3g} {shown}".strip()
+
+
+def run_sample(number: int) -> str:
+    """Return how the lines of a run are drawn, by its place among several."""
+    return line_sample(f"l6 run{number % 4}" if number else "l6")
+
+
+def line_sample(style: str) -> str:
+    """Return how lines of some classes are drawn."""
+    return (
+        '<svg viewBox="0 0 40 8" class="sample" aria-hidden="true">'
+        f'<path class="{style}" d="M0 4H40"/></svg>'
+    )
+
+
+def png_figure(picture: bytes, caption: str, background: str = "") -> str:
+    """Return a PNG with its caption. background: a colour, where the picture has none."""
+    data, text = base64.b64encode(picture).decode(), escape(caption)
+    style = f' style="background:{background}"' if background else ""
+    return (
+        f'<figure><img{style} alt="{text}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{text}</figcaption></figure>"
+    )
+
+
+def figure(pixels: NDArray[np.uint8], caption: str, background: str = "") -> str:
+    """Return a picture with its caption; pixels: shape (rows, columns, 3), or 4 with what covers.
+
+    Raises ExtraMissing without Pillow.
+    """
+    (pillow,) = need("a picture", "PIL.Image")
+    stream = io.BytesIO()
+    pillow.fromarray(np.ascontiguousarray(pixels)).save(stream, "PNG")
+    return png_figure(stream.getvalue(), caption, background)

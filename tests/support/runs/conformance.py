@@ -8,9 +8,9 @@ from support.paths import PROGRAMS
 
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.conformance import CHECKS, select
-from stepbus_tools.conformance.check import run_checks
 from stepbus_tools.conformance.kit import Kit
 from stepbus_tools.conformance.material import read
+from stepbus_tools.conformance.play import run_checks
 
 # Mistake of wrong_controller.py → the checks that find it; all others pass or are skipped.
 FOUND_BY = {

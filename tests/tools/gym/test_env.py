@@ -80,33 +80,6 @@ def test_spaces_have_the_limits_names_and_units_of_the_ports(make):
     assert env.observation_space.shape == (12,)
 
 
-@pytest.mark.parametrize(
-    ("options", "sentence"),
-    [
-        (
-            {"limits": {"comand.values": (-1, 1)}},
-            r"limits: 'comand.values' is neither .* an action; did you mean 'command.values'\?",
-        ),
-        (
-            {"limits": {"reference.position": (-1, 1)}, "observe": ["joint_state"]},
-            "limits: 'reference.position' is neither observed nor an action",
-        ),
-        (
-            {"limits": {"command.values": (1, -1)}},
-            r"limits: 'command.values' must be \(lowest, highest\), not \(1.0, -1.0\)",
-        ),
-        (
-            {"limits": {"command.values": 3}},
-            r"limits.command.values: must be a list of 2 values, not 3",
-        ),
-        ({"mode": "tork"}, "mode.*must be .*torque.*'tork'; did you mean 'torque'"),
-    ],
-)
-def test_an_option_that_means_nothing_is_refused(make, options, sentence):
-    with pytest.raises(WiringError, match=sentence):
-        make(**options)
-
-
 def test_what_is_observed_and_done_can_be_chosen(make):
     env = make(
         observe=["reference.position", "joint_state.velocity"],

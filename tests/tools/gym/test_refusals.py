@@ -25,7 +25,20 @@ def nothing(_moment):
         ),
         ({"observe": ["joint_state.colour"]}, "JointState/1 has no numeric field 'colour'"),
         ({"joints": ["joint3"]}, "joint 'joint3' is unknown; did you mean 'joint2'?"),
-        ({"mode": "force"}, "mode"),
+        ({"mode": "tork"}, "'tork'; did you mean 'torque'"),
+        ({"limits": {"comand.values": (-1, 1)}}, "an action; did you mean 'command.values'?"),
+        (
+            {"limits": {"reference.position": (-1, 1)}, "observe": ["joint_state"]},
+            "limits: 'reference.position' is neither observed nor an action",
+        ),
+        (
+            {"limits": {"command.values": (1, -1)}},
+            "limits: 'command.values' must be (lowest, highest), not (1.0, -1.0)",
+        ),
+        (
+            {"limits": {"command.values": 3}},
+            "limits.command.values: must be a list of 2 values, not 3",
+        ),
         (
             {"act": ["command.velocity"], "set": {"plant.params.world": "nosuch.yaml"}},
             "nosuch.yaml",

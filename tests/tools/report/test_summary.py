@@ -3,14 +3,13 @@
 import subprocess
 import sys
 
-import numpy as np
 from support.runs.panels import arm, reference, sliding
 
-from stepbus_orchestrator.analysis.signals import Signal, Tracking, tracking_pieces
+from stepbus_orchestrator.analysis.signals import tracking_rmse
 from stepbus_participant import extra_hint
 from stepbus_schemas import JointState
 from stepbus_tools.report import write_report
-from stepbus_tools.report.summary import Tracked
+from stepbus_tools.report.summary import read_joints, tracking_lines
 
 
 def test_nothing_loads_matplotlib_before_it_plots():
@@ -27,10 +26,10 @@ def test_without_matplotlib_the_summary_says_what_to_install(record, tmp_path, m
 
 
 def test_a_prismatic_joint_is_summed_up_in_metres():
-    summary, tracking = Tracked(), sliding()
-    summary.take(tracking)
-    (rmse,) = summary.lines()
-    assert rmse.endswith("turn 0 rad, slide 0 m")
+    tracking = sliding()
+    units = {joint: tracking.unit(joint) for joint in tracking.joints}
+    (rmse,) = tracking_lines(tracking_rmse(tracking, 0.0), units, 0.0)
+    assert rmse.endswith("of the whole run: turn 0 rad, slide 0 m")
 
 
 def test_two_plants_with_a_reference_each_are_both_summed_up(record):
@@ -44,23 +43,13 @@ def test_two_plants_with_a_reference_each_are_both_summed_up(record):
         one=("JointReference/1", ["right/j"], wanted),
         other=("JointReference/1", ["left/j"], wanted),
     )
-    summary = Tracked()
-    for piece in tracking_pieces(recording, 500):
-        summary.take(piece)
-    (line,) = summary.lines()
+    _, (line,) = read_joints(recording)
     assert "right/j 0 rad" in line
     assert "left/j" in line
 
 
 def test_the_worst_of_many_joints_is_named_for_each_unit():
-    steps, names = np.arange(400), [f"j{n}" for n in range(8)]
-    offset = np.zeros((400, 8)) + 0.01 * np.arange(8)
-    types = {"j7": "prismatic"}
-    state = Signal(
-        names=names, steps=steps, t=steps * 0.01, fields={"position": offset}, joint_types=types
-    )
-    wanted = Signal(names=names, steps=steps, t=steps * 0.01, fields={"position": 0 * offset})
-    summary, tracking = Tracked(), Tracking(states={"a": state}, references={"b": wanted})
-    summary.take(tracking)
-    (line,) = summary.lines()
-    assert line.endswith("at most 60 mrad (j6), 70 mm (j7)")
+    rmse = {f"j{n}": 0.01 * n for n in range(8)}
+    units = {**dict.fromkeys(rmse, "rad"), "j7": "m"}
+    (line,) = tracking_lines(rmse, units, 2.0)
+    assert line.endswith("after 2 s: at most 60 mrad (j6), 70 mm (j7)")

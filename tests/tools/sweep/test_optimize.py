@@ -73,8 +73,8 @@ def test_a_metric_that_is_no_finite_number_is_absent_and_says_so(tmp_path):
     options = {"vary": ["seed=1,2"], "set": ["duration=50ms"]}
     options["metrics"] = [f"{tmp_path}/my.py:measure"]
     planned = plan("two_link", options)
-    trials = Trials(collect(planned.variants, planned.spec.metrics), keep="none", home=None)
-    row, _ = trials.run(planned.design[0])
-    trials.close()
+    bundle = collect(planned.variants, planned.spec.metrics)
+    with Trials(bundle, keep="none", home=None) as trials:
+        row, _ = trials.run(planned.design[0])
     assert [row.metrics[name] for name in ("far", "odd", "near")] == [None, None, 0.5]
     assert row.metric_error == "far is inf; odd is nan"

@@ -13,7 +13,6 @@ from stepbus_orchestrator.scenario.ports import OutputSpec
 from stepbus_schemas import Description, Outputs, Types, encode
 from stepbus_tools.viewing.live_page import LivePage, Points
 from stepbus_tools.viewing.stage.curves import Signal, time_span, value_span
-from stepbus_tools.viewing.stage.server import open_page
 
 STEP_NS = 20_000_000
 OWN = Types({
@@ -89,9 +88,8 @@ def test_what_was_there_before_a_port_was_picked_is_drawn(vehicle, tail):
 @pytest.mark.slow
 @needs_chromium
 @pytest.mark.timeout(600)
-def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
-    page = open_page("test")
-    client = types.SimpleNamespace(status={}, offered={}, said=[], last="")
+def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail, page):
+    client = types.SimpleNamespace(status={}, offered={}, last="")
     live = LivePage(page.server, tail, client)
 
     def grown(is_done):
@@ -99,21 +97,18 @@ def test_the_ports_of_a_users_own_types_have_curves(vehicle, tail):
         live.turn(tail.poll())
         return is_done()
 
-    try:
-        with opened(page.address, 800, 500) as watched:
-            curves = Curves(watched)
-            watched.wait(lambda: grown(watched.page.get_by_role("tab").count), "the page")
-            watched.page.get_by_role("tab", name="Curves").press("Enter")
-            watched.wait(lambda: grown(lambda: curves.has("x", "y", "z")), "the position")
-            curves.pick("at", "thrust [N]")
-            watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
-            colours = {"6,104,187", "232,72,12"}
-            watched.wait(lambda: colours <= curves.colours(), "their colours")
-            drawn = curves.drawn()
-            left, right = (np.array(row) for row in drawn.data[1:3])
-            assert np.all(np.diff(left) >= 1.0)
-            assert set(right) == {-1.0}
-            assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]
-            assert not watched.errors
-    finally:
-        page.close()
+    with opened(page.address, 800, 500) as watched:
+        curves = Curves(watched)
+        watched.wait(lambda: grown(watched.page.get_by_role("tab").count), "the page")
+        watched.page.get_by_role("tab", name="Curves").press("Enter")
+        watched.wait(lambda: grown(lambda: curves.has("x", "y", "z")), "the position")
+        curves.pick("at", "thrust [N]")
+        watched.wait(lambda: grown(lambda: curves.has("left", "right")), "the thrust")
+        colours = {"6,104,187", "232,72,12"}
+        watched.wait(lambda: colours <= curves.colours(), "their colours")
+        drawn = curves.drawn()
+        left, right = (np.array(row) for row in drawn.data[1:3])
+        assert np.all(np.diff(left) >= 1.0)
+        assert set(right) == {-1.0}
+        assert drawn.x[0] <= drawn.data[0][0] < drawn.data[0][-1] == drawn.x[1]
+        assert not watched.errors

@@ -87,18 +87,6 @@ def test_a_picture_that_does_not_fit_on_the_disk_is_one_sentence(recording, tmp_
         assert Path(target).stat().st_size > 4096
 
 
-@pytest.mark.parametrize("words", [["report"], ["view", "--no-open"], ["view", "--foxglove"]])
-def test_a_recording_of_another_system_has_no_page(recording, tmp_path, capsys, words):
-    foreign = tmp_path / "ros2.mcap"
-    assert main(["export", str(recording), "--ros2", str(foreign)]) == 0
-    capsys.readouterr()
-    assert main([words[0], str(foreign), *words[1:]]) == 8
-    said = capsys.readouterr()
-    assert "is not from stepbus" in said.err
-    assert said.err.count("\n") == 1
-    assert [path.name for path in tmp_path.iterdir()] == ["ros2.mcap"]
-
-
 def test_the_report_of_half_a_recording_says_so(recording, tmp_path, capsys):
     half, data = tmp_path / "half.mcap", recording.read_bytes()
     half.write_bytes(data[: len(data) * 3 // 4])

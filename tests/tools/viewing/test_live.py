@@ -23,16 +23,8 @@ from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 from stepbus_tools.viewing.live_page import follow
-from stepbus_tools.viewing.stage.server import open_page
 
 STEPBUS = [sys.executable, "-m", "stepbus_orchestrator.cli"]
-
-
-@pytest.fixture
-def page():
-    page = open_page("test")
-    yield page
-    page.close()
 
 
 def test_who_watches_a_run_changes_nothing(tmp_path, page, plain, starts_a_process):

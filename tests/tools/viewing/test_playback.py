@@ -17,7 +17,6 @@ from stepbus_schemas import CallRecord
 from stepbus_tools.viewing.history import History, stop_of
 from stepbus_tools.viewing.playback import Findings, Playback, Player, open_recording, run_names
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.view import stop_banner
 
 
@@ -34,13 +33,6 @@ def recording(tmp_path_factory):
 @pytest.fixture(scope="module")
 def other(tmp_path_factory):
     return record(tmp_path_factory.mktemp("playback") / "other", "controller.params.kp=90")
-
-
-@pytest.fixture
-def page():
-    page = open_page("test")
-    yield page
-    page.close()
 
 
 def test_a_history_has_the_newest_message_of_a_time(recording):

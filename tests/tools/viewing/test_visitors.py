@@ -15,12 +15,10 @@ from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.playback import Playback, open_recording
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.scene.swept import Swept
-from stepbus_tools.viewing.stage.framing import free_part
-from stepbus_tools.viewing.stage.marks import on_slider
 from stepbus_tools.viewing.stage.server import branded, open_page
-from stepbus_tools.viewing.stage.stage import add_light, drawn
-from stepbus_tools.viewing.viewpoint import framed
+from stepbus_tools.viewing.stage.stage import add_light, drawn, free_part
+from stepbus_tools.viewing.stage.view import on_slider
+from stepbus_tools.viewing.viewpoint import Swept, framed
 
 BOX = np.array([-0.5, 0.0, 0.0]), np.array([0.5, 0.4, 1.2])
 RED = (200, 30, 30)

@@ -1,4 +1,4 @@
-"""What checks share: a harness for each start, and a plain run to compare with."""
+"""What a check is, and what checks share: a harness for each start, a plain run to compare with."""
 
 from __future__ import annotations
 
@@ -204,3 +204,35 @@ class Kit:
         with contextlib.suppress(Failed):
             if self.plain().ports() != self.plain("second plain run").ports():
                 raise Skipped("its outputs differ between runs; see `determinism`")
+
+
+Run = Callable[[Kit], str]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Check:
+    """One demand of the protocol.
+
+    name: for `--only`. clause: of docs/protocol.md. summary: what is demanded. run: returns what
+    it observed; raises Failed or Skipped. inputs, plain: whether it is skipped for a participant
+    without inputs, or without a plain run to compare with.
+    """
+
+    name: str
+    clause: str
+    summary: str
+    run: Run
+    inputs: bool = False
+    plain: bool = False
+
+
+def check(
+    clause: str, summary: str, *, inputs: bool = False, plain: bool = False
+) -> Callable[[Run], Check]:
+    """Make a function a `Check`, which has its name."""
+
+    def make(run: Run) -> Check:
+        name = run.__name__.strip("_").replace("_", "-")
+        return Check(name=name, clause=clause, summary=summary, run=run, inputs=inputs, plain=plain)
+
+    return make

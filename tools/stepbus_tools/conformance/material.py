@@ -28,7 +28,7 @@ from stepbus_schemas import (
     Welcome,
     WiringError,
 )
-from stepbus_tools.conformance.feeds import Feed, Ports
+from stepbus_tools.conformance.feeds import Feed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -163,19 +163,18 @@ def read(scenario: Scenario, participant: str, path: Path) -> Material:
     """
     spec = find(scenario, participant)
     recording = Recording(path)
-    sources = dict.fromkeys(item.source for item in spec.inputs.values())
+    names = dict.fromkeys(item.source for item in spec.inputs.values())
+    sources = {name: scenario.participant(name) for name in names}
     described = recorded_descriptions(recording)
     return Material(
         scenario=scenario,
         spec=spec,
-        feed={name: _rows(recording, scenario, name) for name in sources},
+        feed={
+            name: dict(RecordedOutputs(recording, [source]).ahead(name, scenario.steps or 0))
+            for name, source in sources.items()
+        },
         descriptions=input_descriptions(
             scenario, {s.name: described.get(s.name, {}) for s in scenario.participants}
         )[spec.name],
         recording=path,
     )
-
-
-def _rows(recording: Recording, scenario: Scenario, name: str) -> dict[int, Ports]:
-    source = scenario.participant(name)
-    return dict(RecordedOutputs(recording, [source]).ahead(name, scenario.steps or 0))

@@ -3,21 +3,22 @@
 import dataclasses
 import tempfile
 import threading
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
 from msgspec import structs
 
+from stepbus_orchestrator.errors import Interrupted
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_orchestrator.scenario.program import replaced_program, start_command
 from stepbus_participant import suggest
-from stepbus_schemas import BridgeFormat, WiringError, raw_fields
+from stepbus_schemas import BridgeFormat, WiringError, error_text, raw_fields
 
-from .check import Check, run_checks
 from .checks import admission, encodings, endings, inputs, noise, slots, steps
-from .kit import Kit
+from .kit import Check, Kit
 from .material import find, record
-from .outcome import CheckResult, Report
+from .outcome import CheckResult, Failed, Outcome, Report, Skipped
 
 CHECKS = tuple(
     item
@@ -86,6 +87,45 @@ def conformance(
         steps=material.steps,
         checks=results,
     )
+
+
+def run_checks(
+    kit: Kit, checks: Iterable[Check], on_result: Callable[[CheckResult], None]
+) -> tuple[CheckResult, ...]:
+    """Run checks one after the other; on_result: called with each result. Raises Interrupted."""
+    results = []
+    for each in checks:
+        kit.check = each.name
+        began = time.monotonic()
+        outcome, observed = _outcome(kit, each)
+        result = CheckResult(
+            name=each.name,
+            clause=each.clause,
+            summary=each.summary,
+            outcome=outcome,
+            observed=observed,
+            wall_s=time.monotonic() - began,
+        )
+        results.append(result)
+        on_result(result)
+    return tuple(results)
+
+
+def _outcome(kit: Kit, each: Check) -> tuple[Outcome, str]:
+    try:
+        if each.inputs and not kit.spec.inputs:
+            return "skipped", "it has no inputs"
+        if each.plain:
+            kit.reference()
+        return "pass", each.run(kit)
+    except Failed as exc:
+        return "fail", str(exc)
+    except Skipped as exc:
+        return "skipped", str(exc)
+    except Interrupted:
+        raise
+    except Exception as exc:  # noqa: BLE001  (the other checks still run)
+        return "fail", f"the check itself failed: {error_text(exc)}"
 
 
 def _prepared(scenario: Scenario, own: ParticipantSpec, *, is_raw: bool) -> Scenario:

@@ -13,7 +13,7 @@ import numpy as np
 
 from stepbus_orchestrator.recording import Recording
 from stepbus_schemas import WiringError
-from stepbus_tools.columns import Table, readable
+from stepbus_tools.columns import Table, limits_of, readable
 from stepbus_tools.report.curves import FieldCurve, JointCurves, Line, PortCurves, SignalCurves
 
 Role = Literal["measured", "error", "reference", "command", "target"]
@@ -106,16 +106,26 @@ class Chart:
 
 @dataclass(frozen=True, kw_only=True)
 class Mark:
-    """A time that all charts show [s]. level: of a `TimelineEvent`, divergence, or empty."""
+    """An event of a run, or another time that all charts show [s].
+
+    level: info, warning, error, goal, call, fault, failure, divergence, or empty. source: of an
+    event: a participant, or its port.
+    """
 
     t: float
     level: str = ""
     text: str = ""
+    source: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """Return its text, after its source."""
+        return f"{self.source}: {self.text}" if self.source else self.text
 
     @property
     def label(self) -> str:
         """Return its time, its level and its first line."""
-        return f"{self.t:.3f} s {self.level}: {(self.text.splitlines() or [''])[0]}"
+        return f"{self.t:.3f} s {self.level}: {(self.sentence.splitlines() or [''])[0]}"
 
 
 def path_of(port: PortCurves) -> Line | None:
@@ -130,25 +140,24 @@ def path_of(port: PortCurves) -> Line | None:
 def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
     """Return error, position, velocity and torque, or force, of a joint; some may be empty."""
     state, reference = curves.state_of(joint), curves.reference_of(joint)
-    is_sliding = curves.is_prismatic(joint)
-    unit, number = "m" if is_sliding else "rad", curves.measured.index(joint)
+    unit, number = curves.unit(joint), curves.measured.index(joint)
 
     def of(port: SignalCurves | None, quantity: str) -> Line | None:
         return None if port is None else port.of(quantity, joint)
 
-    def chart(title: str, unit: str, limits: Sequence[str], *rows: _Row) -> Chart:
-        return Chart(title, unit, _lines(rows, number), _limits(state, joint, limits))
+    def chart(title: str, unit: str, limited: str, *rows: _Row) -> Chart:
+        return Chart(title, unit, _lines(rows, number), _limits(state, joint, limited))
 
     commands: list[_Row] = [
         (f"command {index or ''}".strip(), of(port, "values"), "command")
         for index, port in enumerate(curves.torques)
     ]
     return [
-        chart("error", unit, (), ("error", curves.error(joint), "error")),
+        chart("error", unit, "", ("error", curves.error(joint), "error")),
         chart(
             "position",
             unit,
-            ("lower", "upper"),
+            "position",
             ("measured", of(state, "position"), "measured"),
             ("reference", of(reference, "position"), "reference"),
             ("target", of(state, "target"), "target"),
@@ -156,14 +165,14 @@ def joint_charts(curves: JointCurves, joint: str) -> list[Chart]:
         chart(
             "velocity",
             f"{unit}/s",
-            ("velocity",),
+            "velocity",
             ("measured", of(state, "velocity"), "measured"),
             ("reference", of(reference, "velocity"), "reference"),
         ),
         chart(
-            "force" if is_sliding else "torque",
-            "N" if is_sliding else "N·m",
-            ("effort",),
+            "force" if unit == "m" else "torque",
+            "N" if unit == "m" else "N·m",
+            "effort",
             ("applied", of(state, "effort"), "measured"),
             *commands,
         ),
@@ -180,16 +189,12 @@ def _lines(rows: Iterable[_Row], number: int) -> list[ChartLine]:
     return [ChartLine(name, row, role, number) for name, row, role in shown]
 
 
-def _limits(state: SignalCurves | None, joint: str, keys: Sequence[str]) -> list[float]:
-    """Return the limits of a joint that are finite; of a single key, both signs of it."""
+def _limits(state: SignalCurves | None, joint: str, quantity: str) -> list[float]:
+    """Return the limits of a joint that are finite."""
     if state is None:
         return []
-    index = state.names.index(joint)
-    rows = [state.limits.get(key, ()) for key in keys]
-    numbers = [float(row[index]) for row in rows if len(row) > index]
-    if len(keys) == 1:
-        numbers += [-value for value in numbers]
-    return sorted(value for value in numbers if np.isfinite(value))
+    ends = limits_of(state.limits, quantity, state.names.index(joint))
+    return [value for value in ends if np.isfinite(value)]
 
 
 def all_joints(curves: JointCurves) -> Iterator[Chart]:
@@ -197,8 +202,8 @@ def all_joints(curves: JointCurves) -> Iterator[Chart]:
 
     Of more than twenty joints, the first are shown.
     """
-    for is_sliding in (False, True):
-        joints = [name for name in curves.measured if curves.is_prismatic(name) == is_sliding]
+    for unit in ("rad", "m"):
+        joints = [name for name in curves.measured if curves.unit(name) == unit]
         cut = f" (first {_MOST_JOINTS} of {len(joints)} joints)"
         more = cut if len(joints) > _MOST_JOINTS else ""
         shown = [joint_charts(curves, joint) for joint in joints[:_MOST_JOINTS]]

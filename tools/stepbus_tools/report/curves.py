@@ -255,10 +255,11 @@ class JointCurves:
         """Return the reference of a joint."""
         return _with(joint, self._references)
 
-    def is_prismatic(self, joint: str) -> bool:
-        """Return whether a joint slides."""
+    def unit(self, joint: str) -> str:
+        """Return the unit of a joint's position: m of a prismatic one, else rad."""
         state = self.state_of(joint)
-        return state is not None and state.joint_types.get(joint) == "prismatic"
+        is_prismatic = state is not None and state.joint_types.get(joint) == "prismatic"
+        return "m" if is_prismatic else "rad"
 
     def error(self, joint: str) -> Line | None:
         """Return reference minus measured position; without references, the targets of motors."""

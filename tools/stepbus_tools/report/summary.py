@@ -3,11 +3,11 @@
 import csv
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 from stepbus_orchestrator.analysis.findings import findings
-from stepbus_orchestrator.analysis.signals import Tracking, TrackingError, tracking_pieces
+from stepbus_orchestrator.analysis.signals import TrackingError, tracking_pieces
 from stepbus_orchestrator.recording import Recording, Tail
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import open_regular
@@ -26,14 +26,17 @@ def read_joints(recording: Recording) -> tuple[JointCurves, list[str]]:
 
     It is read piece by piece. Raises MessageError where that of a joint cannot be read.
     """
-    curves, tracked = JointCurves(), Tracked()
+    ends = [row.t_ns * 1e-9 for port in recording.of_type("JointState/1") if (row := port.last)]
+    after_s = _SETTLED_S if max(ends, default=0.0) > _SETTLED_S else 0.0
+    curves, tracked = JointCurves(), TrackingError(after_s)
     for piece in tracking_pieces(recording):
         curves.take(piece)
         tracked.take(piece)
+    units = {joint: curves.unit(joint) for joint in curves.joints}
     result = result_beside(recording)
     late = result.real_time.complaint() if result and result.real_time else ""
     lines = [
-        *(tracked.lines() if curves.measured else ()),
+        *tracking_lines(tracked.rmse(), units, after_s),
         *(f"attention {line}" for line in [*findings(recording), late] if line),
         *_profile_lines(recording.path.parent / "profile"),
     ]
@@ -90,38 +93,23 @@ def _mean_step_us(path: Path) -> dict[str, float]:
     return {part: total * 1e-3 / steps for part, total in totals.items()} if steps else {}
 
 
-class Tracked:
-    """How well the joints follow their reference; give it all pieces of a recording."""
+def tracking_lines(
+    rmse: Mapping[str, float], units: Mapping[str, str], after_s: float
+) -> list[str]:
+    """Return the tracking in lines, none without a reference; rmse, units: by joint.
 
-    def __init__(self) -> None:
-        self._last_s = 0.0
-        self._units: dict[str, str] = {}
-        self._whole, self._settled = TrackingError(0.0), TrackingError(_SETTLED_S)
-
-    def take(self, piece: Tracking) -> None:
-        """Take the next piece of a recording."""
-        ends = [float(state.t[-1]) for state in piece.states.values()]
-        self._last_s = max([self._last_s, *ends])
-        self._units |= {joint: piece.unit(joint) for joint in piece.joints}
-        for part in (self._whole, self._settled):
-            part.take(piece)
-
-    def lines(self) -> list[str]:
-        """Return the tracking in lines, none without a reference."""
-        settled = self._last_s > _SETTLED_S
-        rmse = (self._settled if settled else self._whole).rmse()
-        if not rmse:
-            return []
-        when = f"after {_SETTLED_S:g} s" if settled else "of the whole run"
-        if len(rmse) > _MOST_NAMED:
-            return [f"tracking RMSE {when}: at most {', '.join(self._worst(rmse))}"]
-        values = (f"{joint} {engineering(rmse[joint], self._units[joint])}" for joint in rmse)
-        return [f"tracking RMSE {when}: {', '.join(values)}"]
-
-    def _worst(self, rmse: Mapping[str, float]) -> Iterator[str]:
-        """Yield the worst joint of each unit."""
-        for unit in ("rad", "m"):
-            joints = [joint for joint in rmse if self._units[joint] == unit]
-            if joints:
-                worst = max(joints, key=lambda joint: (math.isnan(rmse[joint]), rmse[joint]))
-                yield f"{engineering(rmse[worst], unit)} ({worst})"
+    Of many joints, the worst of each unit is named. after_s: the start of what is summed up [s].
+    """
+    if not rmse:
+        return []
+    when = f"after {after_s:g} s" if after_s else "of the whole run"
+    if len(rmse) > _MOST_NAMED:
+        by_unit = {
+            units[joint]: joint
+            for joint in sorted(rmse, key=lambda j: (math.isnan(rmse[j]), rmse[j]))
+        }
+        worst = (by_unit[unit] for unit in ("rad", "m") if unit in by_unit)
+        texts = [f"{engineering(rmse[joint], units[joint])} ({joint})" for joint in worst]
+        return [f"tracking RMSE {when}: at most {', '.join(texts)}"]
+    texts = [f"{joint} {engineering(rmse[joint], units[joint])}" for joint in rmse]
+    return [f"tracking RMSE {when}: {', '.join(texts)}"]

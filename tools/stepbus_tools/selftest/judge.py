@@ -67,7 +67,7 @@ def judge(joints: Sequence[TestedJoint], plan: Sequence[Trial], state: Signal) -
     """
     return [
         best([_verdict(trial, joints, state) for trial in plan if trial.joint is joint])
-        or Verdict(joint=joint.name, type=_type(joint), mode=joint.mode)
+        or Verdict(joint=joint.name, type=joint.type, mode=joint.mode)
         for joint in joints
     ]
 
@@ -99,7 +99,7 @@ def _verdict(trial: Trial, joints: Sequence[TestedJoint], state: Signal) -> Verd
     ]
     return Verdict(
         joint=joint.name,
-        type=_type(joint),
+        type=joint.type,
         mode=joint.mode,
         commanded=trial.goal,
         measured=float(evidence.after[joint.index]),
@@ -107,10 +107,6 @@ def _verdict(trial: Trial, joints: Sequence[TestedJoint], state: Signal) -> Verd
         ok=not findings,
         findings=findings,
     )
-
-
-def _type(joint: TestedJoint) -> str:
-    return "revolute" if joint.is_rotary else "prismatic"
 
 
 def _evidence(state: Signal, joints: Sequence[TestedJoint], trial: Trial) -> _Evidence:
@@ -168,11 +164,7 @@ def _is_at_limit(joint: TestedJoint, evidence: _Evidence) -> bool:
 
 
 def _effort(joint: TestedJoint) -> str:
-    return f"{joint.effort:g} {_unit(joint, 'N·m', 'N')}"
-
-
-def _unit(joint: TestedJoint, rotary: str, prismatic: str) -> str:
-    return rotary if joint.is_rotary else prismatic
+    return f"{joint.effort:g} {joint.units[0]}"
 
 
 def _pushed(trial: Trial, state: Signal) -> Iterator[str]:
@@ -184,8 +176,8 @@ def _pushed(trial: Trial, state: Signal) -> Iterator[str]:
     effort = state.of("effort", joint.name)
     for place, torque in ((forward, joint.push), (back, -joint.push)):
         if effort is not None and not math.isclose(effort[place], torque, rel_tol=1e-3):
-            unit = _unit(joint, "N·m", "N")
-            yield f"applies {effort[place]:.3g} {unit} instead of the commanded {torque:.3g}"
+            applied = f"{effort[place]:.3g} {joint.units[0]}"
+            yield f"applies {applied} instead of the commanded {torque:.3g}"
 
 
 def _moved_most(
@@ -216,7 +208,6 @@ def _beyond(joint: TestedJoint, evidence: _Evidence) -> Iterator[str]:
         yield f"is at {end:.4f}, beyond its limits [{joint.lower:g}, {joint.upper:g}]"
     speed, effort = evidence.speed[joint.index], evidence.effort[joint.index]
     if joint.mode not in _FREE and speed > 1.1 * joint.speed:
-        unit = _unit(joint, "rad/s", "m/s")
-        yield f"moves at {speed:.2f} {unit}, beyond its limit of {joint.speed:g}"
+        yield f"moves at {speed:.2f} {joint.units[1]}, beyond its limit of {joint.speed:g}"
     if effort > 1.001 * joint.effort:
         yield f"applies {effort:.3g}, beyond its limit of {joint.effort:g}"

@@ -40,6 +40,16 @@ class TestedJoint:
     effort: float
     start: float
 
+    @property
+    def type(self) -> str:
+        """Return how it moves."""
+        return "revolute" if self.is_rotary else "prismatic"
+
+    @property
+    def units(self) -> tuple[str, str]:
+        """Return the units of its effort and of its velocity."""
+        return ("N·m", "rad/s") if self.is_rotary else ("N", "m/s")
+
     def goals(self, angle: float) -> list[float]:
         """Return where it is sent: to plus and minus an angle [rad], as far as its stops allow.
 

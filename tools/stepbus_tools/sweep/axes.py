@@ -19,7 +19,6 @@ from stepbus_schemas import WiringError
 
 FAULTS = "faults"
 """The axis whose values are faults to inject; `none`: no fault."""
-_CALL = re.compile(r"(\w+)\s*(?:\((.*)\))?", re.DOTALL)
 _NUMBER = r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*"
 _RANGE = re.compile(rf"{_NUMBER}:{_NUMBER}(?::\s*(\d+)\s*)?(?::\s*(log|lin)\s*)?")
 _AXIS = re.compile(r"([\w.\-/ ]+?)\s*([=~])\s*(\S.*)", re.DOTALL)
@@ -163,21 +162,22 @@ def parse_distribution(given: str, text: str) -> Distribution:
 
     text: the axis, for the error.
     """
-    match = _CALL.fullmatch(given)
-    if match is None:
-        raise WiringError(f"{text}: write a distribution as NAME(…), e.g. normal(1, 0.1)")
-    written = match[2] or ""
     try:
-        call = cast("ast.Call", ast.parse(f"f({written})", mode="eval").body)
+        node = ast.parse(given, mode="eval").body
+        call = node if isinstance(node, ast.Call) else ast.Call(node, [], [])
+        name = cast("ast.Name", call.func).id
         arguments = [ast.literal_eval(value) for value in call.args]
         keywords = {str(item.arg): ast.literal_eval(item.value) for item in call.keywords}
     except (AttributeError, SyntaxError, ValueError) as exc:
-        raise WiringError(f"{text}: {written!r} must be numbers or quoted strings") from exc
-    if match[1] == _CHOICE:
+        raise WiringError(
+            f"{text}: write a distribution as NAME(…), e.g. normal(1, 0.1); its arguments must be "
+            "numbers or quoted strings"
+        ) from exc
+    if name == _CHOICE:
         if not arguments or keywords:
             raise WiringError(f"{text}: choice needs its values, e.g. choice('a', 'b')")
         return Distribution(None, choices=tuple(arguments))
-    return _of_scipy(_ALIASES.get(match[1], match[1]), arguments, keywords, text)
+    return _of_scipy(_ALIASES.get(name, name), arguments, keywords, text)
 
 
 def _of_scipy(name: str, arguments: list[Any], keywords: dict[str, Any], text: str) -> Distribution:

@@ -16,7 +16,6 @@ from stepbus_schemas import WiringError
 from stepbus_tools.whole_file import replaced
 
 METRICS_FOLDER = "metrics"
-_MOST_BYTES = 5_000_000
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -109,14 +108,7 @@ def _modules_beside(path: Path) -> dict[str, bytes]:
         *(f for package in packages for f in package.rglob("*.py")),
     ]
     chosen = dict.fromkeys([path, *sorted(beside)])
-    contents = read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
-    if sum(map(len, contents.values())) > _MOST_BYTES:
-        raise WiringError(
-            f"{path}: over {_MOST_BYTES // 1000000} MB of Python files in its folder; a "
-            "metric is copied to every machine with all modules in its folder: move it "
-            "to a separate folder"
-        )
-    return contents
+    return read_files({file.relative_to(path.parent).as_posix(): file for file in chosen})
 
 
 def _settings(scenario: Scenario) -> list[str]:

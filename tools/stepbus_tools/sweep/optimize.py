@@ -45,11 +45,12 @@ class Optimizer:
         """Yield the points of one batch after the other; tell the rows before the next."""
         for first in range(0, self._trials, self._batch):
             last = min(first + self._batch, self._trials)
-            yield [self._ask(number) for number in range(first, last)]
-
-    def _ask(self, number: int) -> Point:
-        trial = self._asked[number] = self._study.ask()
-        return Point(number, {axis.paths[0]: _suggest(trial, axis) for axis in self._axes})
+            points = []
+            for number in range(first, last):
+                trial = self._asked[number] = self._study.ask()
+                values = {axis.paths[0]: _suggest(trial, axis) for axis in self._axes}
+                points.append(Point(number, values))
+            yield points
 
     def tell(self, rows: Sequence[ResultRow]) -> None:
         """Tell what came of a batch; a run without the metric is a failed one.

@@ -1,18 +1,19 @@
-"""Workers on Ray: one process each, which runs one point after the other.
+"""Points as tasks of Ray, on this machine or on a cluster.
 
-Ray gives the processes, on this machine or on a cluster, and tells which of them have died. What
-was in one that has died goes to another; nothing else is lost.
+Ray has the processes and gives each task a core. A point whose process dies is run again; nothing
+else is lost.
 """
 
 import logging
 import os
 import shutil
+import signal
 import sys
 import tempfile
 import time
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import islice
 from pathlib import Path
 from typing import Any, Self
 
@@ -28,11 +29,9 @@ from stepbus_tools.sweep.trial import Files, Trials
 
 _TEMPORARY = "stepbus-ray-"
 _WAIT_S = 0.25
-_LOOK_S = 5.0
 _MOST_DEATHS = 3
 _LONGEST_FOLDER = 22
 _START_S = 60.0
-_CLOSE_S = 2.0
 _RETRIED = frozenset(
     (ExitCode.START, ExitCode.DIED, ExitCode.STEP_TIMEOUT, ExitCode.BUS, ExitCode.STOP_TIMEOUT)
 )
@@ -64,60 +63,55 @@ class _Task:
     point: Point
     attempts: int = 0
     deaths: int = 0
+    since: float = field(default_factory=time.monotonic)
+
+    def row(self, outcome: str, reason: str, code: ExitCode) -> ResultRow:
+        """Return the row of a run that has no result of its own."""
+        return self.counted(failed_row(self.point, outcome, reason, code))
 
     def counted(self, row: ResultRow) -> ResultRow:
+        """Return a row with the number of attempts."""
         return msgspec.structs.replace(row, attempts=self.attempts)
 
 
-@dataclass(eq=False)
-class _Worker:
-    """One process of the pool; task: what it does, since `since` [s]."""
+def _run_point(
+    bundle: Bundle, point: Point, options: PoolOptions, temporary: str | None
+) -> tuple[bytes, Files]:
+    """Run a point in a process of Ray; return its row as JSON, and the files of a run to keep.
 
-    actor: Any
-    is_ready: bool = False
-    task: _Task | None = None
-    since: float = field(default_factory=time.monotonic)
+    A run that takes longer than `timeout_s` ends the process: the kernel's timer does so even if
+    the run hangs in C.
+    """
+    signal.setitimer(signal.ITIMER_REAL, options.timeout_s)
+    try:
+        # On a cluster, a folder of that name is another folder on another machine.
+        home = None if options.address else options.home
+        with Trials(bundle, keep=options.keep, home=home, temporary=temporary) as trials:
+            row, files = trials.run(point)
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+    return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
 
 
-class _Runner:
-    """What runs in a worker."""
-
-    def __init__(self, bundle: Bundle, keep: str, home: Path | None, temporary: str) -> None:
-        self._trials = Trials(bundle, keep=keep, home=home, temporary=temporary or None)
-
-    def close(self) -> None:
-        """Remove what the worker has on its machine."""
-        self._trials.close()
-
-    def ready(self) -> None:
-        """Return once the worker is there."""
-
-    def run(self, point: Point) -> tuple[bytes, Files]:
-        """Run a point; return its row as JSON, and the files of a run that stays."""
-        row, files = self._trials.run(point)
-        return msgspec.json.encode(msgspec.structs.replace(row, where=os.uname().nodename)), files
+def _check(bundle: Bundle) -> None:
+    """Load what runs need, in a process of Ray; raises MetricFailed as `Trials`."""
+    with Trials(bundle, keep="none", home=None):
+        pass
 
 
 class Pool:
-    """Runs points on Ray; enter it, and iterate over what `run` yields.
+    """Runs points on Ray; enter it, and iterate over the results of `run`.
 
-    Raises ExtraMissing where Ray is not installed, StartFailed where it does not start or no
-    cluster is at the address.
+    Raises ExtraMissing where Ray is not installed, StartFailed where it does not start, no cluster
+    is at the address or a metric cannot be loaded.
     """
 
     def __init__(self, bundle: Bundle, options: PoolOptions) -> None:
         self._bundle = bundle
-        self._options = options
+        self._options = replace(options, home=options.home.resolve())
         self._set_environment()
         (self._ray,) = need("a sweep", "ray")
         self._temporary = ""
-        self._workers: list[_Worker] = []
-        self._pending: dict[Any, _Worker] = {}
-        """What Ray will answer, and the worker on it."""
-        self._again: deque[_Task] = deque()
-        self._looked = 0.0
-
-    # --- Ray ------------------------------------------------------------------------------
 
     def _set_environment(self) -> None:
         """Tell Ray, which reads it when it is imported, to call no one and to let no one in."""
@@ -158,139 +152,77 @@ class Pool:
             self._end()
             failed = f"connect to Ray at {address}" if address else "start Ray"
             raise StartFailed(f"could not {failed}: {exc}") from exc
-        self._stored = self._ray.put(self._bundle)
-        self._actor = self._ray.remote(num_cpus=1, max_restarts=0, max_task_retries=0)(_Runner)
+        try:
+            self._stored = self._ray.put(self._bundle)
+            remote = self._ray.remote(num_cpus=1, max_retries=0)
+            self._run = remote(_run_point)
+            self._ray.get(remote(_check).remote(self._stored), timeout=_START_S)
+        except self._ray.exceptions.RayError as exc:
+            self._end()
+            why = getattr(exc, "cause", exc)
+            if isinstance(exc, self._ray.exceptions.GetTimeoutError):
+                why = f"none within {_START_S:.0f} s; is a core free? See `ray status`"
+            raise StartFailed(f"could not start a worker: {why}") from exc
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all workers, and the Ray that was started here."""
+        """End all processes, and the Ray that was started here."""
         self._end()
 
     def _end(self) -> None:
-        idle = [worker.actor.close.remote() for worker in self._idle()]
-        if idle:
-            self._ray.wait(idle, num_returns=len(idle), timeout=_CLOSE_S)
-        for worker in self._workers:
-            self._ray.kill(worker.actor)
-        self._workers.clear()
         self._ray.shutdown()
         if self._temporary:
             shutil.rmtree(self._temporary, ignore_errors=True)
 
-    # --- work -----------------------------------------------------------------------------
-
     def run(self, points: Iterable[Point], is_over: Callable[[], bool]) -> Iterator[Done]:
         """Yield row and files of each point, as they come; until all have, or it is over."""
-        tasks, started, has_more = map(_Task, points), time.monotonic(), True
+        tasks, pending = map(_Task, points), dict[Any, _Task]()
         while not is_over():
-            self._fit()
-            for worker in self._idle():
-                task = self._again.popleft() if self._again else next(tasks, None)
-                if task is None:
-                    has_more = False
-                    break
-                task.attempts += 1
-                worker.task, worker.since = task, time.monotonic()
-                self._pending[worker.actor.run.remote(task.point)] = worker
-            if not (has_more or self._again or any(worker.task for worker in self._workers)):
+            idle = max(0, self._cores() - len(pending))
+            pending |= {self._start(task): task for task in islice(tasks, idle)}
+            if not pending:
                 return
-            if not self._workers_are_there(started):
-                raise StartFailed(
-                    f"no Ray worker has started within {_START_S:.0f} s: is a core free? "
-                    "See `ray status`"
-                )
-            yield from self._finished()
+            ready, _ = self._ray.wait(list(pending), timeout=_WAIT_S)
+            for reference in ready:
+                task = pending.pop(reference)
+                done = self._done(task, reference)
+                if done is None:
+                    pending[self._start(task)] = task
+                else:
+                    yield done
 
-    def _idle(self) -> list[_Worker]:
-        return [worker for worker in self._workers if worker.is_ready and worker.task is None]
-
-    def _fit(self) -> None:
-        """Have as many workers as there are cores, which come and go on a cluster."""
-        now = time.monotonic()
-        if now - self._looked < _LOOK_S and self._workers:
-            return
-        self._looked = now
-        options = self._options
+    def _cores(self) -> int:
+        """Return how many tasks may run at once; on a cluster, cores come and go."""
         cores = int(self._ray.cluster_resources().get("CPU", 0))
-        wanted = min(cores, options.jobs) if options.jobs else cores
-        # On a cluster, a folder of that name is another folder on another machine.
-        home = None if options.address else options.home.resolve()
-        for _ in range(wanted - len(self._workers)):
-            worker = _Worker(self._actor.remote(self._stored, options.keep, home, self._temporary))
-            self._workers.append(worker)
-            self._pending[worker.actor.ready.remote()] = worker
+        return max(1, min(cores, self._options.jobs or cores))
 
-    def _workers_are_there(self, started: float) -> bool:
-        """Return whether one has come, or may still do so."""
-        is_late = time.monotonic() - started > _START_S
-        return not is_late or any(worker.is_ready for worker in self._workers)
+    def _start(self, task: _Task) -> Any:
+        """Return the reference of a task that Ray has got."""
+        task.attempts += 1
+        task.since = time.monotonic()
+        temporary = self._temporary or None
+        return self._run.remote(self._stored, task.point, self._options, temporary)
 
-    def _finished(self) -> Iterator[Done]:
-        """Yield what has come; put what goes to another worker aside."""
-        if not self._pending:
-            time.sleep(_WAIT_S)
-            return
-        ready, _ = self._ray.wait(list(self._pending), num_returns=1, timeout=_WAIT_S)
-        for reference in ready:
-            worker = self._pending.pop(reference)
-            task, worker.task = worker.task, None
-            if task is None:
-                self._started(worker, reference)
-                continue
-            done = self._done(worker, task, reference)
-            if done is not None:
-                yield done
-        yield from self._late()
-
-    def _started(self, worker: _Worker, reference: Any) -> None:
-        """Take a new worker; raises StartFailed for one that raises."""
-        try:
-            self._ray.get(reference)
-            worker.is_ready = True
-        except self._ray.exceptions.RayTaskError as exc:
-            raise StartFailed(f"could not start a worker: {exc.cause}") from exc
-        except self._ray.exceptions.RayError:
-            self._drop(worker)
-
-    def _done(self, worker: _Worker, task: _Task, reference: Any) -> Done | None:
-        """Return what became of a task; None where another worker does it again."""
-        errors = self._ray.exceptions
+    def _done(self, task: _Task, reference: Any) -> Done | None:
+        """Return what became of a task; None if it has to run again."""
+        errors, limit_s = self._ray.exceptions, self._options.timeout_s
         try:
             answer = self._ray.get(reference)
         except errors.RayTaskError as exc:
-            row = failed_row(task.point, "failed", f"{exc.cause}", ExitCode.INTERNAL)
-            return task.counted(row), {}
-        except (errors.RayActorError, errors.ObjectLostError, errors.RaySystemError):
-            self._drop(worker)
+            return task.row("failed", f"{exc.cause}", ExitCode.INTERNAL), {}
+        except errors.RayError:
+            if limit_s and time.monotonic() - task.since >= limit_s:
+                reason = f"it exceeded the limit of {limit_s:g} s"
+                return task.row(_TIMED_OUT, reason, ExitCode.STEP_TIMEOUT), {}
             task.deaths += 1
             if task.deaths < _MOST_DEATHS:
-                self._again.append(task)
                 return None
             reason = f"its worker process died {task.deaths} times"
-            return task.counted(failed_row(task.point, "died", reason, ExitCode.DIED)), {}
+            return task.row("died", reason, ExitCode.DIED), {}
         row, files = msgspec.json.decode(answer[0], type=ResultRow), answer[1]
         if row.exit_code in _RETRIED and task.attempts <= self._options.retries:
-            self._again.append(task)
             return None
         return task.counted(row), files
-
-    def _late(self) -> Iterator[Done]:
-        """Kill what takes too long, and yield its row."""
-        limit_s, now = self._options.timeout_s, time.monotonic()
-        for reference, worker in list(self._pending.items()):
-            task = worker.task
-            if limit_s and task is not None and now - worker.since >= limit_s:
-                del self._pending[reference]
-                self._drop(worker)
-                reason = f"it exceeded the limit of {limit_s:g} s"
-                row = failed_row(task.point, _TIMED_OUT, reason, ExitCode.STEP_TIMEOUT)
-                yield task.counted(row), {}
-
-    def _drop(self, worker: _Worker) -> None:
-        self._ray.kill(worker.actor)
-        if worker in self._workers:
-            self._workers.remove(worker)
-        self._looked = 0.0
 
 
 def _short_folder() -> str:

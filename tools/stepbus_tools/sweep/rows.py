@@ -26,6 +26,7 @@ TABLE_FILE = "results.parquet"
 TIMES_FILE = "times.parquet"
 _ROWS_A_GROUP = 4096
 _FIXED = ("outcome", "exit_code", "reason", "participant", "steps", "sha256", "folder")
+_TIMES = ("run", "wall_s", "steps_per_s", "where", "attempts")
 
 
 class ResultRow(msgspec.Struct, frozen=True, kw_only=True):
@@ -49,6 +50,11 @@ class ResultRow(msgspec.Struct, frozen=True, kw_only=True):
     wall_s: float = 0.0
     where: str = ""
     attempts: int = 1
+
+    @property
+    def steps_per_s(self) -> float | None:
+        """Return the steps per second of the wall clock; None where that is unknown."""
+        return self.steps / self.wall_s if self.wall_s else None
 
     @property
     def folder(self) -> str | None:
@@ -157,25 +163,16 @@ def write_table(journal: Journal, paths: Sequence[str], folder: Path) -> None:
     taken = {*ours, *axes.values()}
     wanted = [f"metric.{name}" if name in taken else name for name in names]
     metrics = dict(zip(names, distinct(wanted, taken), strict=True))
+    rows = list(journal.rows())
     columns: dict[str, list[Any]] = {
-        name: [] for name in ("run", *axes.values(), *_FIXED, *metrics.values(), "metric_error")
+        "run": [row.run for row in rows],
+        **{column: [row.values.get(path) for row in rows] for path, column in axes.items()},
+        **{name: [getattr(row, name) for row in rows] for name in _FIXED},
+        **{column: [row.metrics.get(name) for row in rows] for name, column in metrics.items()},
     }
-    times: dict[str, list[Any]] = {
-        name: [] for name in ("run", "wall_s", "steps_per_s", "where", "attempts")
-    }
-    for row in journal.rows():
-        for path, column in axes.items():
-            columns[column].append(row.values.get(path))
-        for name in ("run", *_FIXED):
-            columns[name].append(getattr(row, name))
-        for name, column in metrics.items():
-            columns[column].append(row.metrics.get(name))
-        columns["metric_error"].append(row.metric_error or None)
-        for name in ("run", "wall_s", "where", "attempts"):
-            times[name].append(getattr(row, name))
-        times["steps_per_s"].append(row.steps / row.wall_s if row.wall_s else None)
-    if not any(columns["metric_error"]):
-        del columns["metric_error"]
+    if any(row.metric_error for row in rows):
+        columns["metric_error"] = [row.metric_error or None for row in rows]
+    times = {name: [getattr(row, name) for row in rows] for name in _TIMES}
     empty = {
         **dict.fromkeys(("run", "exit_code", "steps", "attempts"), arrow.int64()),
         **dict.fromkeys((*metrics.values(), "wall_s", "steps_per_s"), arrow.float64()),

@@ -51,6 +51,8 @@ def builtin_metrics(result: Result, recording: Recording) -> dict[str, Value]:
     errors = tracking_rmse(
         tracking, _SETTLED_AFTER_S if result.simulated_s > _SETTLED_AFTER_S else 0.0
     )
+    states = tracking.states.values()
+    saturations = [share for state in states if (share := _saturation(state)) is not None]
     steps = [response for joint in tracking.joints if (response := _step_response(tracking, joint))]
     return {
         "success": result.exit_code == 0,
@@ -59,8 +61,8 @@ def builtin_metrics(result: Result, recording: Recording) -> dict[str, Value]:
         **{f"rmse.{joint}": error for joint, error in errors.items()},
         "overshoot": max((overshoot for overshoot, _ in steps), default=None),
         "settling": max((settled for _, settled in steps), default=None),
-        "saturation": _largest(map(_saturation, tracking.states.values())),
-        "energy": _energy(tracking.states.values()),
+        "saturation": max(saturations, default=None),
+        "energy": _energy(states),
     }
 
 
@@ -88,10 +90,6 @@ def _saturation(state: Signal) -> float | None:
     if effort is None or limits is None or not len(effort):
         return None
     return float(np.max(np.mean(np.abs(effort) >= np.asarray(limits) * _FULL, axis=0)))
-
-
-def _largest(values: Any) -> float | None:
-    return max((value for value in values if value is not None), default=None)
 
 
 def _energy(states: Any) -> float | None:

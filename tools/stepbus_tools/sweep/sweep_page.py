@@ -11,8 +11,7 @@ from typing import Any
 from urllib.parse import quote
 
 from stepbus_participant import need
-from stepbus_tools.look import MARK, style_sheet
-from stepbus_tools.report.figure_html import png_figure
+from stepbus_tools.look import MARK, png_figure, style_sheet
 from stepbus_tools.sweep.rows import Journal, ResultRow
 from stepbus_tools.sweep.spec import Plan, Spec
 from stepbus_tools.sweep.sweep_metrics import BUILTIN, UNITS
@@ -42,6 +41,7 @@ def write_page(
     rows = [row for index, row in enumerate(journal.rows()) if index % every == 0]
     failed = sum(row.exit_code != 0 for row in journal.rows())
     part = f" The charts show {len(rows)} of them." if every > 1 else ""
+    word = f"{failed} of {len(journal)} failed" if failed else "all finished"
     note = "; the red crosses" if failed else ""
     number = rows[0].run if rows else 0
     room = files(__package__ or "")
@@ -50,7 +50,7 @@ def write_page(
         icon=quote(MARK),
         style=style_sheet(),
         mark=MARK + "stepbus",
-        verdict=_verdict(len(journal), failed),
+        verdict=f'<span class="verdict{" failed" if failed else ""}">{word}</span>',
         summary=f"<b>{len(journal)}</b> runs, <b>{failed}</b> failed{note}.{part}",
         pictures="".join(png_figure(path.read_bytes(), title) for title, path in pictures.items()),
         failures=_failures(journal),
@@ -65,11 +65,6 @@ def write_page(
     )
     with replaced(folder / PAGE_FILE) as target:
         target.write_text(text, encoding="utf-8")
-
-
-def _verdict(count: int, failed: int) -> str:
-    word = f"{failed} of {count} failed" if failed else "all finished"
-    return f'<span class="verdict{" failed" if failed else ""}">{word}</span>'
 
 
 def _data(

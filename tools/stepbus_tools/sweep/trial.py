@@ -7,6 +7,7 @@ import tempfile
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Self
 
 import msgspec
 
@@ -47,7 +48,11 @@ class Trials:
         self._scenario = bundle.unpack(source)
         self._metrics = Metrics(bundle.metrics, source / METRICS_FOLDER)
 
-    def close(self) -> None:
+    def __enter__(self) -> Self:
+        """Return it."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
         """Remove the folder."""
         shutil.rmtree(self._folder, ignore_errors=True)
 

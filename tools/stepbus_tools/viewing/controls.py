@@ -7,7 +7,7 @@ from stepbus_tools.viewing.run_client import RunClient
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.stage.stage import Stage
 from stepbus_tools.viewing.stage.view import stop_banner
-from stepbus_tools.viewing.steer_panel import SteerPanel, StopButtons
+from stepbus_tools.viewing.steer_panel import SteerPanel, offering
 
 _SPEEDS: Mapping[str, float | None] = {
     "as fast as possible": None,
@@ -15,6 +15,7 @@ _SPEEDS: Mapping[str, float | None] = {
     "half": 0.5,
     "a tenth": 0.1,
 }
+_STOP = "emergency_stop"
 _PLAY, _PAUSE = "player-play-filled", "player-pause-filled"
 _HINT = "The run has not started, or it runs in one process: you cannot change it here."
 _REDONE = "Each change is recorded as a call with its step; `stepbus rerun` repeats it."
@@ -29,14 +30,17 @@ class Controls:
         self._server = server
         self._client = client
         self._banner = gui.add_html("")
-        self._stop = StopButtons(gui, client)
+        self._stop = gui.add_button("emergency stop", color="red", icon="hand-stop", visible=False)
+        self._stop.on_click(lambda _: self._ask_stop(stops=True))
+        self._release = gui.add_button("release", color="dark", icon="lock-open", visible=False)
+        self._release.on_click(lambda _: self._ask_stop(stops=False))
         self._pause = gui.add_button("pause", icon=_PAUSE, hint="space", visible=False)
         self._pause.on_click(lambda _: self._toggle())
         self._step = gui.add_button("step", icon="player-track-next", hint="→", visible=False)
         self._step.on_click(lambda _: self._one_step())
         gui.add_command("pause or resume", hotkey="space").on_trigger(lambda _: self._toggle())
         gui.add_command("one step", hotkey="arrowright").on_trigger(lambda _: self._one_step())
-        self._speeds = dict(_SPEEDS)
+        self._speeds = _SPEEDS
         self._speed = gui.add_dropdown(
             "speed", tuple(_SPEEDS), initial_value=next(iter(_SPEEDS)), visible=False
         )
@@ -62,6 +66,10 @@ class Controls:
     def _toggle(self) -> None:
         self._client.ask("", "resume" if self._is_paused else "pause")
 
+    def _ask_stop(self, *, stops: bool) -> None:
+        for who in offering(self._client.offered, _STOP):
+            self._client.ask(who, _STOP, stops, "the user of the page")
+
     def _one_step(self) -> None:
         if self._is_paused:
             self._client.ask("", "step", 1)
@@ -76,7 +84,9 @@ class Controls:
         banner = stop_banner(stopped)
         if banner != self._banner.content:
             self._banner.content = banner
-        self._stop.update(is_stopped=bool(stopped))
+        can_stop = bool(offering(self._client.offered, _STOP))
+        self._stop.visible = can_stop and not stopped
+        self._release.visible = can_stop and bool(stopped)
         status = self._client.status
         if not status:
             return
@@ -91,7 +101,6 @@ class Controls:
             self._has_panel = True
             with self._steer:
                 self.panel.offer(self._client.offered)
-            self._stop.offer(self._client.offered)
         self._show_speed(status)
         self.panel.update()
         if self._has_panel:
@@ -100,8 +109,8 @@ class Controls:
 
     def end(self) -> None:
         """Take off what acts on the run, which has ended."""
-        self._stop.end()
-        for control in (self._pause, self._step, self._speed, self._end):
+        buttons = (self._pause, self._step, self._speed, self._end, self._stop, self._release)
+        for control in buttons:
             control.visible = False
 
     def _show_speed(self, status: Mapping[str, Any]) -> None:
@@ -109,7 +118,7 @@ class Controls:
         limit, now = status.get("real_time"), status.get("speed")
         speeds = dict(_SPEEDS)
         if limit is not None:
-            slower = {name: value for name, value in _SPEEDS.items() if value and value < limit}
+            slower = {name: value for name, value in speeds.items() if value and value < limit}
             speeds = {_pace(limit): None, **slower}
         if now is not None and now not in speeds.values():
             speeds[_pace(now)] = now

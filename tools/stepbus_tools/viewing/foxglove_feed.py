@@ -1,19 +1,18 @@
 """What is shown of a run or a recording, thirty times a second, as foxglove.* messages."""
 
-import heapq
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from bisect import bisect_right
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from stepbus_orchestrator.recording import Port, PortInfo, Recording, Tail
+from stepbus_orchestrator.recording import PortInfo, Recording, Tail
 from stepbus_schemas import Event
-from stepbus_tools.viewing.foxglove_conversion import SHOWN, Conversion
+from stepbus_tools.viewing.exports.foxglove import SHOWN, Conversion
 from stepbus_tools.viewing.foxglove_server import Row, Server
 from stepbus_tools.viewing.history import History, timed_messages
 from stepbus_tools.viewing.run_client import FRAME_S, RunClient, Turn, follow_run, latest_of
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.scene import Messages, Scene
 
 Happened = tuple[int, PortInfo, Event]
 """Time [ns], port and event."""
@@ -76,19 +75,17 @@ def follow(server: Server, folder: Path, is_over: Callable[[], bool]) -> bool:
         tail.keep(port.topic for port in ports)
 
         def turn(_: bool) -> None:
-            events = [row for port in ports for row in _happened(tail, port)]
+            events = [
+                (step * tail.step_ns, port, event)
+                for port in ports
+                for step, data in tail.take_kept(port.topic)
+                if isinstance(event := tail.decode(port.topic, data), Event)
+            ]
             feed.show(tail.t_ns, tail.step_ns, latest_of(tail, feed.topics), events)
 
         return turn
 
     return follow_run(folder, is_over, begin)
-
-
-def _happened(tail: Tail, port: PortInfo) -> Iterator[Happened]:
-    for step, data in tail.take_kept(port.topic):
-        message = tail.decode(port.topic, data)
-        if isinstance(message, Event):
-            yield step * tail.step_ns, port, message
 
 
 def play(
@@ -102,36 +99,22 @@ def play(
     feed = Feed(server, build_scene(recording), recording.ports)
     server.forgets = True
     session = server.sessions if from_end else 0
-    began_at, events = -history.end_ns * 1e-9, _Events(recording)
+    began_at, shown_ns = -history.end_ns * 1e-9, history.end_ns
+    ports = recording.of_type("Event/1")
+    events = [(t_ns, port, one) for port in ports for t_ns, one in timed_messages(port)]
+    events.sort(key=_time)
     while not is_over():
         now = time.monotonic()
         if server.sessions != session:
-            session, began_at = server.sessions, now
-            events = _Events(recording)
+            session, began_at, shown_ns = server.sessions, now, -1
         if server.has_clients:
             t_ns = min(round((now - began_at) * 1e9), history.end_ns)
             messages = history.at(feed.topics, t_ns)
-            feed.show(t_ns, history.step_ns, messages, events.until(t_ns))
+            first, end = (bisect_right(events, t, key=_time) for t in (shown_ns, t_ns))
+            feed.show(t_ns, history.step_ns, messages, events[first:end])
+            shown_ns = t_ns
         time.sleep(max(0.0, FRAME_S - (time.monotonic() - now)))
 
 
-class _Events:
-    """The events of a recording in the order of time, read as far as they are asked for."""
-
-    def __init__(self, recording: Recording) -> None:
-        rows = (_events(port) for port in recording.of_type("Event/1"))
-        self._rows = heapq.merge(*rows, key=lambda row: row[0])
-        self._next = next(self._rows, None)
-
-    def until(self, t_ns: int) -> list[Happened]:
-        """Return what has happened since the last time, up to a time [ns]."""
-        events = []
-        while self._next is not None and self._next[0] <= t_ns:
-            events.append(self._next)
-            self._next = next(self._rows, None)
-        return events
-
-
-def _events(port: Port) -> Iterator[Happened]:
-    for t_ns, message in timed_messages(port):
-        yield t_ns, port, message
+def _time(event: Happened) -> int:
+    return event[0]

@@ -2,7 +2,6 @@
 
 import contextlib
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any
 
@@ -18,9 +17,11 @@ from stepbus_schemas import (
     StepbusError,
     WiringError,
 )
+from stepbus_tools.columns import dotted
 from stepbus_tools.report.charts import Mark
-from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.scene import Latest, Messages
 
+EVENT_TYPES = ("Event/1", "GoalStatus/1", layout.CALLS_TYPE)
 _MOST = 400
 _MOST_OF_ONE = 4 * _MOST
 """A port that talks all the time drowns no other."""
@@ -61,29 +62,15 @@ class History:
         return latest
 
 
-@dataclass(frozen=True, kw_only=True)
-class TimelineEvent:
-    """Something that happened. level: info, warning, error, goal, call, fault, failure."""
-
-    t_ns: int
-    level: str
-    source: str
-    text: str
-
-    @property
-    def mark(self) -> Mark:
-        """Return it as charts show it."""
-        return Mark(t=self.t_ns * 1e-9, level=self.level, text=f"{self.source}: {self.text}")
-
-
-def read_timeline(recording: Recording, result: Result | None) -> tuple[list[TimelineEvent], int]:
-    """Return what happened in order of time, the serious first to be kept; and how much is left."""
-    events = [*_failure(result), *_faults(recording, result)]
+def read_timeline(recording: Recording, result: Result | None) -> tuple[list[Mark], int]:
+    """Return the events in order of time, the serious first to be kept; and how many are left."""
+    marks = [*_failure(result), *_faults(recording, result)]
     for port in recording.ports.values():
-        if port.type in ("Event/1", "GoalStatus/1", layout.CALLS_TYPE):
-            events += islice(_events(port), _MOST_OF_ONE)
-    kept = sorted(events, key=lambda one: one.level not in _SERIOUS)[:_MOST]
-    return sorted(kept, key=lambda one: one.t_ns), len(events) - len(kept)
+        if port.type in EVENT_TYPES:
+            rows = (mark_of(dotted(port), t_ns * 1e-9, one) for t_ns, one in timed_messages(port))
+            marks += islice(filter(None, rows), _MOST_OF_ONE)
+    kept = sorted(marks, key=lambda one: one.level not in _SERIOUS)[:_MOST]
+    return sorted(kept, key=lambda one: one.t), len(marks) - len(kept)
 
 
 def timed_messages(port: Port) -> Iterator[tuple[int, Any]]:
@@ -95,37 +82,35 @@ def timed_messages(port: Port) -> Iterator[tuple[int, Any]]:
             yield entry.t_ns, decode(entry.data)
 
 
-def _events(port: Port) -> Iterator[TimelineEvent]:
-    for t_ns, message in timed_messages(port):
-        source = f"{port.participant}.{port.name}"
-        match message:
-            case CallRecord():
-                level, source, text = "call", message.participant, call_text(message)
-            case Event():
-                level, text = message.level, message.text
-            case GoalStatus() if message.state not in ("accepted", "running"):
-                level = "warning" if message.state == "failed" else "goal"
-                text = f"goal {message.id} {message.state}. {message.text}".rstrip()
-            case _:
-                continue
-        yield TimelineEvent(t_ns=t_ns, level=level, source=source, text=text)
+def mark_of(source: str, t: float, message: object) -> Mark | None:
+    """Return the mark of a message at a time [s]; None unless it is an event, a call or a goal."""
+    match message:
+        case CallRecord():
+            return Mark(t=t, level="call", source=message.participant, text=call_text(message))
+        case Event():
+            return Mark(t=t, level=message.level, source=source, text=message.text)
+        case GoalStatus() if message.state not in ("accepted", "running"):
+            level = "warning" if message.state == "failed" else "goal"
+            text = f"goal {message.id} {message.state}. {message.text}".rstrip()
+            return Mark(t=t, level=level, source=source, text=text)
+    return None
 
 
-def _faults(recording: Recording, result: Result | None) -> Iterator[TimelineEvent]:
+def _faults(recording: Recording, result: Result | None) -> Iterator[Mark]:
     """Yield the faults of the scenario, by what its own form of them says."""
     planned = recording.metadata.get(layout.FAULTS_METADATA, {}).values()
     step_ns = result.step_ns if result else History(recording).step_ns
     for text in dict.fromkeys([*planned, *(result.faults if result else ())]):
         with contextlib.suppress(StepbusError):
             t_ns = read_fault(text).step * step_ns
-            yield TimelineEvent(t_ns=t_ns, level="fault", source="injected", text=text)
+            yield Mark(t=t_ns * 1e-9, level="fault", source="injected", text=text)
 
 
-def _failure(result: Result | None) -> Iterator[TimelineEvent]:
+def _failure(result: Result | None) -> Iterator[Mark]:
     if result is not None and result.exit_code and result.at_step >= 0:
         t_ns = result.at_step * result.step_ns
         who = result.participant or "orchestrator"
-        yield TimelineEvent(t_ns=t_ns, level="failure", source=who, text=result.reason)
+        yield Mark(t=t_ns * 1e-9, level="failure", source=who, text=result.reason)
 
 
 def call_text(call: CallRecord) -> str:

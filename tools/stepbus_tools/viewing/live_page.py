@@ -4,7 +4,7 @@ import contextlib
 import math
 import time
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,19 +14,17 @@ import numpy as np
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE
 from stepbus_orchestrator.run.result import Result
-from stepbus_schemas import CallRecord, Decoder, Event, StepbusError
+from stepbus_schemas import CallRecord, Decoder, StepbusError
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.report.summary import scenario_name
 from stepbus_tools.viewing.controls import Controls
-from stepbus_tools.viewing.history import call_text, stop_of
+from stepbus_tools.viewing.history import EVENT_TYPES, mark_of, stop_of
 from stepbus_tools.viewing.run_client import IDLE_S, RunClient, Turn, follow_run, latest_of
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import Swept
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.marks import failure_banner, result_in
-from stepbus_tools.viewing.stage.stage import add_light
-from stepbus_tools.viewing.stage.view import View, plain_topics
+from stepbus_tools.viewing.stage.stage import Framing, add_light
+from stepbus_tools.viewing.stage.view import View, failure_banner, plain_topics, result_in
+from stepbus_tools.viewing.viewpoint import Swept
 
 _LAST_S = 0.2
 """What a browser takes to be told the last."""
@@ -54,8 +52,9 @@ class LivePage:
         self._tail = tail
         self._client = client
         self._marks: list[Mark] = []
-        self._event_topics = [p.topic for p in tail.ports.values() if p.type == "Event/1"]
-        tail.keep([*self._event_topics, layout.CALLS_TOPIC])
+        events = (p.topic for p in tail.ports.values() if p.type in EVENT_TYPES)
+        self._event_topics = dict.fromkeys((*events, layout.CALLS_TOPIC))
+        tail.keep(self._event_topics)
         self._stopped_by_call = ""
         self._controls = Controls(server, client)
         self._plain_topics = plain_topics(tail.ports)
@@ -125,25 +124,26 @@ class LivePage:
         return (self._tail.step_ns or 1_000_000_000) * 1e-9
 
     def _tell_events(self) -> None:
-        marks = list(self._calls())
+        marks = list[Mark]()
         for topic in self._event_topics:
             for step, data in self._tail.take_kept(topic):
-                message = self._tail.decode(topic, data)
-                if isinstance(message, Event):
-                    text = f"{layout.split_topic(topic)[0]}: {message.text}"
-                    marks.append(Mark(t=step * self._step_s, level=message.level, text=text))
+                t_s, message = step * self._step_s, _decoded(self._tail, topic, data)
+                mark = mark_of(topic.replace("/", ".", 1), t_s, message)
+                marks += [] if mark is None else [mark]
+                stop = stop_of(message, t_s) if isinstance(message, CallRecord) else None
+                self._stopped_by_call = self._stopped_by_call if stop is None else stop
         if marks:
             self._marks = sorted([*self._marks, *marks], key=lambda mark: mark.t)[-_MOST_MARKS:]
             self._view.tell(self._marks)
 
-    def _calls(self) -> Iterator[Mark]:
-        """Yield the calls that have been recorded since, by whomever they were made."""
-        for step, data in self._tail.take_kept(layout.CALLS_TOPIC):
-            with contextlib.suppress(StepbusError):
-                call, t_s = _decode_call(data), step * self._step_s
-                stop = stop_of(call, t_s)
-                self._stopped_by_call = self._stopped_by_call if stop is None else stop
-                yield Mark(t=t_s, level="call", text=f"{call.participant}: {call_text(call)}")
+
+def _decoded(tail: Tail, topic: str, data: bytes) -> object:
+    """Return a message or a recorded call; None for one that cannot be read."""
+    if topic != layout.CALLS_TOPIC:
+        return tail.decode(topic, data)
+    with contextlib.suppress(StepbusError):
+        return _decode_call(data)
+    return None
 
 
 def headline(status: Any, last_step: int, rate: float) -> str:

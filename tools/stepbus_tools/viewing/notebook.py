@@ -9,9 +9,8 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Port, Recording
 from stepbus_orchestrator.run.result import Result
 from stepbus_tools.columns import dotted
-from stepbus_tools.look import PAPER
+from stepbus_tools.look import PAPER, figure
 from stepbus_tools.report.charts import find_signals, signal_names
-from stepbus_tools.report.figure_html import figure
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.exports.scene_file import scene_at_end
 from stepbus_tools.viewing.page import PAGE_FILE
@@ -20,7 +19,7 @@ from stepbus_tools.whole_file import replaced
 _MOST_NAMES = 8
 _MOST_SIGNALS = 4
 _BADGE = "padding:.1em .6em;border-radius:1em;color:#fff;background:"
-_COLORS = {"finished": "#1a7f4b", "failed": "#c0262d"}
+_COLORS = {"finished": "good", "failed": "bad"}
 
 
 @dataclass(frozen=True)
@@ -85,7 +84,7 @@ def _row(port: Port) -> str:
 
 def result_html(result: Result) -> str:
     """Return a result: outcome, reason, figures, warnings, and a link to its page."""
-    colour = _COLORS.get(result.outcome, "#56626f")
+    colour = PAPER[_COLORS.get(result.outcome, "soft")]
     badge = f'<span style="{_BADGE}{colour}">{escape(result.outcome)}</span>'
     rows = "".join(
         f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>"

@@ -4,7 +4,7 @@ import contextlib
 import math
 import threading
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,15 +18,18 @@ from stepbus_schemas import StepbusError
 from stepbus_tools.report.charts import Mark
 from stepbus_tools.viewing.exports import check_readable
 from stepbus_tools.viewing.history import History, read_timeline, stop_of, timed_messages
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.scene import Scene
-from stepbus_tools.viewing.scene.swept import swept
+from stepbus_tools.viewing.scene.scene import Messages, Scene
 from stepbus_tools.viewing.stage.curves import Data, Signal
-from stepbus_tools.viewing.stage.framing import Framing
-from stepbus_tools.viewing.stage.marks import failure_banner, on_slider
-from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Stage, add_light
-from stepbus_tools.viewing.stage.view import View, plain_topics, stop_banner
+from stepbus_tools.viewing.stage.stage import OTHER_COLOR, Framing, Stage, add_light
+from stepbus_tools.viewing.stage.view import (
+    View,
+    failure_banner,
+    on_slider,
+    plain_topics,
+    stop_banner,
+)
+from stepbus_tools.viewing.viewpoint import swept
 
 _SAMPLES = 400
 """Times at which it is looked what moves."""
@@ -75,40 +78,31 @@ class Findings:
     ) -> None:
         self.marks: tuple[Mark, ...] = ()
         self.stops: list[tuple[int, str]] = []
-        self._lock = threading.Lock()
-        threading.Thread(
-            target=self._read, args=(recording.path,), name="events", daemon=True
-        ).start()
-        if other is not None:
-            find = (recording.path, other.path, runs)
-            threading.Thread(target=self._compare, args=find, name="diff", daemon=True).start()
+        paths = (recording.path, None if other is None else other.path, runs)
+        threading.Thread(target=self._read, args=paths, name="events", daemon=True).start()
 
-    def _read(self, path: Path) -> None:
+    def _read(self, path: Path, other: Path | None, runs: Sequence[str]) -> None:
         with Recording(path) as recording:
             events, _ = read_timeline(recording, result_beside(recording))
             if calls := recording.ports.get(layout.CALLS_TOPIC):
                 rows = ((t_ns, stop_of(call, t_ns * 1e-9)) for t_ns, call in timed_messages(calls))
                 self.stops = [(t_ns, stop) for t_ns, stop in rows if stop is not None]
-        self._add(one.mark for one in events)
+            self.marks = tuple(events)
+            if other is not None:
+                step_s = History(recording).step_ns * 1e-9
+                parting = _parting(path, other, runs, step_s)
+                self.marks = tuple(sorted([*events, parting], key=lambda mark: mark.t))
 
-    def _compare(self, path: Path, other: Path, runs: Sequence[str]) -> None:
-        t_s, level = 0.0, "info"
-        try:
-            divergence = diff(path, other).divergence
-        except StepbusError as exc:
-            text = str(exc)
-        else:
-            text = "both recordings are equal"
-            if divergence is not None:
-                with Recording(path) as recording:
-                    t_s = divergence.step * History(recording).step_ns * 1e-9
-                    text = divergence.text(*runs)
-                level = "divergence"
-        self._add([Mark(t=t_s, level=level, text=text)])
 
-    def _add(self, marks: Iterable[Mark]) -> None:
-        with self._lock:
-            self.marks = tuple(sorted((*self.marks, *marks), key=lambda mark: mark.t))
+def _parting(path: Path, other: Path, runs: Sequence[str], step_s: float) -> Mark:
+    """Return the mark of the first difference of two recordings. step_s: length of a step [s]."""
+    try:
+        divergence = diff(path, other).divergence
+    except StepbusError as exc:
+        return Mark(t=0.0, level="info", text=str(exc))
+    if divergence is None:
+        return Mark(t=0.0, level="info", text="both recordings are equal")
+    return Mark(t=divergence.step * step_s, level="divergence", text=divergence.text(*runs))
 
 
 class Playback:

@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from stepbus_participant import need
 from stepbus_schemas import Image
 from stepbus_tools.look import PAPER
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Messages, Scene
 from stepbus_tools.viewing.viewpoint import (
     FIELD_OF_VIEW,
     Floats,

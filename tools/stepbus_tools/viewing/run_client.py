@@ -13,7 +13,7 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import Tail, layout
 from stepbus_orchestrator.run.live_file import LIVE_FILE, Line
 from stepbus_schemas import StepbusError, WiringError
-from stepbus_tools.viewing.scene.bodies import Latest, Messages
+from stepbus_tools.viewing.scene.scene import Latest, Messages
 
 FRAME_S = 1 / 30
 IDLE_S = 5.0
@@ -35,8 +35,8 @@ _DRAGGED = frozenset({"set_target", "set_joint_position"})
 class RunClient:
     """Asks a run for its status and calls it, in a thread of its own.
 
-    status: the newest one. offered: calls of participants. said: sentences about calls that were
-    made, the newest last. last: the newest of them. is_lost: the run does not answer.
+    status: the newest one. offered: calls of participants. last: a sentence about the newest call.
+    is_lost: the run does not answer.
     """
 
     def __init__(self, folder: Path) -> None:
@@ -44,7 +44,6 @@ class RunClient:
         self._asked: queue.SimpleQueue[Ask | None] = queue.SimpleQueue()
         self.status: Mapping[str, Any] = {}
         self.offered: Mapping[str, Mapping[str, Any]] = {}
-        self.said: list[str] = []
         self.last = ""
         self.is_lost = False
         self._over = threading.Event()
@@ -103,10 +102,8 @@ class RunClient:
         except WiringError as exc:
             self.last = f"{words}: refused: {exc}"
         else:
-            if not participant:
-                return
-            self.last = f"{words}, before step {reply.step}"
-        self.said.append(self.last)
+            if participant:
+                self.last = f"{words}, before step {reply.step}"
 
 
 def newest(asked: Sequence[Ask]) -> list[Ask]:

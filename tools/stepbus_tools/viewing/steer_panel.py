@@ -1,4 +1,4 @@
-"""What a visitor changes in a run: joints, bodies, orders, and the emergency stop."""
+"""What a visitor changes in a run: joints, bodies and orders."""
 
 import math
 import time
@@ -6,17 +6,16 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from stepbus_schemas import JointState
+from stepbus_tools.columns import limits_of
 from stepbus_tools.viewing.run_client import RunClient
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.stage import Stage
 
 _TARGET = "set_target"
 _TELEPORT = "set_joint_position"
 _MOVE = "move_body"
-_STOP = "emergency_stop"
 _ORDER = "order"
-_PERSON = "the user of the page"
 _MOVE_S = 0.5
 """How long a joint takes to a new target [s]."""
 _NO_BODY = "(none)"
@@ -25,35 +24,6 @@ _TOUCHED_S = 3.0
 _MOST_JOINTS = 40
 
 Offered = Mapping[str, Mapping[str, Any]]
-
-
-class StopButtons:
-    """The emergency stop and its release, above all tabs, where calls offer them."""
-
-    def __init__(self, gui: Any, client: RunClient) -> None:
-        self._client = client
-        self._stop = gui.add_button("emergency stop", color="red", icon="hand-stop", visible=False)
-        self._release = gui.add_button("release", color="dark", icon="lock-open", visible=False)
-        self._stop.on_click(lambda _: self._ask(stops=True))
-        self._release.on_click(lambda _: self._ask(stops=False))
-        self._offering: list[str] = []
-
-    def offer(self, offered: Offered) -> None:
-        """Take what the participants of a run offer."""
-        self._offering = _offering(offered, _STOP)
-
-    def update(self, *, is_stopped: bool) -> None:
-        """Show the one that does something."""
-        self._stop.visible = bool(self._offering) and not is_stopped
-        self._release.visible = bool(self._offering) and is_stopped
-
-    def end(self) -> None:
-        """Show neither: the run has ended."""
-        self._stop.visible = self._release.visible = False
-
-    def _ask(self, *, stops: bool) -> None:
-        for who in self._offering:
-            self._client.ask(who, _STOP, stops, _PERSON)
 
 
 class SteerPanel:
@@ -74,9 +44,9 @@ class SteerPanel:
 
     def offer(self, offered: Offered) -> None:
         """Add what the participants of a run offer; call it once, in a tab."""
-        for name in _offering(offered, _ORDER):
+        for name in offering(offered, _ORDER):
             self._add_order(name)
-        for name in _offering(offered, _MOVE):
+        for name in offering(offered, _MOVE):
             self._add_bodies(name)
         self._add_joints(offered)
 
@@ -88,8 +58,8 @@ class SteerPanel:
 
     def _add_joints(self, offered: Offered) -> None:
         """Add a slider for each measured joint that a call can send somewhere."""
-        method = _TARGET if _offering(offered, _TARGET) else _TELEPORT
-        who = next(iter(_offering(offered, method)), None)
+        method = _TARGET if offering(offered, _TARGET) else _TELEPORT
+        who = next(iter(offering(offered, method)), None)
         if who is None:
             return
         self._gui.add_markdown(f"joint targets [rad], by `{who} {method}`")
@@ -176,8 +146,8 @@ class SteerPanel:
             self._client.ask(who, _MOVE, body, x, y, z, round(yaw, 4))
 
 
-def _offering(offered: Offered, method: str) -> list[str]:
-    """Return the participants that have a method."""
+def offering(offered: Offered, method: str) -> list[str]:
+    """Return the participants that offer a method."""
     return [name for name, methods in offered.items() if method in methods]
 
 
@@ -187,11 +157,8 @@ def _limits(ports: Ports) -> Iterator[tuple[str, float, float]]:
     for port in ports.values():
         if port.type != "JointState/1":
             continue
-        limits = port.description.limits
-        lower, upper = (limits.get(key, ()) for key in ("lower", "upper"))
         for number, joint in enumerate(port.names):
-            low = lower[number] if number < len(lower) else -math.inf
-            high = upper[number] if number < len(upper) else math.inf
+            low, high = limits_of(port.description.limits, "position", number)
             if joint not in seen:
                 seen.add(joint)
                 yield joint, max(low, -math.pi), min(high, math.pi)

@@ -154,19 +154,6 @@ def test_every_port_of_the_shipped_scenarios_is_exported_whole(tmp_path, form, g
         assert len(read(path)) == count, topic
 
 
-@pytest.mark.parametrize("form", ["parquet", "csv"])
-def test_what_has_nothing_to_export_is_one_sentence(tmp_path, capsys, form):
-    foreign = write(tmp_path / "foreign.mcap", topic=("Event/1", [], []))
-    assert main(["export", str(foreign), f"--{form}", str(tmp_path / "out")]) != 0
-    error = capsys.readouterr().err
-    assert error.startswith("stepbus: ")
-    assert "has no message that can be exported" in error
-    assert error.count("\n") == 1
-    (tmp_path / "text.mcap").write_text("no recording")
-    assert main(["export", str(tmp_path / "text.mcap"), f"--{form}", str(tmp_path / "o")]) != 0
-    assert capsys.readouterr().err.count("\n") == 1
-
-
 def test_a_file_that_cannot_be_written_is_one_sentence_and_leaves_nothing(recording, capsys):
     assert main(["export", str(recording), "--csv", "/proc/none/all.csv"]) != 0
     assert "cannot be written" in capsys.readouterr().err

@@ -16,8 +16,7 @@ from stepbus_tools.viewing.render import Painter
 from stepbus_tools.viewing.scene.meshes import Visual, primitive
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
-from stepbus_tools.viewing.scene.swept import Swept
-from stepbus_tools.viewing.viewpoint import clear_corner, framed, parse_viewpoint
+from stepbus_tools.viewing.viewpoint import Swept, clear_corner, framed, parse_viewpoint
 
 SHAPES = {"shape": ["box 0.4 0.2 0.2"], "color": ["200 30 30"], "body": ["box"]}
 
@@ -135,7 +134,8 @@ def test_a_caption_says_how_a_run_ended_when_it_ends(moving):
         real_time_factor=1.0, sha256="", folder=str(moving.parent),
     ).save()  # fmt: skip
     with Recording(moving) as recording:
-        caption, end_ns = Caption(recording, (640, 360)), History(recording).end_ns
+        history = History(recording)
+        caption, end_ns = Caption(history, (640, 360)), history.end_ns
         plain = np.full((360, 640, 3), 255, np.uint8)
         before, after = (caption.on(plain, t_ns).astype(int) for t_ns in (0, end_ns))
     green = [((row[:, :, 1] - row[:, :, 0]) > 40).sum() for row in (before, after)]

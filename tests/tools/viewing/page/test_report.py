@@ -143,13 +143,11 @@ def test_a_comparison_begins_with_the_largest_errors(tmp_path):
     for name, goal in (("a", 0.3), ("b", 0.2)):
         (tmp_path / name).mkdir()
         wanted = JointReference(position=[goal, 0.2], velocity=[0, 0], acceleration=[0, 0])
-        paths.append(
-            write(
-                tmp_path / name / "run.mcap",
-                joint_state=("JointState/1", ["hip", "knee"], [state()] * 9),
-                reference=("JointReference/1", ["hip", "knee"], [wanted] * 9),
-            )
-        )
+        ports = {
+            "joint_state": ("JointState/1", ["hip", "knee"], [state()] * 9),
+            "reference": ("JointReference/1", ["hip", "knee"], [wanted] * 9),
+        }
+        paths.append(write(tmp_path / name / "run.mcap", **ports))
     text = write_page(paths, tmp_path / "both.html").read_text()
     assert re.findall(r"</svg>(\w+)</th>", text) == ["a", "b"]
     less = '<span class="less">(−50\u00a0%)</span>'
@@ -162,17 +160,10 @@ def test_a_comparison_says_what_each_run_was_given(tmp_path):
     paths = []
     for name, sets in (("a", []), ("b", ["kp=<60>"])):
         (tmp_path / name).mkdir()
-        paths.append(
-            write(tmp_path / name / "run.mcap", s=("JointState/1", ["hip"], [state()] * 9))
-        )
-        save_result(
-            tmp_path / name,
-            outcome="finished",
-            exit_code=0,
-            reason="",
-            participant="",
-            overrides=sets,
-        )
+        path = tmp_path / name / "run.mcap"
+        paths.append(write(path, s=("JointState/1", ["hip"], [state()] * 9)))
+        given = {"outcome": "finished", "exit_code": 0, "reason": "", "participant": ""}
+        save_result(tmp_path / name, overrides=sets, **given)
     text = write_page(paths, tmp_path / "both.html").read_text()
     assert "<th>settings, faults</th><td>–</td><td>kp=&lt;60&gt;</td>" in text
 

@@ -5,11 +5,9 @@ import types
 import pytest
 
 from stepbus_schemas import Contacts, Description, Detections
-from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.pose import Pose, about
-from stepbus_tools.viewing.scene.scene import Frame, Scene
+from stepbus_tools.viewing.scene.scene import Frame, Latest, Scene
 from stepbus_tools.viewing.stage.overlays import Overlays
-from stepbus_tools.viewing.stage.server import open_page
 from stepbus_tools.viewing.stage.stage import Ghosts, Stage
 
 Z = (0.0, 0.0, 1.0)
@@ -59,13 +57,6 @@ class Port:
 
     def __init__(self, topic, type_name):
         self.topic, self.type = topic, type_name
-
-
-@pytest.fixture
-def page():
-    page = open_page("test")
-    yield page
-    page.close()
 
 
 def test_what_was_seen_stays_where_the_camera_was_then(page):

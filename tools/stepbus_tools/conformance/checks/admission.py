@@ -15,10 +15,9 @@ from stepbus_schemas import (
     WiringError,
     offered,
 )
-from stepbus_tools.conformance.check import Check, check
 from stepbus_tools.conformance.feeds import reverse_description
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Check, Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 

@@ -9,7 +9,6 @@ import msgspec
 
 from stepbus_orchestrator.analysis.tolerance import FieldTolerance, differences
 from stepbus_schemas import Description, encode
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import (
     edited,
     plain,
@@ -17,7 +16,7 @@ from stepbus_tools.conformance.feeds import (
     reverse_description,
     vectors_of,
 )
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.outcome import Skipped
 from stepbus_tools.conformance.transcript import Transcript
 

@@ -6,10 +6,9 @@ from collections.abc import Callable, Collection
 import msgspec
 
 from stepbus_schemas import Fault
-from stepbus_tools.conformance.check import Check, check
 from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Check, Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 

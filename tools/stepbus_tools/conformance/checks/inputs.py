@@ -1,9 +1,8 @@
 """Checks of the inputs: which message is due, held, absent or late."""
 
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import Feed, each_step, repeated, shifted, thinned
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 from stepbus_tools.conformance.transcript import Transcript

@@ -7,10 +7,9 @@ import msgspec
 
 from stepbus_orchestrator.run.kernel.admission import max_message_bytes
 from stepbus_schemas import Start, Stop, Trigger, encode
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import Ports, each_step
 from stepbus_tools.conformance.harness import Harness, Hook
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.outcome import Skipped
 
 _OTHER_RUN = "1234567890abcdef"

@@ -1,9 +1,8 @@
 """Checks of slots: bulk content in files that the participants share."""
 
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.feeds import Ports
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed, Skipped
 
@@ -40,10 +39,6 @@ def _slot_inputs(kit: Kit) -> dict[str, set[str]]:
     return {source: ports for source, ports in used.items() if ports}
 
 
-def _publish_another_step(harness: Harness, source: str, step: int, ports: Ports) -> None:
-    harness.publish(source, step, ports, late=1)
-
-
 @check(
     "P17.4",
     "it reports a fault of the source if a slot does not hold the announced step",
@@ -51,7 +46,8 @@ def _publish_another_step(harness: Harness, source: str, step: int, ports: Ports
     plain=True,
 )
 def _slot_stamp(kit: Kit) -> str:
+    def spoil(harness: Harness, source: str, step: int, ports: Ports) -> None:
+        harness.publish(source, step, ports, late=1)
+
     rows = _slot_inputs(kit).items()
-    return "; ".join(
-        blames(kit, source, _publish_another_step, ports, _SETUP) for source, ports in rows
-    )
+    return "; ".join(blames(kit, source, spoil, ports, _SETUP) for source, ports in rows)

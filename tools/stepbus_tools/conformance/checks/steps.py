@@ -5,9 +5,8 @@ from pathlib import Path
 from stepbus_orchestrator.errors import RunFailure
 from stepbus_orchestrator.replay import ReplayResult, replay
 from stepbus_schemas import encoding_of
-from stepbus_tools.conformance.check import check
 from stepbus_tools.conformance.harness import Harness
-from stepbus_tools.conformance.kit import Kit
+from stepbus_tools.conformance.kit import Kit, check
 from stepbus_tools.conformance.material import Setup
 from stepbus_tools.conformance.outcome import Failed
 

@@ -4,7 +4,6 @@ from typing import Any
 
 import numpy as np
 
-from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run.result import Result, result_beside
 from stepbus_participant import need
 from stepbus_tools.look import PAPER
@@ -28,7 +27,7 @@ class Caption:
     size: (width, height) of the frames. Raises ExtraMissing without Pillow.
     """
 
-    def __init__(self, recording: Recording, size: tuple[int, int]) -> None:
+    def __init__(self, history: History, size: tuple[int, int]) -> None:
         self._images, self._drawing, fonts = need(
             "text in a video", "PIL.Image", "PIL.ImageDraw", "PIL.ImageFont"
         )
@@ -39,11 +38,11 @@ class Caption:
         self._digit = max(self._font.getlength(digit) for digit in "0123456789")
         self._strip: Any = self._images.new("RGB", (width, max(1, self._height)), PAPER["paper"])
         self._last: Any = self._strip.copy()
-        self._end_ns = History(recording).end_ns
+        self._end_ns = history.end_ns
         if self._height:
-            result = result_beside(recording)
-            self._write(self._strip, scenario_name(recording), None)
-            self._write(self._last, scenario_name(recording), result)
+            name = scenario_name(history.recording)
+            self._write(self._strip, name, None)
+            self._write(self._last, name, result_beside(history.recording))
 
     def _write(self, strip: Any, name: str, result: Result | None) -> None:
         """Write the words that do not change. result: of a run that has ended."""

@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Recording
+from stepbus_orchestrator.recording import PortInfo, Recording
 from stepbus_participant import need
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
-from stepbus_tools.viewing.foxglove_conversion import PER_S, SHOWN, Conversion
-from stepbus_tools.viewing.scene.bodies import Latest
+from stepbus_schemas import Event, Image, JointReference, JointState, Message
+from stepbus_tools.viewing.exports.exporter import (
+    Exported,
+    Exporter,
+    Reached,
+    readable_ports,
+    thinned,
+)
+from stepbus_tools.viewing.render import jpeg
 from stepbus_tools.viewing.scene.build import build_scene
+from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.whole_file import replaced
-
-from .instants import NS, Rate, instants, readable_ports
 
 
 def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
@@ -24,20 +30,15 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
     ports, lost = readable_ports(recording)
     scene = build_scene(recording)
     wanted = [p for p in ports if p.type in SHOWN or p.topic in scene.topics]
-    rate, latest, due_ns = Rate(PER_S), dict[str, Latest](), 0
     with replaced(target) as path, _opened(path, target) as log:
         conversion = Conversion(scene, log)
         conversion.place({frame.name: frame.pose for frame in scene.frames}, 0)
         conversion.bodies()
-        for t_ns, group in instants(recording, wanted, lost, reached):
-            moving = [i for i in group if i.port.topic in scene.topics]
-            latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
-            if moving and t_ns >= due_ns:
-                due_ns = t_ns + round(NS / PER_S)
-                conversion.place(scene.poses(latest), t_ns)
+        for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
+            if moved:
+                conversion.place(scene.poses(moved), t_ns)
             for instant in group:
-                if instant.port.type == "Event/1" or rate.passes(instant.port.topic, t_ns):
-                    conversion.take(instant.port, instant.message, t_ns)
+                conversion.take(instant.port, instant.message, t_ns)
     problems = [*scene.notes, *lost.values()]
     return Exported(paths=[target], problems=problems, lost=list(lost))
 
@@ -64,11 +65,127 @@ def _opened(path: Path, target: Path) -> Iterator[Any]:
 
     try:
         yield log
-    except BaseException:
-        with suppress(RuntimeError):
+    finally:
+        try:
             writer.close()
-        raise
-    try:
-        writer.close()
-    except RuntimeError as exc:
-        raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
+        except RuntimeError as exc:
+            raise RecordingFailed(f"{target} cannot be written; is the disk full? ({exc})") from exc
+
+
+SHOWN = ("Event/1", "Image/1", "JointReference/1", "JointState/1")
+"""Types that are converted, beside those that move the scene."""
+WORLD = "world"
+_NS = 1_000_000_000
+
+Emit = Callable[[str, Any, int], None]
+"""Takes a topic, its foxglove message and the time [ns]."""
+
+
+class Conversion:
+    """Converts a scene and messages. emit: takes what they become.
+
+    Raises ExtraMissing without foxglove-sdk.
+    """
+
+    def __init__(self, scene: Scene, emit: Emit) -> None:
+        (self._types,) = need("Foxglove", "foxglove.messages")
+        self._emit = emit
+        self._frames = [frame for frame in scene.frames if not frame.is_ghost]
+        self._parents = {frame.name: frame.parent for frame in self._frames}
+
+    def take(self, port: PortInfo, message: Message, t_ns: int) -> None:
+        """Convert a message; one of another type becomes nothing."""
+        match message:
+            case JointState() | JointReference():
+                self._emit(topic_of(port), self._joints(port, message, t_ns), t_ns)
+            case Image():
+                if (image := self._image(port, message, t_ns)) is not None:
+                    self._emit(topic_of(port), image, t_ns)
+            case Event():
+                self._emit("/log", self._log(port, message, t_ns), t_ns)
+
+    def place(self, placed: Mapping[str, Pose], t_ns: int) -> None:
+        """Convert where frames are in their parents; ghosts have no place."""
+        types = self._types
+        rows = [
+            types.FrameTransform(
+                timestamp=self._stamp(t_ns),
+                parent_frame_id=self._parents[name] or WORLD,
+                child_frame_id=name,
+                translation=types.Vector3(**_xyz(pose)),
+                rotation=types.Quaternion(**_xyzw(pose)),
+            )
+            for name, pose in placed.items()
+            if name in self._parents
+        ]
+        self._emit("/tf", types.FrameTransforms(transforms=rows), t_ns)
+
+    def bodies(self, t_ns: int = 0) -> None:
+        """Convert what the frames look like; they keep their looks and move with their frames."""
+        entities = [self._entity(frame, t_ns) for frame in self._frames if frame.visuals]
+        self._emit("/scene", self._types.SceneUpdate(entities=entities), t_ns)
+
+    def _entity(self, frame: Frame, t_ns: int) -> Any:
+        return self._types.SceneEntity(
+            timestamp=self._stamp(t_ns),
+            frame_id=frame.name,
+            id=frame.name,
+            frame_locked=True,
+            triangles=[self._triangles(visual) for visual in frame.visuals],
+        )
+
+    def _triangles(self, visual: Any) -> Any:
+        types = self._types
+        red, green, blue = (float(value) / 255 for value in visual.shown_color)
+        points = visual.mesh.vertices.astype(float).tolist()
+        return types.TriangleListPrimitive(
+            pose=types.Pose(
+                position=types.Vector3(**_xyz(visual.pose)),
+                orientation=types.Quaternion(**_xyzw(visual.pose)),
+            ),
+            points=[types.Point3(x=x, y=y, z=z) for x, y, z in points],
+            color=types.Color(r=red, g=green, b=blue, a=1.0),
+            indices=visual.mesh.faces.ravel().tolist(),
+        )
+
+    def _joints(self, port: PortInfo, state: Message, t_ns: int) -> Any:
+        columns = {key: getattr(state, key, None) for key in ("position", "velocity", "effort")}
+        rows = [
+            self._types.JointState(
+                name=name,
+                **{key: row[i] for key, row in columns.items() if row is not None and i < len(row)},
+            )
+            for i, name in enumerate(port.names)
+        ]
+        return self._types.JointStates(timestamp=self._stamp(t_ns), joints=rows)
+
+    def _image(self, port: PortInfo, image: Image, t_ns: int) -> Any:
+        """Return an image as JPEG; None where its bytes do not fit its size."""
+        data = jpeg(image)
+        return data and self._types.CompressedImage(
+            timestamp=self._stamp(t_ns), frame_id=port.topic, data=data, format="jpeg"
+        )
+
+    def _log(self, port: PortInfo, event: Event, t_ns: int) -> Any:
+        return self._types.Log(
+            timestamp=self._stamp(t_ns),
+            level=getattr(self._types.LogLevel, event.level.capitalize()),
+            message=event.text,
+            name=port.participant,
+        )
+
+    def _stamp(self, t_ns: int) -> Any:
+        return self._types.Timestamp(sec=t_ns // _NS, nsec=t_ns % _NS)
+
+
+def topic_of(port: PortInfo) -> str:
+    """Return the topic of a port."""
+    return f"/{port.topic}"
+
+
+def _xyz(pose: Pose) -> dict[str, float]:
+    return dict(zip("xyz", pose.position, strict=True))
+
+
+def _xyzw(pose: Pose) -> dict[str, float]:
+    return dict(zip("wxyz", pose.wxyz, strict=True))

@@ -6,9 +6,9 @@ from itertools import chain
 from typing import NamedTuple
 
 from stepbus_orchestrator.recording import Port
-from stepbus_tools.viewing.scene.bodies import Body, Messages, all_positions
+from stepbus_tools.viewing.scene.model import is_moved_by
 from stepbus_tools.viewing.scene.pose import Pose
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.scene import Body, Messages, Scene, all_positions
 
 _MAP = "map"
 _ODOM = "odom"
@@ -112,7 +112,7 @@ class BodyTree:
             source.topic: [
                 joints.pop(joint.name)
                 for joint in list(joints.values())
-                if joint.is_moved_by(source.names)
+                if is_moved_by(joint, source.names)
             ]
             for source in body.measured
         }
@@ -124,7 +124,7 @@ class BodyTree:
         """Yield the joints that never move, and the root where nothing moves it."""
         body = self.body
         for joint in self._still:
-            yield self._of(joint.parent, joint.child, joint.at(body.model.position(joint, {})))
+            yield self._of(joint.parent, joint.child, body.model.placed(joint, {}))
         if body.odometry:
             if not body.anchor:
                 yield Transform(_MAP, self.odom, body.start)
@@ -137,8 +137,7 @@ class BodyTree:
         positions = all_positions(body.measured, messages)
         for topic in sorted(topics & self._measured.keys()):
             for joint in self._measured[topic]:
-                moved = joint.at(body.model.position(joint, positions))
-                yield self._of(joint.parent, joint.child, moved)
+                yield self._of(joint.parent, joint.child, body.model.placed(joint, positions))
         if body.odometry in topics and (pose := body.root_in_odom(messages)) is not None:
             yield Transform(self.odom, self.root, pose)
         if not topics.isdisjoint(self._truth):
@@ -162,11 +161,11 @@ class BodyTree:
     def _in_world(self, link: str, messages: Messages) -> Pose | None:
         """Return the true pose of a link, by that of one that it is fixed to where it has none."""
         pose = self.body.in_world(link, messages)
-        joint = self.body.model.above.get(link)
+        joint = self.body.model.robot.joint_above.get(link)
         if pose is not None or joint is None or joint.moves:
             return pose
         parent = self._in_world(joint.parent, messages)
-        return None if parent is None else parent @ joint.origin
+        return None if parent is None else parent @ self.body.model.origins[joint.name]
 
     def _of(self, parent: str, child: str, pose: Pose) -> Transform:
         return Transform(self.frames[parent], self.frames[child], pose)

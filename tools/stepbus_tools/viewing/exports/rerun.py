@@ -19,20 +19,22 @@ from stepbus_orchestrator.recording import Batch, Port, Recording
 from stepbus_orchestrator.run.result import result_beside
 from stepbus_participant import need
 from stepbus_schemas import Event, Image, StepbusError
-from stepbus_tools.columns import LISTS, Column, Field, Table
+from stepbus_tools.columns import LISTS, Field, Table, pieces
 from stepbus_tools.report.summary import scenario_name
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.exports.exporter import (
+    Exported,
+    Exporter,
+    Instant,
+    Reached,
+    readable_ports,
+    thinned,
+)
 from stepbus_tools.viewing.render import jpeg
-from stepbus_tools.viewing.scene.bodies import Latest
 from stepbus_tools.viewing.scene.build import build_scene
 from stepbus_tools.viewing.scene.pose import Pose
 from stepbus_tools.viewing.scene.scene import Frame, Scene
 from stepbus_tools.whole_file import replaced
 
-from .instants import Instant, Rate, instants, readable_ports
-
-_PER_S = 30.0
-"""Poses and images a second, at most; curves and events are all there."""
 _NO_CURVES = ("Detections/1", "Goal/1", "Image/1", "Poses/1", "Transforms/1")
 """Types whose numbers are seen elsewhere, or make no curve."""
 _DEPTH = "32FC1"
@@ -49,16 +51,13 @@ def _export(recording: Recording, target: Path, reached: Reached) -> Exported:
             file.open(path)
             for shown in scene.frames:
                 file.look(shown)
-            rate, latest = Rate(_PER_S), dict[str, Latest]()
-            for t_ns, group in instants(recording, wanted, lost, reached):
-                moving = [i for i in group if i.port.topic in scene.topics]
-                latest |= {i.port.topic: Latest(i.step, i.message) for i in moving}
-                if moving and rate.passes("", t_ns):
-                    file.move(scene.world_poses(latest), group[0].step, t_ns)
+            for t_ns, moved, group in thinned(recording, scene, wanted, lost, reached):
+                if moved:
+                    file.move(
+                        scene.world_poses(moved), max(one.step for one in moved.values()), t_ns
+                    )
                 for instant in group:
-                    is_event = isinstance(instant.message, Event)
-                    if is_event or rate.passes(instant.port.topic, t_ns):
-                        file.take(instant)
+                    file.take(instant)
             lost |= file.curves(ports, lost)
             file.end()
         finally:
@@ -145,26 +144,17 @@ class _Rrd:
                 self._newest[name] = pose
                 self._stream.log(self._world(name), _transform(self._rr, pose))
 
-    def _times(self, steps: Any, t_ns: Any) -> list[Any]:
-        durations = np.asarray(t_ns, dtype="timedelta64[ns]")
-        return [
-            self._rr.TimeColumn("time", duration=durations),
-            self._rr.TimeColumn("step", sequence=steps),
-        ]
-
     def take(self, instant: Instant) -> None:
         """Write an event or an image; anything else is part of the scene."""
         match instant.message:
             case Event() as event:
-                self._log(f"events/{instant.port.participant}", event.level, event.text, instant)
+                self._at(instant.step, instant.t_ns)
+                word = {"warning": "WARN"}.get(event.level, event.level.upper())
+                place = f"events/{instant.port.participant}"
+                self._stream.log(place, self._rr.TextLog(event.text, level=word))
             case Image() as image if (shown := self._image(image)) is not None:
                 self._at(instant.step, instant.t_ns)
                 self._stream.log(instant.port.topic, shown)
-
-    def _log(self, place: str, level: str, text: str, when: Instant) -> None:
-        self._at(when.step, when.t_ns)
-        word = {"warning": "WARN"}.get(level, level.upper())
-        self._stream.log(place, self._rr.TextLog(text, level=word))
 
     def _at(self, step: int, t_ns: int) -> None:
         self._stream.set_time("time", duration=np.timedelta64(t_ns, "ns"))
@@ -185,19 +175,16 @@ class _Rrd:
         """Write all numbers; return topic → why one is not whole, of those that were not lost."""
         tables = [Table(p) for p in ports if p.type not in _NO_CURVES and p.topic not in lost]
         failed: dict[str, str] = {}
-        for piece in self._recording.batches([table.port for table in tables]):
-            for table in tables:
-                batch, topic = piece[table.port.topic], table.port.topic
-                if not len(batch.steps) or topic in failed:
-                    continue
-                try:
-                    rows = list(table.numbers(batch, [f for f in table.fields if f.is_numeric]))
-                except StepbusError as exc:
-                    failed[topic] = f"{topic}: {exc}"
-                    continue
-                for field, numbers in rows:
-                    if numbers is not None and field.columns[0].type not in LISTS:
-                        self._curve(table.port, field, batch, numbers)
+        for table, batch in pieces(self._recording, tables, failed):
+            topic, fields = table.port.topic, [f for f in table.fields if f.is_numeric]
+            try:
+                rows = list(table.numbers(batch, fields))
+            except StepbusError as exc:
+                failed[topic] = f"{topic}: {exc}"
+                continue
+            for field, numbers in rows:
+                if numbers is not None and field.columns[0].type not in LISTS:
+                    self._curve(table.port, field, batch, numbers)
         return failed
 
     def _curve(self, port: Port, field: Field, batch: Batch, numbers: Array) -> None:
@@ -206,10 +193,15 @@ class _Rrd:
             return
         place = f"{port.topic}/{field.name}"
         if place not in self._curves:
-            names = [_name(field.name, column) for column in field.columns]
+            names = [column.name.removeprefix(f"{field.name}.") for column in field.columns]
+            unit = field.columns[0].unit
+            names = [f"{name} [{unit}]" for name in names] if unit not in {"", "-"} else names
             self._curves.add(place)
             self._stream.log(place, self._rr.SeriesLines(names=names), static=True)
-        times = self._times(batch.steps, batch.t_ns)
+        times = [
+            self._rr.TimeColumn("time", duration=batch.t_ns.astype("timedelta64[ns]")),
+            self._rr.TimeColumn("step", sequence=batch.steps),
+        ]
         self._stream.send_columns(place, times, self._rr.Scalars.columns(scalars=numbers))
 
     def end(self) -> None:
@@ -220,16 +212,6 @@ class _Rrd:
             self._stream.log("events/orchestrator", self._rr.TextLog(result.reason, level="ERROR"))
 
 
-def _name(field: str, column: Column) -> str:
-    """Return the name of a curve, with its unit."""
-    name = column.name.removeprefix(f"{field}.")
-    return name if column.unit in ("", "-") else f"{name} [{column.unit}]"
-
-
-def _xyzw(pose: Pose) -> tuple[float, float, float, float]:
-    w, x, y, z = pose.wxyz
-    return x, y, z, w
-
-
 def _transform(rr: Any, pose: Pose) -> Any:
-    return rr.Transform3D(translation=pose.position, quaternion=_xyzw(pose))
+    w, x, y, z = pose.wxyz
+    return rr.Transform3D(translation=pose.position, quaternion=(x, y, z, w))

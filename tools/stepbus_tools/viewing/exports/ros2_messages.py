@@ -8,13 +8,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from stepbus_participant import parse_duration
+from stepbus_tools.viewing.exports.exporter import NS, Instant
 from stepbus_tools.viewing.render import jpeg
-from stepbus_tools.viewing.scene.bodies import positions_in
-from stepbus_tools.viewing.scene.pose import about
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.pose import about, from_xyzw
+from stepbus_tools.viewing.scene.scene import Scene, positions_in
 
 from .frames import FrameTree, Transform
-from .instants import NS, Instant
 
 _UNKNOWN = 1e12
 """Variance where a recording does not say how good a value is: 0 would say that it is exact."""
@@ -194,16 +193,11 @@ def _placed(tree: FrameTree, instant: Instant) -> Fields:
     rows = zip(
         message.parents, message.children, message.position, message.orientation, strict=False
     )
-    return {
-        "transforms": [
-            {
-                "header": header(instant.t_ns, tree.frame_of(parent)),
-                "child_frame_id": tree.frame_of(child),
-                "transform": {"translation": named("xyz", p), "rotation": named("xyzw", q)},
-            }
-            for parent, child, p, q in rows
-        ]
-    }
+    placed = (
+        Transform(tree.frame_of(parent), tree.frame_of(child), from_xyzw(p, q))
+        for parent, child, p, q in rows
+    )
+    return transforms(placed, instant.t_ns)
 
 
 def _cloud(tree: FrameTree, instant: Instant) -> Fields | None:
@@ -281,11 +275,6 @@ def _trajectory(_: FrameTree, instant: Instant) -> Fields | None:
     }
 
 
-def _stopped(_: FrameTree, instant: Instant) -> Fields:
-    stop: Any = instant.message
-    return {"data": stop.active}
-
-
 def _log(_: FrameTree, instant: Instant) -> Fields:
     """Return an event as nodes log it."""
     event: Any = instant.message
@@ -297,9 +286,9 @@ def _log(_: FrameTree, instant: Instant) -> Fields:
     }
 
 
-def _text(_: FrameTree, instant: Instant) -> Fields:
-    message: Any = instant.message
-    return {"data": message.text}
+def _data(field: str) -> Callable[[FrameTree, Instant], Fields]:
+    """Return what makes a message of one field of another."""
+    return lambda _, instant: {"data": getattr(instant.message, field)}
 
 
 def markers(scene: Scene, tree: FrameTree) -> Fields:
@@ -345,7 +334,7 @@ CONVERTED: Mapping[str, Sequence[Row]] = {
     "BaseCommand/1": [Row("{}", "geometry_msgs/msg/Twist", _twist)],
     "BaseState/1": [Row("{}", "nav_msgs/msg/Odometry", _odometry)],
     "Detections/1": [_PLACES],
-    "EmergencyStop/1": [Row("{}", "std_msgs/msg/Bool", _stopped)],
+    "EmergencyStop/1": [Row("{}", "std_msgs/msg/Bool", _data("active"))],
     "Event/1": [Row("/rosout", "rcl_interfaces/msg/Log", _log)],
     "GripperState/1": [_STATES],
     "Image/1": [
@@ -363,7 +352,7 @@ CONVERTED: Mapping[str, Sequence[Row]] = {
     "PointCloud/1": [Row("{}", "sensor_msgs/msg/PointCloud2", _cloud)],
     "Poses/1": [_PLACES],
     "Scalars/1": [Row("{}", "std_msgs/msg/Float64MultiArray", _numbers)],
-    "Text/1": [Row("{}", "std_msgs/msg/String", _text)],
+    "Text/1": [Row("{}", "std_msgs/msg/String", _data("text"))],
     "Transforms/1": [Row("{}", "tf2_msgs/msg/TFMessage", _placed)],
     "Wrench/1": [Row("{}", "geometry_msgs/msg/WrenchStamped", _wrench)],
 }

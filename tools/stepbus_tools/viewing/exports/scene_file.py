@@ -14,10 +14,9 @@ from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import swept
 from stepbus_tools.viewing.stage.server import branded, open_page
 from stepbus_tools.viewing.stage.stage import Stage, add_floor
-from stepbus_tools.viewing.viewpoint import framed
+from stepbus_tools.viewing.viewpoint import framed, swept
 from stepbus_tools.whole_file import replaced
 
 _FRAMES_PER_S = 30.0

@@ -16,7 +16,7 @@ from typing import Any, Self
 import numpy as np
 
 from stepbus_orchestrator.errors import RecordingFailed
-from stepbus_orchestrator.recording import Batch, Recording
+from stepbus_orchestrator.recording import Recording
 from stepbus_participant import need
 from stepbus_schemas import MessageError, StepbusError
 from stepbus_tools.columns import (
@@ -28,6 +28,7 @@ from stepbus_tools.columns import (
     ColumnType,
     Table,
     distinct,
+    pieces,
     readable,
     to_json,
 )
@@ -80,7 +81,7 @@ def _export(form: str, recording: Recording, target: Path, reached: Reached) -> 
             sinks = dict.fromkeys(tables, opened(target, _LONG, {}))
         else:
             sinks = {t: opened(p, _wide(t), _about(t)) for t, p in paths.items()}
-        for table, batch in _pieces(recording, tables, lost):
+        for table, batch in pieces(recording, tables, lost):
             try:
                 values = table.values(batch)
                 for rows in _long(table, values) if is_file else [values]:
@@ -116,17 +117,6 @@ def _renamed(table: Table) -> Iterator[str]:
     for old, new in zip(table.columns, _wide(table)[len(CLOCK) :], strict=True):
         if old.name != new.name:
             yield f"{table.port.topic}: {old.name} is in the column {new.name}; the name is taken"
-
-
-def _pieces(
-    recording: Recording, tables: Sequence[Table], lost: Mapping[str, str]
-) -> Iterator[tuple[Table, Batch]]:
-    """Yield the pieces of all tables that are not lost yet."""
-    for piece in recording.batches([table.port for table in tables]):
-        for table in tables:
-            batch = piece[table.port.topic]
-            if len(batch.steps) and table.port.topic not in lost:
-                yield table, batch
 
 
 def _long(table: Table, values: Sequence[Cells]) -> Iterator[Sequence[Cells]]:

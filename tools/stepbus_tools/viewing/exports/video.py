@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,16 +16,14 @@ from stepbus_orchestrator.recording import Port, Recording
 from stepbus_participant import format_duration, need, parse_duration
 from stepbus_schemas import Image, StepbusError, WiringError
 from stepbus_tools.look import PAPER
-from stepbus_tools.viewing.exports.exporter import Exported, Exporter, Reached
+from stepbus_tools.viewing.exports.exporter import NS, Exported, Exporter, Rate, Reached
 from stepbus_tools.viewing.history import History
 from stepbus_tools.viewing.render import Painter, Pixels, pixels_of
 from stepbus_tools.viewing.scene.build import build_scene
-from stepbus_tools.viewing.scene.swept import swept
-from stepbus_tools.viewing.viewpoint import parse_viewpoint
+from stepbus_tools.viewing.viewpoint import parse_viewpoint, swept
 from stepbus_tools.whole_file import replaced
 
 from .caption import Caption
-from .instants import NS, Rate
 
 _FRAMES_PER_S = 25.0
 _MOST_FRAMES_PER_S = 120.0
@@ -47,11 +45,8 @@ _VIEWPOINT_HELP = (
 )
 
 
-class Shot(NamedTuple):
-    """A frame. t_ns: simulation time [ns]. pixels: shape (height, width, 3)."""
-
-    t_ns: int
-    pixels: Pixels
+Shot = tuple[int, Pixels]
+"""Simulation time [ns] and picture, shape (height, width, 3)."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -71,10 +66,6 @@ class _Plan:
         rate = Fraction(str(self.fps or _FRAMES_PER_S))
         count = math.floor((self.end_ns - self.start_ns) * rate / NS)
         return [self.start_ns + round(number * NS / rate) for number in range(count + 1)]
-
-    def share(self, t_ns: int) -> float:
-        """Return how much of the film is over at a time [ns], 0 to 1."""
-        return min(1.0, (t_ns - self.start_ns) / max(self.end_ns - self.start_ns, 1))
 
 
 def _export(
@@ -102,17 +93,13 @@ def _export(
     history, problems = History(recording), list[str]()
     plan = _plan(history, size, fps, from_, to)
     port = None if viewpoint else _camera(recording, camera)
-
-    def tell(t_ns: int) -> None:
-        reached(round(plan.share(t_ns) * recording.last_step))
-
     if port is None:
         shots = _drawn(history, viewpoint or "corner", plan)
     else:
         shots = _seen(port, plan, problems)
     with replaced(target) as path:
         try:
-            written = _captioned(recording, shots, tell)
+            written = _captioned(history, shots, reached)
             problems += _WRITERS[target.suffix](path, written, plan)
         except ValueError as exc:
             raise RecordingFailed(f"{target} cannot be written: {exc}") from exc
@@ -205,7 +192,7 @@ def _seen(camera: Port, plan: _Plan, problems: list[str]) -> Iterator[Shot]:
             if t_ns < plan.start_ns or not isinstance(message, Image) or not message.width:
                 continue
             if rate.passes(camera.topic, t_ns):
-                yield Shot(t_ns, _sized(pixels_of(message), plan.size))
+                yield t_ns, _sized(pixels_of(message), plan.size)
     except StepbusError as exc:
         problems.append(str(exc))
 
@@ -230,19 +217,17 @@ def _drawn(history: History, viewpoint: str, plan: _Plan) -> Iterator[Shot]:
     view = parse_viewpoint(viewpoint, shown.box, width / height, shown.fixed)
     painter = Painter(scene, (width, height), smooth=True, floor=shown.box)
     for t_ns in plan.times():
-        yield Shot(t_ns, painter.draw(history.at(scene.topics, t_ns), view))
+        yield t_ns, painter.draw(history.at(scene.topics, t_ns), view)
 
 
-def _captioned(
-    recording: Recording, shots: Iterator[Shot], tell: Callable[[int], None]
-) -> Iterator[Shot]:
-    """Yield frames with a caption and a clock. tell: takes the time [ns] of each that is over."""
+def _captioned(history: History, shots: Iterator[Shot], reached: Reached) -> Iterator[Shot]:
+    """Yield frames with a caption and a clock."""
     caption: Caption | None = None
-    for shot in shots:
-        height, width, _ = shot.pixels.shape
-        caption = caption or Caption(recording, (width, height))
-        yield Shot(shot.t_ns, caption.on(shot.pixels, shot.t_ns))
-        tell(shot.t_ns)
+    for t_ns, pixels in shots:
+        height, width, _ = pixels.shape
+        caption = caption or Caption(history, (width, height))
+        yield t_ns, caption.on(pixels, t_ns)
+        reached(t_ns // history.step_ns)
 
 
 def _write_mp4(path: Path, shots: Iterator[Shot], plan: _Plan) -> list[str]:

@@ -18,7 +18,7 @@ from stepbus_orchestrator.run.result import result_beside
 from stepbus_schemas import Image, StepbusError
 from stepbus_tools.columns import readable
 from stepbus_tools.look import line_style
-from stepbus_tools.report.charts import Chart, ChartLine, Mark, field_chart, joint_charts
+from stepbus_tools.report.charts import Chart, Mark, field_chart, joint_charts
 from stepbus_tools.report.curves import (
     ContactCurves,
     JointCurves,
@@ -35,41 +35,31 @@ from stepbus_tools.viewing.history import History, read_timeline
 _decode = msgspec.msgpack.Decoder(StepTiming).decode
 
 
-@dataclass(frozen=True, kw_only=True)
-class StepTimes:
-    """How long one participant waited and computed, shape (steps,) [µs]."""
-
-    wait: NDArray[np.float64]
-    compute: NDArray[np.float64]
+StepTimes = Mapping[str, NDArray[np.float64]]
+"""Participant → how long it waited and computed in each step, shape (2, steps) [µs]."""
 
 
-def read_step_times(folder: Path) -> Mapping[str, StepTimes]:
-    """Return participant → its step times; none without a timing.mcap that can be read."""
+def read_step_times(folder: Path) -> StepTimes:
+    """Return the times of all steps; none without a timing.mcap that can be read."""
     rows: dict[str, list[NDArray[np.float64]]] = {}
     try:
         with Recording(folder / layout.TIMING_FILE) as recording:
             port = recording.ports.get("steps")
             for entry in port.entries() if port else ():
                 timing = _decode(entry.data)
-                part = np.array(timing.rows, dtype=float).reshape(-1, 3)
+                part = np.array(timing.rows, dtype=float).reshape(-1, 3)[:, 1:].T
                 rows.setdefault(timing.participant, []).append(part * 1e-3)
     except (RecordingFailed, msgspec.MsgspecError):
         pass
-    whole = {name: np.concatenate(parts) for name, parts in rows.items()}
-    return {
-        name: StepTimes(wait=part[:, 1], compute=part[:, 2])
-        for name, part in whole.items()
-        if len(part)
-    }
+    whole = {name: np.concatenate(parts, axis=1) for name, parts in rows.items()}
+    return {name: part for name, part in whole.items() if part.size}
 
 
-def times_html(times: Mapping[str, StepTimes]) -> str:
+def times_html(times: StepTimes) -> str:
     """Return a table of participants, the slowest first."""
-    names = sorted(times, key=lambda name: -float(times[name].compute.sum()))
-    most = max(float(np.mean(t.compute + t.wait)) for t in times.values()) or 1.0
+    most = max(float(part.sum(axis=0).mean()) for part in times.values()) or 1.0
     rows = []
-    for name in names:
-        compute, wait = times[name].compute, times[name].wait
+    for name, (wait, compute) in sorted(times.items(), key=lambda row: -float(row[1][1].sum())):
         shares = "".join(
             f'<i class={style} style="width:{100 * time.mean() / most:.1f}%"></i>'
             for style, time in (("f0", compute), ("wait", wait))
@@ -181,11 +171,8 @@ class RunPage:
     @property
     def marks(self) -> list[Mark]:
         """Return what all charts show of its events: all of few, the serious ones of many."""
-        return [
-            one.mark
-            for one in self.events
-            if one.level != "info" or len(self.events) <= _FEW_EVENTS
-        ]
+        is_short = len(self.events) <= _FEW_EVENTS
+        return [one for one in self.events if is_short or one.level != "info"]
 
     def local(self, text: str) -> str:
         """Return a text without the folder of the run: nobody else has this machine's folders."""
@@ -212,10 +199,12 @@ def _groups(run: RunPage) -> Iterator[Group]:
     joints = run.joints.measured
     charts = {joint: [c for c in joint_charts(run.joints, joint) if c.lines] for joint in joints}
     errors = {joint: c for joint in joints for c in charts[joint] if c.title == "error"}
+    known = [joint for joint in joints[:_MOST_JOINTS] if joint in errors]
+    named = {joint: replace(errors[joint].lines[0], label=joint) for joint in known}
     overview = [
         Chart("error", unit, lines)
         for unit in ("rad", "m")
-        if (lines := list(_named_errors(errors, joints[:_MOST_JOINTS], unit)))
+        if (lines := [named[joint] for joint in known if errors[joint].unit == unit])
     ]
     if len(joints) > 1 and overview:
         more = len(joints) - _MOST_JOINTS
@@ -236,11 +225,3 @@ def _groups(run: RunPage) -> Iterator[Group]:
             title = f"{_TITLES[kind]}: {name}" if kind in _TITLES else f"{name} ({kind})"
             is_open = kind not in _QUIET and any(chart.varies for chart in shown)
             yield Group(title=title, is_open=is_open, charts=shown)
-
-
-def _named_errors(
-    errors: Mapping[str, Chart], joints: Sequence[str], unit: str
-) -> Iterator[ChartLine]:
-    for joint in joints:
-        if joint in errors and errors[joint].unit == unit:
-            yield replace(errors[joint].lines[0], label=joint)

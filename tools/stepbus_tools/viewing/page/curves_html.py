@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 
 from stepbus_orchestrator.analysis.signals import Array
-from stepbus_tools.look import engineering, line_style, prefixed
+from stepbus_tools.look import engineering, line_sample, line_style, prefixed, run_sample
 from stepbus_tools.report.charts import Chart, ChartLine
 from stepbus_tools.report.curves import Curve
-from stepbus_tools.report.figure_html import line_sample, run_sample
 
 from .content import Group, RunPage
 
@@ -54,7 +53,7 @@ class Curves:
                 {"title": group.title, "charts": [arrays.chart(chart) for chart in group.charts]}
                 for group in self.groups
             ],
-            "marks": [{"t": m.t, "level": m.level, "text": m.text} for m in self.marks],
+            "marks": [{"t": m.t, "level": m.level, "text": m.sentence} for m in self.marks],
             "end": self.end_s,
             "arrays": arrays.encoded(),
         }

@@ -12,9 +12,8 @@ from stepbus_orchestrator.run.reports import in_units
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.scenario.locate import builtin_name
 from stepbus_participant import open_regular
-from stepbus_tools.look import engineering
+from stepbus_tools.look import engineering, run_sample
 from stepbus_tools.report.charts import Chart
-from stepbus_tools.report.figure_html import run_sample
 from stepbus_tools.viewing.page.content import RunPage
 
 _MOST_WARNINGS = 10
@@ -75,17 +74,16 @@ def figures(run: RunPage) -> Iterator[tuple[str, str]]:
         yield "simulated", f"{result.simulated_s:g} s"
         yield "wall time", f"{result.wall_s:.2f} s"
         yield "real-time factor", f"{result.real_time_factor:.2f}"
-    charts = [(one, group.title) for group in run.groups for one in group.charts]
-    errors = [row for row in charts if row[0].title == "error" and row[1] in run.joints.measured]
-    if errors:
-        worst, joint = max(errors, key=lambda row: row[0].largest)
+    if errors := _charts(run):
+        joint, worst = max(errors.items(), key=lambda row: row[1].largest)
         yield "largest error, whole run", f"{engineering(worst.largest, worst.unit)}, {joint}"
+    charts = [(one, group.title) for group in run.groups for one in group.charts]
     used = [(c.used, c.title, joint) for c, joint in charts if c.used is not None]
     if used:
         share, what, joint = max(used)
         yield "nearest to a limit", f"{100 * share:.0f} %, {joint} {what}"
     if run.times:
-        longest, name = max((float(t.compute.max()), name) for name, t in run.times.items())
+        longest, name = max((float(part[1].max()), name) for name, part in run.times.items())
         yield "longest step", f"{in_units(longest)}, {name}"
     if result is not None:
         counts = ((result.warning_count, "warning"), (len(result.faults), "fault"))
@@ -241,14 +239,11 @@ _Rows = Iterator[tuple[str, list[str]]]
 def _outcomes(runs: Sequence[RunPage]) -> _Rows:
     words = [run.result.outcome if run.result else "unknown" for run in runs]
     yield "outcome", [f'<span class="word {escape(word)}">{escape(word)}</span>' for word in words]
-    given = [_given(run) for run in runs]
+    results = [run.result for run in runs]
+    # What the scenario does not say.
+    given = [[*one.overrides, *one.faults] if one else [] for one in results]
     if any(given):
         yield "settings, faults", ["<br>".join(map(escape, texts)) or "–" for texts in given]
-
-
-def _given(run: RunPage) -> list[str]:
-    """Return what the run was given that its scenario does not say."""
-    return [*run.result.overrides, *run.result.faults] if run.result else []
 
 
 def _errors(runs: Sequence[RunPage]) -> _Rows:

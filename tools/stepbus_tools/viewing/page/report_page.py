@@ -14,9 +14,8 @@ from urllib.parse import quote
 
 from stepbus_participant import ExtraMissing, lacks
 from stepbus_tools.columns import dotted
-from stepbus_tools.look import MARK, style_sheet
+from stepbus_tools.look import MARK, figure, png_figure, style_sheet
 from stepbus_tools.report.charts import Chart, ChartLine, path_of
-from stepbus_tools.report.figure_html import figure, png_figure
 from stepbus_tools.report.picture import draw
 from stepbus_tools.viewing.exports.scene_file import REPLAY_POLICY, packed_replay, replay_html
 from stepbus_tools.viewing.page.content import lateness_html, times_html
@@ -174,7 +173,7 @@ def _path(runs: Sequence[RunPage]) -> str:
 
 def _events(runs: Sequence[RunPage]) -> str:
     rows = "".join(
-        f'<tr class="{escape(one.level)}"><td>{one.t_ns * 1e-9:.3f} s</td>'
+        f'<tr class="{escape(one.level)}"><td>{one.t:.3f} s</td>'
         f"<td>{escape(run.label)}</td><td>{escape(one.level)}</td><td>{escape(one.source)}</td>"
         f"<td>{escape(one.text)}</td></tr>"
         for run in runs

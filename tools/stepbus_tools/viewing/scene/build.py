@@ -1,7 +1,7 @@
 """From a recording's descriptions and files to its scene."""
 
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,10 +11,10 @@ from stepbus_orchestrator.replay.sources import Sources
 from stepbus_participant import scratch_folder
 from stepbus_schemas import parse_shapes
 from stepbus_tools.viewing.scene.pose import from_xyzw
+from stepbus_tools.viewing.scene.scene import Body, JointSource
 
-from .bodies import Body, JointSource
 from .meshes import GREY, PLACEHOLDER, Color, Visual, primitive
-from .model import Model
+from .model import is_moved_by
 from .origin import Origin
 from .scene import GHOST, BodyMotion, Chain, Frame, LinkMotion, Scene
 
@@ -70,18 +70,24 @@ class _Builder:
         self._bodies = [self._with_ports(body) for body in origin.bodies]
 
     def build(self) -> Scene:
-        placed = [name for body in self._bodies for name in self._add_body(body)]
+        placed = {name for body in self._bodies for name in self._add_body(body)}
         known = {body.name for body in self._bodies}
         for name, link in self._links.items():
             if link.body not in known:
-                look = self._look(link)
+                # A body without a model of its own may have that of its type.
+                model = self._origin.types.get(link.type)
+                look = model.links.get(model.root, ()) if model else tuple(self._shapes(link))
                 self._frames.append(Frame(name=name, visuals=look, body=link.body))
-                placed.append(name)
+                placed.add(name)
         if not any(frame.visuals for frame in self._frames):
             self._notes.append("it has no model and no shapes to draw; showing curves only")
+        links = {
+            port.topic: [name if name in placed else None for name in port.names]
+            for port in self._true_poses()
+        }
         return Scene(
             frames=self._frames,
-            motions=[self._link_motion(set(placed)), *self._motions],
+            motions=[LinkMotion(links), *self._motions],
             chains=list(self._chains()),
             notes=list(dict.fromkeys(self._notes)),
             bodies=self._bodies,
@@ -109,19 +115,6 @@ class _Builder:
                 link = _Link(name, body, kind, shape, color, {})
                 links.setdefault(name, link).ports[port.topic] = number
         return links
-
-    def _link_motion(self, placed: Collection[str]) -> LinkMotion:
-        return LinkMotion(
-            {
-                port.topic: [name if name in placed else None for name in port.names]
-                for port in self._true_poses()
-            }
-        )
-
-    def _look(self, link: _Link) -> tuple[Visual, ...]:
-        """Return what a link without a model of its body looks like."""
-        model = self._origin.types.get(link.type)
-        return tuple(self._shapes(link)) if model is None else model.links.get(model.root, ())
 
     def _shapes(self, link: _Link) -> Iterator[Visual]:
         try:
@@ -165,14 +158,11 @@ class _Builder:
         placed = [own[name] for name in seen if name in body.links]
         if body.links and len(placed) == len(seen):
             for name in seen:
-                pose = body.start @ body.model.pose(name, {})
-                visuals = body.model.links[name]
-                self._frames.append(
-                    Frame(name=own[name], pose=pose, visuals=visuals, body=body.name)
-                )
+                pose, visuals = body.start @ body.model.pose(name, {}), body.model.links[name]
+                frame = Frame(name=own[name], pose=pose, visuals=visuals, body=body.name)
+                self._frames.append(frame)
         else:
-            placed = []
-            own = {}
+            placed, own = [], {}
             self._add_tree(body, f"{body.name}/", body.measured)
         targets = self._sources(body, _WANTED)
         if targets:
@@ -195,12 +185,15 @@ class _Builder:
         """
         model = body.model
         known = {name for source in sources for name in source.names}
-        moving = [joint for joint in model.joints if joint.is_moved_by(known)]
-        shown = _below(model, {joint.child for joint in moving}) if real else set(model.links)
-        rows = [(model.root, "", body.start)]
+        moving = [joint for joint in model.joints if is_moved_by(joint, known)]
+        shown = {joint.child for joint in moving} if real else set(model.links)
         for joint in model.joints:
-            pose = joint.at(model.position(joint, {}))
-            rows.append((joint.child, prefix + joint.parent, pose))
+            # Parents first: what hangs on a link is shown with it.
+            shown |= {joint.child} if joint.parent in shown else set()
+        rows = [
+            (model.root, "", body.start),
+            *((j.child, prefix + j.parent, model.placed(j, {})) for j in model.joints),
+        ]
         self._frames += [
             Frame(
                 name=prefix + link,
@@ -255,14 +248,6 @@ def _joint_names(body: Body, port: PortInfo) -> list[str]:
     joints = {joint.name for joint in body.model.joints if joint.moves}
     names = [name.removeprefix(f"{body.name}/") for name in port.names]
     return names if joints.intersection(names) else []
-
-
-def _below(model: Model, children: set[str]) -> set[str]:
-    """Return some links, and those that hang on them."""
-    for joint in model.joints:
-        if joint.parent in children:
-            children.add(joint.child)
-    return children
 
 
 def _color(text: str) -> Color:

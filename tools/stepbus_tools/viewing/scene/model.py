@@ -1,92 +1,77 @@
-"""A robot's model as it is drawn: its links, and how joints move them."""
+"""A robot as it is drawn: what its links look like, and how joints move them."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from stepbus_models import Joint as JointDescription
-from stepbus_models import Link, Mimic, Shape, is_file, read_robot, urdf_text
+from stepbus_models import Joint, Link, RobotDescription, Shape, is_file, read_robot, urdf_text
 from stepbus_models import Pose as PoseDescription
 from stepbus_schemas import WiringError
-from stepbus_tools.viewing.scene.pose import Pose, Vector, about, from_rpy
+from stepbus_tools.viewing.scene.pose import Pose, about, from_rpy
 
 from .meshes import GREY, PLACEHOLDER, Color, Mesh, Visual, mesh_file, primitive
-
-_TURNING = ("revolute", "continuous")
-_SLIDING = ("prismatic",)
-
-
-@dataclass(frozen=True, kw_only=True)
-class Joint:
-    """A joint of a model. origin: of its child in its parent, at position 0. rest: [rad or m].
-
-    mimic: what it follows; None: nothing.
-    """
-
-    name: str
-    type: str
-    parent: str
-    child: str
-    origin: Pose
-    axis: Vector
-    rest: float = 0.0
-    mimic: Mimic | None = None
-
-    @property
-    def moves(self) -> bool:
-        """Return whether it has a position."""
-        return self.type in _TURNING or self.type in _SLIDING
-
-    def is_moved_by(self, names: Collection[str]) -> bool:
-        """Return whether it moves with one of some joints, of which it may be one."""
-        leader = self.mimic.joint if self.mimic else self.name
-        return self.moves and (self.name in names or leader in names)
-
-    def at(self, position: float) -> Pose:
-        """Return the pose of its child in its parent. position: [rad or m]."""
-        if self.type in _SLIDING:
-            x, y, z = self.axis
-            return self.origin @ Pose((x * position, y * position, z * position))
-        if self.type in _TURNING:
-            return self.origin @ Pose(wxyz=about(self.axis, position))
-        return self.origin
 
 
 @dataclass(frozen=True, kw_only=True)
 class Model:
-    """A model. links: name → what it looks like. joints: parents first. root: its first link.
+    """A robot as it is drawn."""
 
-    notes: what cannot be shown as it is, a sentence each. text: URDF, as it was read.
-    """
-
-    root: str
+    robot: RobotDescription
+    """As its file describes it."""
     links: Mapping[str, tuple[Visual, ...]]
+    """What each link looks like."""
     joints: tuple[Joint, ...]
+    """Parents first."""
+    origins: Mapping[str, Pose]
+    """Pose of each joint's child in its parent, at position 0."""
+    rest: Mapping[str, float] = field(default_factory=dict)
+    """Positions of joints that are not measured [rad or m]; default: the nearest to 0."""
     notes: tuple[str, ...] = ()
-    above: Mapping[str, Joint] = field(default_factory=dict)
-    text: str = ""
+    """What cannot be shown as it is, a sentence each."""
+
+    @property
+    def root(self) -> str:
+        """Return the name of the base link."""
+        return self.robot.root
+
+    @property
+    def text(self) -> str:
+        """Return the model as URDF."""
+        return self.robot.text or urdf_text(self.robot)
 
     @property
     def has_joints(self) -> bool:
         """Return whether any of its joints has a position."""
         return any(joint.moves for joint in self.joints)
 
-    def position(self, joint: Joint, positions: Mapping[str, float]) -> float:
+    def placed(self, joint: Joint, positions: Mapping[str, float]) -> Pose:
+        """Return the pose of a joint's child in its parent. positions: by joint [rad or m]."""
+        origin = self.origins[joint.name]
+        if not joint.moves:
+            return origin
+        position = self._position(joint, positions)
+        if joint.type == "prismatic":
+            x, y, z = joint.axis
+            return origin @ Pose((x * position, y * position, z * position))
+        return origin @ Pose(wxyz=about(joint.axis, position))
+
+    def _position(self, joint: Joint, positions: Mapping[str, float]) -> float:
         """Return where a joint is; an unmeasured one is where it rests or what it mimics."""
         if joint.name in positions:
             return positions[joint.name]
-        mimic = joint.mimic
-        leaders = (one for one in self.joints if mimic is not None and one.name == mimic.joint)
-        leader = next(leaders, joint)
-        if mimic is None or leader is joint:
-            return joint.rest
-        return mimic.multiplier * self.position(leader, positions) + mimic.offset
+        leader = self.robot.joints.get(joint.mimic.joint) if joint.mimic else None
+        if joint.mimic is None or leader is None or leader is joint:
+            # A plant starts a joint at the position nearest to 0.
+            start = 0.0 if joint.lower is None else max(0.0, joint.lower)
+            start = start if joint.upper is None else min(start, joint.upper)
+            return self.rest.get(joint.name, start)
+        return joint.mimic.multiplier * self._position(leader, positions) + joint.mimic.offset
 
     def pose(self, link: str, positions: Mapping[str, float]) -> Pose:
         """Return the pose of a link in the root link."""
         pose = Pose()
-        while (joint := self.above.get(link)) is not None:
-            pose = joint.at(self.position(joint, positions)) @ pose
+        while (joint := self.robot.joint_above.get(link)) is not None:
+            pose = self.placed(joint, positions) @ pose
             link = joint.parent
         return pose
 
@@ -98,32 +83,20 @@ def load_model(path: Path, rest: Mapping[str, float] = {}) -> Model:
     """
     robot = read_robot(path)
     notes = dict.fromkeys(robot.warnings if robot.format == "mjcf" else ())
-    joints = [_joint(joint, rest) for joint in robot.joints.values()]
-    above = {joint.child: joint for joint in joints}
     return Model(
-        root=robot.root,
+        robot=robot,
         links={name: tuple(_visuals(link, notes)) for name, link in robot.links.items()},
-        joints=tuple(_parents_first(robot.root, above)),
+        joints=tuple(_parents_first(robot)),
+        origins={name: _pose(joint.pose) for name, joint in robot.joints.items()},
+        rest=rest,
         notes=tuple(notes),
-        above=above,
-        text=robot.text or urdf_text(robot),
     )
 
 
-def _joint(joint: JointDescription, rest: Mapping[str, float]) -> Joint:
-    """Return a joint; without a measurement, a plant starts it at the position nearest to 0."""
-    start = 0.0 if joint.lower is None else max(0.0, joint.lower)
-    start = start if joint.upper is None else min(start, joint.upper)
-    return Joint(
-        name=joint.name,
-        type=joint.type,
-        parent=joint.parent,
-        child=joint.child,
-        origin=_pose(joint.pose),
-        axis=joint.axis,
-        rest=rest.get(joint.name, start),
-        mimic=joint.mimic,
-    )
+def is_moved_by(joint: Joint, names: Collection[str]) -> bool:
+    """Return whether a joint moves with one of some joints, of which it may be one."""
+    leader = joint.mimic.joint if joint.mimic else joint.name
+    return joint.moves and (joint.name in names or leader in names)
 
 
 def _visuals(link: Link, notes: dict[str, None]) -> Iterator[Visual]:
@@ -150,11 +123,11 @@ def _meshes(link: str, shape: Shape, notes: dict[str, None]) -> Sequence[Mesh]:
     return [] if mesh is None else [mesh]
 
 
-def _parents_first(root: str, joints: Mapping[str, Joint]) -> Iterator[Joint]:
+def _parents_first(robot: RobotDescription) -> Iterator[Joint]:
     below: dict[str, list[Joint]] = {}
-    for joint in joints.values():
+    for joint in robot.joints.values():
         below.setdefault(joint.parent, []).append(joint)
-    waiting = [root]
+    waiting = [robot.root]
     while waiting:
         for joint in below.get(waiting.pop(0), []):
             waiting.append(joint.child)

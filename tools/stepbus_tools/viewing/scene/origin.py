@@ -1,6 +1,7 @@
 """The models that a recording names: bodies of the plant's world, or the robot of a parameter."""
 
 from collections.abc import Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -8,8 +9,8 @@ from stepbus_participant import find_file, read_text
 from stepbus_participant.parameters import parse_yaml
 from stepbus_schemas import StepbusError
 from stepbus_tools.viewing.scene.pose import Pose, Vector, from_rpy
+from stepbus_tools.viewing.scene.scene import Body
 
-from .bodies import Body
 from .model import Model, load_model
 
 _MODELS = (".urdf", ".xacro", ".xml")
@@ -30,14 +31,12 @@ class Origin:
         self.notes: list[str] = []
         if scenario is None:
             return
-        participants = _map(self._yaml(scenario).get("participants"))
-        params = [
-            text for spec in participants.values() for text in _texts(_map(spec).get("params"))
-        ]
-        for text in dict.fromkeys(params):
+        specs = _map(self._yaml(scenario).get("participants")).values()
+        params = dict.fromkeys(chain.from_iterable(_texts(_map(s).get("params")) for s in specs))
+        for text in params:
             if text.endswith((".yaml", ".yml")):
                 self._add_world(scenario.parent, text)
-        for text in dict.fromkeys(params if not self.bodies else ()):
+        for text in () if self.bodies else params:
             if text.endswith(_MODELS) and (model := self._model(text, scenario.parent)):
                 self.bodies.append(Body(name=Path(text).name.split(".")[0], model=model))
 
@@ -55,13 +54,12 @@ class Origin:
             return
         world = self._yaml(path)
         for body, given in _with_models(world.get("bodies")):
-            joints = _map(given.get("joints"))
-            starts = {joint: _map(row).get("position") for joint, row in joints.items()}
+            joints = _map(given.get("joints")).items()
+            starts = {joint: _map(row).get("position") for joint, row in joints}
             rest = {joint: float(x) for joint, x in starts.items() if isinstance(x, int | float)}
             if model := self._model(given["urdf"], path.parent, rest):
-                start = Pose(
-                    _vector(given.get("position")), from_rpy(_vector(given.get("orientation_rpy")))
-                )
+                turned = from_rpy(_vector(given.get("orientation_rpy")))
+                start = Pose(_vector(given.get("position")), turned)
                 is_fixed = given.get("fixed_base") is True
                 self.bodies.append(Body(name=body, model=model, start=start, is_fixed=is_fixed))
         for kind, given in _with_models(_map(world.get("stock")).get("types")):

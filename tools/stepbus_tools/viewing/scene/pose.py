@@ -70,10 +70,3 @@ def from_xyzw(position: Sequence[float], xyzw: Sequence[float]) -> Pose:
     px, py, pz = position
     x, y, z, w = xyzw
     return Pose((px, py, pz), (w, x, y, z))
-
-
-def unit(v: Sequence[float]) -> Vector:
-    """Return a vector with length 1; z where it has none."""
-    x, y, z = v
-    length = math.sqrt(x * x + y * y + z * z)
-    return (x / length, y / length, z / length) if length > 0 else (0.0, 0.0, 1.0)

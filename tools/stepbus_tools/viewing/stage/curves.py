@@ -8,13 +8,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_orchestrator.recording import PortInfo
 from stepbus_schemas import Message
-from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of
+from stepbus_tools.columns import LISTS, NUMBERS, dotted, fields_of, limits_of
 from stepbus_tools.look import LINES, PAPER, line_style
 from stepbus_tools.report.charts import Mark
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
+from stepbus_tools.viewing.scene.scene import Messages
 
 _MOST_LINES = 16
 """Of one signal; more cannot be told apart."""
@@ -28,7 +27,6 @@ A second recording has its values behind those of the first, shape (T, 2 n).
 """
 _FAILURE, _PAST = "failure", 0.02
 """The end of a run that failed is a line, which the axis goes past by so much of its length."""
-_LIMITS = {"position": ("lower", "upper"), "velocity": ("velocity",), "effort": ("effort",)}
 _RULES = (
     ("soft", ("info", "warning", "goal", "call")),
     ("bad", ("error", "fault", "failure")),
@@ -81,7 +79,8 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
             count = len(_numbers(getattr(latest.message, field.name)))
             if count and field.columns[0].type in (*NUMBERS, *LISTS):
                 label, names = f"{dotted(port)}.{field.name}", field.labels(count)[:_MOST_LINES]
-                limits = _limits(port, field.name, len(names))
+                described = port.description.limits
+                limits = [limits_of(described, field.name, index) for index in range(len(names))]
                 unit = field.columns[0].unit
                 rows.append(
                     Signal(
@@ -90,18 +89,10 @@ def signals(ports: Ports, messages: Messages) -> list[Signal]:
                         names=names,
                         label=label,
                         unit=unit,
-                        limits=limits,
+                        limits=limits if np.isfinite(limits).any() else (),
                     )
                 )
     return rows
-
-
-def _limits(port: PortInfo, field: str, count: int) -> list[tuple[float, float]]:
-    rows = [port.description.limits.get(key, ()) for key in _LIMITS.get(field, ())]
-    if not rows or any(len(row) < count for row in rows):
-        return []
-    pairs = zip(*rows, strict=True) if len(rows) > 1 else ((-value, value) for value in rows[0])
-    return [(float(low), float(high)) for low, high in pairs][:count]
 
 
 def _numbers(value: Any) -> list[float]:

@@ -2,15 +2,16 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from stepbus_schemas import Contacts, Detections, Image, Plan
 from stepbus_tools.viewing.render import pixels_of
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
 from stepbus_tools.viewing.scene.pose import Pose
+from stepbus_tools.viewing.scene.scene import Messages
 from stepbus_tools.viewing.stage.stage import Stage
 
 _CONTACT: tuple[int, int, int] = (230, 30, 30)
@@ -86,25 +87,20 @@ class Overlays:
                 then = past(now) if past is not None and latest is not None else messages
                 made = [] if latest is None else draw(topic, latest.message, then)
                 self._drawn[topic] = (now, made)
-                self._apply(made)
+                self.switch(visible=self._visible)
 
     def switch(self, *, visible: bool) -> None:
         """Show or hide all of it."""
         self._visible = visible
-        for _, handles in self._drawn.values():
-            self._apply(handles)
+        for handle in chain.from_iterable(handles for _, handles in self._drawn.values()):
+            if handle.visible != visible:
+                handle.visible = visible
 
     def name(self, *, visible: bool) -> None:
         """Show or hide the types of what was detected; many cover each other."""
         self._is_named = visible
-        for names in self._names.values():
-            for label in names:
-                label.visible = visible
-
-    def _apply(self, handles: Sequence[Any]) -> None:
-        for handle in handles:
-            if handle.visible != self._visible:
-                handle.visible = self._visible
+        for label in chain.from_iterable(self._names.values()):
+            label.visible = visible
 
     def _contacts(self, topic: str, contacts: Contacts, _: Messages) -> Sequence[Any]:
         """Draw an arrow on each point that is pressed on; its length grows with the force."""

@@ -1,20 +1,21 @@
 """What a page of a recording and one of a live run have in common."""
 
+import contextlib
 import html
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
-from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState
+from stepbus_orchestrator.recording import Recording, layout
+from stepbus_orchestrator.run.result import Result, result_beside
+from stepbus_schemas import BaseState, Detections, EmergencyStop, GripperState, StepbusError
 from stepbus_tools.report.charts import Mark
-from stepbus_tools.viewing.scene.bodies import Messages
 from stepbus_tools.viewing.scene.build import Ports
-from stepbus_tools.viewing.scene.scene import Scene
+from stepbus_tools.viewing.scene.scene import Messages, Scene
 from stepbus_tools.viewing.stage.curves import Curves, Data, Signal, signals
-from stepbus_tools.viewing.stage.marks import listed
 from stepbus_tools.viewing.stage.overlays import Images, Overlays, Past
-
-from .stage import Stage
+from stepbus_tools.viewing.stage.stage import Stage
 
 _MOST_EVENTS = 40
 _BULKY = ("Image/1", "PointCloud/1", "Chain/1", "CallRecord/1")
@@ -90,7 +91,7 @@ class View:
         held = [messages[topic].message for topic in self._held if topic in messages]
         self.stopped = next(
             (
-                f"by {_who(one)}, since t = {one.since:.2f} s"
+                f"by {one.by or 'the scenario'}, since t = {one.since:.2f} s"
                 for one in held
                 if isinstance(one, EmergencyStop) and one.active
             ),
@@ -132,10 +133,6 @@ def plain_topics(ports: Ports) -> list[str]:
     return [port.topic for port in ports.values() if port.type not in _BULKY]
 
 
-def _who(stop: EmergencyStop) -> str:
-    return stop.by or "the scenario"
-
-
 def _held(topic: str, message: object) -> str:
     if isinstance(message, GripperState):
         held = f"holding an object, {message.force:.1f} N" if message.holding else "empty"
@@ -147,3 +144,53 @@ def _held(topic: str, message: object) -> str:
         seen = ", ".join(f"{count} × {kind}" for kind, count in sorted(counts.items()))
         return f"**{topic}** {seen or 'nothing detected'}"
     return ""
+
+
+_SIGNS = {
+    "fault": "✕", "failure": "✕", "error": "✕", "warning": "▲", "divergence": "≠",
+    "goal": "•", "call": "•", "info": "•",
+}  # fmt: skip
+"""Level → its sign on the slider; front.css has the colours of these. The serious come first."""
+_ORDER = tuple(_SIGNS)
+_MOST_ON_SLIDER = 24
+_NEAR = 0.04
+"""Of the slider: so near to its end, a sign takes the place of the number there."""
+
+
+def on_slider(marks: Iterable[Mark], end_s: float) -> tuple[tuple[float, str], ...]:
+    """Return the marks of a slider, with their signs: the most serious ones where there are many.
+
+    end_s: of the slider, which has its ends as marks too, where there is room.
+    """
+    by_time: dict[float, str] = {}
+    for mark in sorted(marks, key=lambda one: _ORDER.index(one.level)):
+        if len(by_time) < _MOST_ON_SLIDER and mark.t <= end_s + 1e-9:
+            by_time.setdefault(round(mark.t, 6), _SIGNS[mark.level])
+    ends = {0.0: "0", end_s: f"{end_s:.3g}"}
+    near = _NEAR * end_s
+    ends = {at: text for at, text in ends.items() if all(abs(at - t) > near for t in by_time)}
+    return tuple(sorted((ends | by_time).items()))
+
+
+def listed(marks: Sequence[Mark], most: int) -> str:
+    """Return the last marks as HTML; their text comes from the author of the recording."""
+    rows = "".join(
+        f'<li data-level="{html.escape(mark.level)}">{html.escape(mark.label)}</li>'
+        for mark in marks[-most:]
+    )
+    return f'<ul class="lines">{rows or "<li>nothing yet</li>"}</ul>'
+
+
+def result_in(folder: Path) -> Result | None:
+    """Return the result of the run in a folder; None where there is none."""
+    with contextlib.suppress(StepbusError, OSError), Recording(folder / layout.RUN_FILE) as run:
+        return result_beside(run)
+    return None
+
+
+def failure_banner(result: Result | None, run: str = "") -> str:
+    """Return that and why a run failed, as HTML; nothing of one that did not. run: its name."""
+    if result is None or not result.exit_code:
+        return ""
+    who, why = html.escape(f"{run} failed".strip()), html.escape(result.cause or result.reason)
+    return f'<div class="failed" role="alert"><b>{who}</b>: {why}</div>'
