@@ -86,7 +86,7 @@ class MobileController(Participant):
             uses_planner=self._ports.plan is not None,
             collisions=settings.collisions,
         )
-        self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
+        self._base, self._gripper = BaseMotion(settings.params), Gripper(settings.params)
         self._navigator: Navigator | None = None
         if self._ports.plan is not None:
             self._navigator = Navigator(

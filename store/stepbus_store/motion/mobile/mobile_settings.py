@@ -7,8 +7,6 @@ from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
 from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
-from stepbus_store.motion.base_settings import BaseSettings
-from stepbus_store.motion.gripper import GripperSettings
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
@@ -81,15 +79,6 @@ class MobileSettings:
         )
         self.settling = make_settling(params)
         self.arm = _arm(params, config)
-        self.base = _base(params)
-        self.gripper = GripperSettings(
-            widest=params.gripper_widest,
-            tolerance=params.gripper_tolerance,
-            hold_force=params.gripper_force,
-            first_force=params.first_force,
-            slip=params.slip,
-            friction=params.pad_friction,
-        )
         self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
         )
@@ -111,27 +100,6 @@ def _arm(params: Params, config: Config) -> ManipulatorOptions:
         tip_turning=params.tip_turning,
         plan_timeout=params.plan_timeout,
         jam_lag=params.arm_lag,
-    )
-
-
-def _base(params: Params) -> BaseSettings:
-    return BaseSettings(
-        speed=params.base_speed,
-        acceleration=params.base_acceleration,
-        jerk=params.base_jerk,
-        turn_speed=params.base_turn_speed,
-        turn_acceleration=params.base_turn_acceleration,
-        turn_jerk=params.base_turn_jerk,
-        position=params.base_position,
-        angle=params.base_angle,
-        timeout=params.base_timeout,
-        lag=params.base_lag,
-        lag_angle=params.base_lag_angle,
-        track=params.track,
-        brake=params.base_brake,
-        turn_brake=params.base_turn_brake,
-        clearance=params.base_clearance,
-        reach=params.safe_reach,
     )
 
 
