@@ -195,17 +195,14 @@ class Detector:
         self._min_confidence = min_confidence
         self._depth_noise = depth_noise
 
-    def find(self, view: View, camera: Pose) -> list[Detection]:
-        """Return the items in a view, by type, then by x.
-
-        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
-        """
-        return self.look(view, camera)[0]
-
     def look(
         self, view: View, camera: Pose, spot: tuple[float, float, float] | None = None
     ) -> tuple[list[Detection], float]:
-        """Return the items in a view, as `find` does, and the share of a spot that is hidden."""
+        """Return the items in a view, by type, then by x, and the share of a spot that is hidden.
+
+        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
+        spot: in that frame [m]; None: nothing is hidden.
+        """
         if self._depth_noise:
             view = denoised(view, self._depth_noise)
         scene = Scene(view, camera)

@@ -37,15 +37,6 @@ def rotation(quaternion: Sequence[float]) -> Vector:
     )
 
 
-def median(values: Vector) -> float:
-    """Return the median of numbers, as NumPy's does; that loads all of `numpy.ma` first."""
-    middle = len(values) // 2
-    if len(values) % 2:
-        return float(np.partition(values, middle)[middle])
-    low, high = np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].tolist()
-    return float((low + high) / 2)
-
-
 def inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
     """Return conj(one)·other, the orientation of `other` in `one`; quaternions x, y, z, w."""
     ax, ay, az, aw = -one[0], -one[1], -one[2], one[3]

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from stepbus_store.perception.images import Vector, median
+from stepbus_store.perception.images import Vector
 
 _ROUNDS = 20
 _STEP = 1e-6
@@ -138,7 +138,7 @@ def fit(outline: Outline, points: Vector, edge: Vector) -> Fit:
     """
     at = _solve(outline, outline.guess(points), edge)
     off = np.abs(outline.residuals(at, edge)[0])
-    near = off <= max(_FAR * median(off), 1e-3)
+    near = off <= max(_FAR * np.median(off), 1e-3)
     at = _solve(outline, at, edge[near])
     off = outline.residuals(at, edge)[0]
     return Fit(

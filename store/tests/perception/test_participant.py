@@ -1,8 +1,8 @@
 """Perception as a participant: what it wants of a scenario, and what it publishes."""
 
-import importlib.util
 import logging
 import math
+import sys
 from contextlib import closing
 
 import msgspec
@@ -211,8 +211,8 @@ def test_joint_states_and_poses_that_are_not_finite_are_refused(tmp_path, seen):
 def test_a_joint_may_be_called_like_the_cameras_link(tmp_path):
     path = write_robot(tmp_path)
     path.write_text(path.read_text().replace('<joint name="mount"', '<joint name="camera"'))
-    placed = CameraMount(path, JOINTS, "camera", "chassis").pose(ANGLES)
-    usual = CameraMount(write_robot(tmp_path), JOINTS, "camera", "chassis").pose(ANGLES)
+    placed = CameraMount(path, JOINTS, "camera", "chassis").pose(np.array(ANGLES))
+    usual = CameraMount(write_robot(tmp_path), JOINTS, "camera", "chassis").pose(np.array(ANGLES))
     np.testing.assert_array_equal(placed.position, usual.position)
 
 
@@ -256,12 +256,9 @@ def test_all_that_the_model_lacks_is_told_at_once(tmp_path):
 
 
 def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch):
-    real = importlib.util.find_spec
-    monkeypatch.setattr(
-        importlib.util, "find_spec", lambda name, *a: None if name == "cv2" else real(name, *a)
-    )
+    monkeypatch.setitem(sys.modules, "cv2", None)
     (row,) = problems(config(tmp_path))
-    assert "cv2 (OpenCV), which is not installed" in row
+    assert "the camera needs cv2, which is not installed" in row
     Perception(config(tmp_path, ["poses"], source="truth"))
 
 
