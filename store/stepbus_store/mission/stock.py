@@ -11,7 +11,6 @@ from stepbus_schemas import (
     Point,
     Poses,
     Quaternion,
-    RunError,
     Shape,
     WiringError,
     parse_shapes,
@@ -125,20 +124,6 @@ class Stock:
     def measures(self, name: str) -> Measures:
         """Return the dimensions of an item."""
         return self._measures[name]
-
-    def check(self, poses: Poses) -> None:
-        """Raise RunError for a wrong number of poses, and for one of an item that is not finite."""
-        counts = {len(poses.position), len(poses.orientation)}
-        if counts != {len(self._index)}:
-            raise RunError(f"expected {len(self._index)} poses, received {len(poses.position)}")
-        if math.isfinite(sum(map(sum, poses.position)) + sum(map(sum, poses.orientation))):
-            return
-        for name in self._types:
-            position, turn = self.pose(name, poses)
-            if not math.isfinite(sum(position) + sum(turn)):
-                raise RunError(
-                    f"{name} has an invalid pose: position {position}, orientation {turn}"
-                )
 
     def take_inventory(self, poses: Poses) -> None:
         """Record the pose of every item."""

@@ -58,6 +58,7 @@ from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
+from stepbus_store.poses import check_poses
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
@@ -139,7 +140,7 @@ class StoreMission(Participant):
         if problems:
             where = f"participants.{self.config.name}.params"
             raise WiringError("\n".join(f"{where}.{problem}" for problem in problems))
-        self._stock = stock
+        self._stock, self._links = stock, description.names
         contacts = self._ports.contacts
         self._robot_links = (
             frozenset(inputs[contacts].names) if contacts is not None else frozenset()
@@ -176,7 +177,7 @@ class StoreMission(Participant):
     def _observe(self, step: Step) -> StoreState:
         """Update the state with the inputs of this step; take inventory at the first one."""
         inputs, settings = self._read(step), self._settings
-        self._stock.check(inputs.poses)
+        check_poses(self._ports.poses, self._links, inputs.poses)
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import Protocol
 
+import cv2
 import numpy as np
 
 from stepbus_store.perception.images import Vector
@@ -103,8 +104,6 @@ class Rectangle:
 
     def guess(self, points: Vector) -> Vector:
         """Return the smallest rectangle around the points, with matching long sides."""
-        import cv2  # noqa: PLC0415  source truth works without it
-
         (x, y), (width, height), degrees = cv2.minAreaRect((points * 1e3).astype(np.float32))
         yaw = math.radians(degrees)
         if (width >= height) != (self.length_x >= self.length_y):

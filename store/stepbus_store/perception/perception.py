@@ -4,6 +4,7 @@ import logging
 from collections import deque
 from collections.abc import Mapping
 
+import cv2
 import numpy as np
 
 from stepbus_kinematics import JointOrder
@@ -13,7 +14,6 @@ from stepbus_participant import (
     Ports,
     Step,
     installed_version,
-    need,
     parse_duration,
 )
 from stepbus_schemas import (
@@ -27,6 +27,7 @@ from stepbus_schemas import (
     RunError,
     WiringError,
 )
+from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
 from stepbus_store.perception.params import Params
@@ -64,7 +65,6 @@ class Perception(Participant):
         self._mount: CameraMount | None = None
         if params.source == "camera":
             problems = config.problems().below(("params",))
-            problems.attempt(("source",), lambda: need("the camera", "cv2"))
             files = (params.model, params.joints, params.camera, params.frame)
             self._mount = problems.attempt(("model",), lambda: CameraMount(*files))
             problems.refuse()
@@ -94,9 +94,6 @@ class Perception(Participant):
     def _start_camera(
         self, mount: CameraMount, catalog: Catalog, inputs: Mapping[str, Description]
     ) -> None:
-        # Source truth works without OpenCV.
-        from stepbus_store.perception.detector import Detector  # noqa: PLC0415
-
         params, port = self._params, self._poses_port
         if params.landmark:
             catalog = with_landmarks(
@@ -177,7 +174,5 @@ class Perception(Participant):
         versions = {name: installed_version(name) for name in ("numpy", "pin")}
         if self._mount is not None:
             # OpenCV comes in packages with different names.
-            import cv2  # noqa: PLC0415  source truth works without it
-
             versions["opencv"] = cv2.__version__
         return versions

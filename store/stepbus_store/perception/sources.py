@@ -1,14 +1,14 @@
 """Where detections come from: cameras, or the truth of the simulation."""
 
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
 from stepbus_kinematics import RobotModel
 from stepbus_participant import suggest
-from stepbus_schemas import Detections, Poses, RunError, WiringError
+from stepbus_schemas import Detections, Poses, WiringError
 from stepbus_store.perception.images import Pose, Vector, inverse_times, rotation
 from stepbus_store.perception.item_catalog import Catalog
+from stepbus_store.poses import check_poses
 
 
 class CameraMount:
@@ -58,13 +58,8 @@ class Truth:
 
         Raises RunError for a wrong number of poses, and for an invalid one.
         """
-        count = len(self._links)
-        if len(poses.position) != count or len(poses.orientation) != count:
-            raise RunError(
-                f"input {self._port!r}: expected {count} poses, received {len(poses.position)}"
-            )
+        check_poses(self._port, self._links, poses)
         indices = [index for index, _ in self._items]
-        self._check(poses, [self._frame, *indices])
         origin, orientation = poses.position[self._frame], poses.orientation[self._frame]
         axes = rotation(orientation)
         centres = [self._centre(poses, index, name) - origin for index, name in self._items]
@@ -75,16 +70,6 @@ class Truth:
             orientation=[inverse_times(orientation, poses.orientation[n]) for n in indices],
             confidence=[1.0] * len(indices),
         )
-
-    def _check(self, poses: Poses, indices: Sequence[int]) -> None:
-        """Raise RunError for a pose that is not finite or has a zero quaternion."""
-        for index in indices:
-            position, orientation = poses.position[index], poses.orientation[index]
-            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*orientation) < math.inf):
-                raise RunError(
-                    f"input {self._port!r}: {self._links[index]} has an invalid pose: "
-                    f"position {position}, orientation {orientation}"
-                )
 
     def _centre(self, poses: Poses, index: int, item_type: str) -> Vector:
         """Return the centre of an item in the world, shape (3,) [m]."""

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import sys
 from contextlib import closing
 
 import msgspec
@@ -253,13 +252,6 @@ def test_all_that_the_model_lacks_is_told_at_once(tmp_path):
         "joint 'joint_7'",
         "link 'camra'",
     ]
-
-
-def test_without_opencv_one_sentence_says_what_to_install(tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "cv2", None)
-    (row,) = problems(config(tmp_path))
-    assert "the camera needs cv2, which is not installed" in row
-    Perception(config(tmp_path, ["poses"], source="truth"))
 
 
 @pytest.mark.parametrize(

@@ -24,7 +24,6 @@ from stepbus_schemas import (
 )
 from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
-from stepbus_store.motion.branches import AnalyticChain
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator.settings import branching_manipulator
@@ -108,7 +107,6 @@ class MobileController(Participant):
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
             avoidance=settings.avoidance,
         )
-        self._executor.reports.warn(AnalyticChain(settings.robot, settings.arm.tip).warning)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the commands of this step, and what is new about the goal."""
