@@ -12,7 +12,7 @@ from eaik.IK_HP import HPRobot
 from stepbus_kinematics import Indices, Overload, RobotModel, Vector
 from stepbus_schemas import RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.outcome import Refused
 
 TURN = 2 * math.pi
@@ -127,8 +127,7 @@ class BranchSolver:
         self._least, self._effort_share = singular_below, effort_share
         # Weighted so, a distance is a time.
         self._weights = 1.0 / robot.velocity_limit
-        search = IkSettings(singular_below=singular_below)
-        self._search = InverseKinematics(robot, search, seed=seed)
+        self._search = InverseKinematics(robot, seed=seed, singular_below=singular_below)
         self._chains: dict[str, AnalyticChain] = {}
 
     def chain(self, tip: str) -> AnalyticChain:

@@ -200,7 +200,6 @@ class CollisionMonitor:
             near=(nearest.ours, nearest.other) if nearest else None,
             gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
             room=max(min(rooms, default=math.inf), 0.0),
-            held=self.held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
             strange=self._strange(closing, dt, speed_of, base_speed),

@@ -116,16 +116,14 @@ class Watch:
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
     not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
     no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
-    would not; the least one first. room: for the base, the distance
-    to the closest thing, longer for what it passes by [m]. held: link of the world between the
-    pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
-    their distance [m].
+    would not; the least one first. room: for the base, the distance to the closest thing, longer
+    for what it passes by [m]. scale: share of the full speed, 0 to 1; slow: the pair that it is
+    for, and their distance [m].
     """
 
     collision: Collision | None
     near: tuple[str, str] | None
     gap: float
-    held: str
     scale: float
     room: float = math.inf
     slow: tuple[str, str, float] | None = None

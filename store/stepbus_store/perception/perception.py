@@ -25,7 +25,6 @@ from stepbus_schemas import (
     Message,
     Poses,
     RunError,
-    WiringError,
 )
 from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import View, make_view
@@ -81,15 +80,11 @@ class Perception(Participant):
         """
         port, params = self._poses_port, self._params
         described = inputs[port]
-        try:
-            catalog = read_catalog(port, described)
-            if self._mount is not None:
-                self._start_camera(self._mount, catalog, inputs)
-            else:
-                self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
-        except WiringError as exc:
-            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
+        catalog = read_catalog(port, described)
+        if self._mount is not None:
+            self._start_camera(self._mount, catalog, inputs)
+        else:
+            self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
 
     def _start_camera(
         self, mount: CameraMount, catalog: Catalog, inputs: Mapping[str, Description]
@@ -109,13 +104,10 @@ class Perception(Participant):
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
-        try:
-            if self._mount is None:
-                detections = self._from_truth(step)
-            else:
-                detections = self._from_images(step, self._mount)
-        except RunError as exc:
-            raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
+        if self._mount is None:
+            detections = self._from_truth(step)
+        else:
+            detections = self._from_images(step, self._mount)
         return {} if detections is None else {self._detections_port: detections}
 
     def _from_truth(self, step: Step) -> Detections | None:

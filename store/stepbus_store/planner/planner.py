@@ -153,16 +153,10 @@ class Planner(Participant):
         """
         params, requested = self._params, inputs[self._request_port].names
         if requested and requested != self._names:
-            raise WiringError(
-                f"{self.config.name}: input {self._request_port!r} has joints "
-                f"{', '.join(requested)}, params.joints are {', '.join(self._names)}"
-            )
-        try:
-            described, frame = inputs[self._map_port], params.prefix + params.frame
-            obstacles = Obstacles(self._map_port, described, frame, params.prefix)
-        except WiringError as exc:
-            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
+            text = f"input {self._request_port!r} has joints {', '.join(requested)}"
+            raise WiringError(f"{text}, params.joints are {', '.join(self._names)}")
+        described, frame = inputs[self._map_port], params.prefix + params.frame
+        obstacles = Obstacles(self._map_port, described, frame, params.prefix)
         self.planner = PathPlanner(self._robot, obstacles, self._planning, self.config.seed)
         self._base_planner = BasePlanner(obstacles, params)
         self._obstacles = obstacles
@@ -175,11 +169,8 @@ class Planner(Participant):
         link = name.removeprefix(self._params.prefix)
         robot = self._robot
         if link not in robot.links:
-            text = (
-                f"{self.config.name}: input {port!r} belongs to link {name!r}, which is not a "
-                "link of the robot"
-            )
-            raise WiringError(text)
+            text = f"input {port!r} belongs to link {name!r}"
+            raise WiringError(f"{text}, which is not a link of the robot")
         pose = robot.frame_pose(np.zeros(len(robot.joints)), link)
         x, y, _ = pose.translation.tolist()
         return x, y, math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])

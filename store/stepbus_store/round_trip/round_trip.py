@@ -155,8 +155,7 @@ class RoundTrip(Participant):
         known, params = inputs[self._poses_port].names, self._params
         links = {name: params.prefix + name for name in (params.frame, *params.arms.values())}
         missing = [
-            f"{self.config.name}: input {self._poses_port!r} has no link {link!r}"
-            f"{suggest(link, known)}"
+            f"input {self._poses_port!r} has no link {link!r}{suggest(link, known)}"
             for link in links.values()
             if link not in known
         ]
@@ -241,7 +240,7 @@ class RoundTrip(Participant):
         self._rejected_in_a_row += 1
         if self._rejected_in_a_row >= _MOST_REJECTED:
             raise RunError(
-                f"{self.config.name}: {_MOST_REJECTED} poses of {self._arm} in a row were refused, "
+                f"{_MOST_REJECTED} poses of {self._arm} in a row were refused, "
                 f"the last for {status.cause!r} ({status.text}); are the motors too weak?"
             )
 

@@ -154,7 +154,7 @@ class WorldModel(Participant):
         bodies = described.details.get("body", [])
         if frame not in self._names or len(bodies) != len(self._names):
             raise WiringError(
-                f"{self.config.name}: input {ports.planogram!r} has no link {frame!r} with a body"
+                f"input {ports.planogram!r} has no link {frame!r} with a body"
                 f"{suggest(frame, self._names)}"
             )
         own = bodies[self._names.index(frame)]
@@ -165,9 +165,7 @@ class WorldModel(Participant):
         }
         lacking = [name for name in self._own.values() if name not in known]
         if lacking:
-            raise WiringError(
-                f"{self.config.name}: links {', '.join(lacking)} are not in {self._params.model}"
-            )
+            raise WiringError(f"links {', '.join(lacking)} are not in {self._params.model}")
         types = described.details.get("type", [""] * len(self._names))
         self._types = {n: t for n, t in zip(self._names, types, strict=True) if t}
 

@@ -102,7 +102,7 @@ def test_what_both_pads_hold_is_found_and_may_be_held_on():
     stand = Stand()
     stand.take_can()
     watch = stand.look(*PADS_AT_CAN, holding=True)
-    assert (watch.held, watch.collision) == ("can", None)
+    assert (stand.monitor.held, watch.collision) == ("can", None)
 
 
 def test_what_is_held_may_touch_what_it_stood_on_and_nothing_else():
@@ -139,7 +139,8 @@ def test_what_is_held_may_be_put_where_the_goal_allows_it():
 def test_what_the_pads_let_go_may_be_touched_until_they_are_away():
     stand = Stand()
     stand.take_can()
-    assert stand.look(("can", "left_pad", 2.0, 0.0)).held == ""
+    stand.look(("can", "left_pad", 2.0, 0.0))
+    assert stand.monitor.held == ""
     assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is None
     stand.look(("can", "left_pad", 0.0, 0.03))
     assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is not None

@@ -162,7 +162,7 @@ def test_images_that_cannot_be_read_are_refused_in_one_sentence(tmp_path, seen):
     cut = {**messages, "rgb": msgspec.structs.replace(rgb, data=rgb.data[:-3])}
     with pytest.raises(
         RunError,
-        match="step 3: input 'rgb': 320 x 240 pixels",
+        match="input 'rgb': 320 x 240 pixels",
     ):
         stand.update(3, **cut)
     twice = {**messages, "depth": rgb}
@@ -272,7 +272,7 @@ def test_all_that_the_model_lacks_is_told_at_once(tmp_path):
 )  # fmt: skip
 def test_a_description_that_cannot_be_used_is_refused(tmp_path, details, sentence):
     (row,) = problems(config(tmp_path), Description(names=["item"], details=details))
-    assert row.startswith("perception: input 'poses'")
+    assert row.startswith("input 'poses'")
     assert sentence in row
 
 

@@ -69,7 +69,6 @@ class MobileController(Participant):
         """
         settings, port = self.settings, self._ports.joint_state
         self._sensor = JointSensor(
-            self.config.name,
             port,
             inputs[port],
             settings.robot,
@@ -79,7 +78,7 @@ class MobileController(Participant):
         self._arm = branching_manipulator(
             settings.robot,
             settings.limits,
-            settings.settling,
+            settings.params,
             settings.arm,
             seed=self.config.seed,
             uses_planner=self._ports.plan is not None,

@@ -9,7 +9,7 @@ from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
+from stepbus_store.motion.manipulator.settings import make_limits, make_robot
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
@@ -77,7 +77,6 @@ class MobileSettings:
         self.limits = planned(
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
         )
-        self.settling = make_settling(params)
         self.arm = _arm(params, config)
         self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
