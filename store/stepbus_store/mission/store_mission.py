@@ -123,12 +123,6 @@ class StoreMission(Participant):
             self._store.settings = settings
         return len(given)
 
-    def describe(self) -> Mapping[str, Description]:
-        """Return empty descriptions: no output has named elements."""
-        ports = self._ports
-        named = (ports.goal, ports.camera, ports.events, ports.summary)
-        return dict.fromkeys((name for name in named if name is not None), Description())
-
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the stock from the plant's description.
 

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
 import cv2
 import numpy as np
@@ -29,33 +28,15 @@ class Fit:
     rms: float
 
 
-class Outline(Protocol):
-    """The edge of a face."""
-
-    @property
-    def area(self) -> float:
-        """Return its area [m²]."""
-
-    @property
-    def reach(self) -> float:
-        """Return the largest distance of its edge from its centre [m]."""
-
-    def guess(self, points: Vector) -> Vector:
-        """Return an initial x, y, yaw; points: of the face, shape (n, 2) [m]."""
-
-    def residuals(self, at: Vector, edge: Vector) -> tuple[Vector, Vector]:
-        """Return how far edge points are outside, shape (k,), and the Jacobian, shape (k, 3).
-
-        at: x, y, yaw. edge: shape (k, 2) [m].
-        """
-
-    def canonical(self, yaw: float) -> float:
-        """Return the smallest yaw with the same outline [rad]."""
-
-
 @dataclass(frozen=True)
 class Disc:
-    """The top of a cylinder; radius [m]."""
+    """The top of a cylinder; radius [m].
+
+    area: [m²]. reach: largest distance of its edge from its centre [m]. guess: an initial x, y, yaw
+    from points of the face, shape (n, 2) [m]. residuals: how far edge points, shape (k, 2) [m], are
+    outside, shape (k,), and the Jacobian by x, y, yaw, shape (k, 3). canonical: the smallest yaw
+    with the same outline [rad].
+    """
 
     radius: float
 
@@ -87,7 +68,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class Rectangle:
-    """The top of a box; lengths along x and y [m]."""
+    """The top of a box; lengths along x and y [m]. Otherwise as `Disc`."""
 
     length_x: float
     length_y: float
@@ -126,6 +107,10 @@ class Rectangle:
         """Return the yaw within ±45° for a square, within ±90° for a rectangle."""
         same = math.pi / 2 if math.isclose(self.length_x, self.length_y) else math.pi
         return yaw - same * round(yaw / same)
+
+
+Outline = Disc | Rectangle
+"""The edge of a face."""
 
 
 def fit(outline: Outline, points: Vector, edge: Vector) -> Fit:

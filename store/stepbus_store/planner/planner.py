@@ -132,19 +132,12 @@ class Planner(Participant):
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
         robot, limits = self._robot, self._planning.limits
-        described = {
-            self._plan_port: Description(
-                names=self._names,
-                limits={
-                    "lower": robot.lower.tolist(),
-                    "upper": robot.upper.tolist(),
-                    "velocity": limits.velocity.tolist(),
-                },
-            )
+        limits_of = {
+            "lower": robot.lower.tolist(),
+            "upper": robot.upper.tolist(),
+            "velocity": limits.velocity.tolist(),
         }
-        if self._event_port is not None:
-            described[self._event_port] = Description()
-        return described
+        return {self._plan_port: Description(names=self._names, limits=limits_of)}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the shapes of the obstacles.

@@ -142,11 +142,6 @@ class RoundTrip(Participant):
         self._is_done = False
         self._rejected_in_a_row = 0
 
-    def describe(self) -> Mapping[str, Description]:
-        """Return empty descriptions: no output has named elements."""
-        ports = (self._goal_port, self._event_port, self._summary_port)
-        return dict.fromkeys(ports, Description())
-
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Find the links among those that the plant measures.
 
@@ -180,7 +175,7 @@ class RoundTrip(Participant):
                 self._goal = self._way_to_a_pose()
             return {self._goal_port: self._goal, **_events(self._event_port, log)}
         self._is_done = True
-        step.end(f"{self.config.name}: all poses have been gone to")
+        step.end("all poses have been gone to")
         rows = [self._summary(arm) for arm in self._params.arms]
         if self._summary_port == self._event_port:
             return _events(self._event_port, [*log, *rows])

@@ -112,18 +112,10 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
             if name not in links:
                 problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
     return MonitorSettings(
+        params=params,
         links=frozenset(ours),
         base_links=frozenset(name for name in links if not robot.chain(name).size),
-        pads=(params.pads[0], params.pads[-1]),
         ignore=frozenset(ignore),
-        force=params.collision_force,
-        grip_force=params.grip_force,
-        within=params.slow_within,
-        brake=params.arm_brake,
-        creep=params.arm_creep,
-        checks_itself=params.srdf is not None,
-        range=params.contact_range,
-        halt=params.base_halt,
     )
 
 
