@@ -1,4 +1,4 @@
-.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh pythons test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures gallery check docs bench soak campaign simulate clean setup
+.PHONY: comparison help demo release-check lint-workflows test test-rest test-engine test-faults nightly fresh test-unit test-slow chaos coverage examples examples-c examples-rust robots robots-page pictures gallery check docs bench soak campaign simulate clean setup
 
 PYTHON := .venv/bin/python
 
@@ -7,7 +7,6 @@ help:
 	@echo "make demo       run the two-link arm for 10 s and plot it"
 	@echo "make test       run the fast tests"
 	@echo "make fresh      run both in an empty clone, with only Python, make and git on the PATH"
-	@echo "make pythons    for each Python from 3.12: install stepbus, run the arm and plot it"
 	@echo "make test-rest  run the fast tests that make fresh FRESH='--passed F' did not: BUT=F"
 	@echo "make test-engine run the tests of the plant with MuJoCo: ENGINE=mujoco"
 	@echo "make test-unit  run the tests that start no process, in under a minute"
@@ -58,10 +57,6 @@ fresh:
 ENGINE := mujoco
 test-engine: setup
 	@$(PYTHON) -m pytest -n 3 --dist worksteal --engine $(ENGINE) tests/services/plant tests/scenarios
-
-# On each Python of this machine; `make pythons PYTHONS=--help` lists the options.
-pythons:
-	@python3 -m scripts.pythons $(PYTHONS)
 
 test-unit: setup
 	@$(PYTHON) -m pytest --unit

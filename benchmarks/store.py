@@ -1,8 +1,7 @@
 """Sales in the store with the camera in the loop, one run per seed of the stock.
 
 Each seed makes another stock: which type stands where, how it stands, how heavy and how slippery it
-is. The type that is ordered changes with the seed as well. Printed are a table of the sales, and
-one of medians by type for docs and README:
+is. The type that is ordered changes with the seed as well. Printed is a table of medians by type:
 `python benchmarks/store.py [--seeds 20] [--first 0] [--set KEY=VALUE …]`.
 """
 
@@ -97,13 +96,6 @@ def summary(log: Path) -> str:
         return "\n".join(msgspec.msgpack.decode(message.data)["text"] for _, _, message in messages)
 
 
-def table(sales: Sequence[Sale]) -> str:
-    """Return the sales as a table in Markdown."""
-    header = Sale._fields
-    rows = [header, ("---",) * len(header), *(tuple(map(str, sale)) for sale in sales)]
-    return "\n".join(f"| {' | '.join(row)} |" for row in rows)
-
-
 def by_type(sales: Sequence[Sale]) -> str:
     """Return what came of the orders of each type, and of all, as a table in Markdown."""
     groups = {name: [sale for sale in sales if sale.item_type == name] for name in TYPES}
@@ -154,8 +146,7 @@ def main() -> int:
             sales.append(sell(args.scenario, seed, args.settings, Path(folder) / "run"))
         print(" ".join(map(str, sales[-1])), file=sys.stderr, flush=True)
     sold = sum(sale.outcome == "sold" for sale in sales)
-    print(table(sales))
-    print(f"\n{by_type(sales)}")
+    print(by_type(sales))
     print(f"\n{sold} of {len(sales)} sold")
     return 0 if sold >= 0.95 * len(sales) else 1
 

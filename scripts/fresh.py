@@ -9,10 +9,7 @@ compiler, no Node, Java, Octave, Perl. The home is empty, the environment too, b
 needs to reach its registry. Started as root, the commands run as another user. The tests come in a
 shuffled order; which one follows from the commit, so that a commit has one verdict.
 
-It fails where a command fails, and where something is left: a process, or a file outside of the
-clone and of the tests' own folders. (A socket has a process, or is a file.) Files in folders that
-all users share are only looked for where the commands run as a user of their own: elsewhere they
-may be those of other programs of yours.
+It fails where a command fails, and where a process is left.
 """
 
 import argparse
@@ -27,7 +24,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -46,18 +43,12 @@ PASSED_ON = re.compile(
     r"(PIP_.*|SSL_CERT_(FILE|DIR)|REQUESTS_CA_BUNDLE|(https?|no|all)_proxy)", re.IGNORECASE
 )
 """The variables that a registry's client needs."""
-SHARED = ("/tmp", "/var/tmp", "/dev/shm", "/run")
-KEPT_AT_HOME = (".cache", ".config/matplotlib")
-"""What pip and matplotlib keep on every machine."""
-CHANGES = (".venv", "runs", "__pycache__", ".pytest_cache", ".hypothesis")
-"""What the two commands make in the checkout, by the name of the topmost new entry."""
 OWN_USER = 61_000
 """Users of its own have numbers from here to 64,999, of which Debian gives out none."""
-MOST_LINES = 20
 PATIENCE_S = 60.0
 """How long a process may take to end after the command that started it."""
 PYTHON = (3, 11)
-"""The version that has PyBullet, and so all tests; `make pythons` tries the later ones."""
+"""The version that has PyBullet, and so all tests."""
 
 
 class Unfit(Exception):
@@ -209,55 +200,17 @@ def processes_left() -> list[str]:
     return named
 
 
-def files_left(machine: Machine, before: set[tuple[Path, int]]) -> list[str]:
-    """Return the files that are new or changed, apart from what is there to stay."""
-    own = [machine.home / name for name in KEPT_AT_HOME]
-    own.append(machine.temporary / f"pytest-of-{user_name(machine.uid)}")
-    left = {path for path, _ in files(machine) - before}
-    left -= {path for path in left if any(path.is_relative_to(folder) for folder in own)}
-    return [f"file {path}" for path in sorted(left)]
-
-
-def files(machine: Machine) -> set[tuple[Path, int]]:
-    """Return all files that the commands might have made, each with the time of its change [ns]."""
-    paths = [*below(machine.home), *below(machine.temporary), *below(machine.checkout, CHANGES)]
-    if machine.uid != os.getuid():
-        for shared in map(Path, SHARED):
-            found = ((path, stat_of(path)) for path in below(shared, (machine.folder.name,)))
-            paths += [path for path, stat in found if stat and stat.st_uid == machine.uid]
-    return {(path, found.st_mtime_ns) for path in paths if (found := stat_of(path))}
-
-
-def stat_of(path: Path) -> os.stat_result | None:
-    """Return what the system knows of a file; None: it has just gone."""
-    try:
-        return path.lstat()
-    except OSError:
-        return None
-
-
-def below(folder: Path, passed_over: Sequence[str] = ()) -> Iterator[Path]:
-    """Yield the files below a folder, and the folders that are empty."""
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in folders if name not in passed_over]
-        yield from (Path(place, name) for name in names)
-        if not folders and not names and place != str(folder):
-            yield Path(place)
-
-
 def try_out(machine: Machine, order: int) -> list[str]:
     """Run the commands and return what is wrong."""
     for command in commands_of_the_readme():
-        before = files(machine)
         began = time.monotonic()
         options = f"--random-order-seed={order} --passed-to={machine.passed}"
         code = machine.run(command, PYTEST_ADDOPTS=options)
         say(f"fresh: {command}: exit code {code} after {time.monotonic() - began:.0f} s")
         wrong = [] if code == 0 else [f"exit code {code}"]
-        wrong += processes_left() + files_left(machine, before)
+        wrong += processes_left()
         if wrong:
-            more = [f"and {len(wrong) - MOST_LINES} more"] if len(wrong) > MOST_LINES else []
-            return [f"after {command}: {text}" for text in wrong[:MOST_LINES] + more]
+            return [f"after {command}: {text}" for text in wrong]
     return []
 
 

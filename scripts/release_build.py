@@ -1,4 +1,4 @@
-"""Build a distribution twice, in unlike surroundings, and compare the bytes."""
+"""Build a distribution from a clean tree and from its sdist, and compare the bytes."""
 
 import hashlib
 import io
@@ -8,27 +8,12 @@ import subprocess
 import sys
 import tarfile
 import time
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PATIENCE_S = 300.0
 LAST_LINES = 15
-LITTER = (
-    ".venv/lib/left.py",
-    "runs/left/run.mcap",
-    "build/left.txt",
-    "dist/stepbus-0.0.1.tar.gz",
-    "api/stepbus/__pycache__/left.cpython-311.pyc",
-    "orchestrator/stepbus_orchestrator/__pycache__/left.cpython-311.pyc",
-    "clients/rust/target/release/left.so",
-    "clients/rust/Cargo.lock",
-    "examples/controllers/c/controller",
-    "examples/controllers/c/__pycache__/left.pyc",
-    "store/stepbus_store/__pycache__/left.cpython-311.pyc",
-)
-"""What work in a clone leaves there; no distribution may hold it."""
 
 
 class Failed(Exception):
@@ -91,27 +76,20 @@ def tracked_files(commit: str) -> dict[str, bytes]:
         }
 
 
-def check_out(files: dict[str, bytes], folder: Path, *, is_littered: bool) -> Path:
-    """Write files into a folder; with the litter of a clone in use and other times and modes."""
+def check_out(files: dict[str, bytes], folder: Path) -> Path:
+    """Write files into a folder; return it."""
     for name, content in files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(content)
-        if is_littered:
-            path.chmod(0o600)
-            os.utime(path, (1_000_000_000, 1_000_000_000))
-    for name in LITTER if is_littered else ():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(b"left")
     return folder
 
 
-def build(project: Path, out: Path, epoch: str, *targets: str, **variables: str) -> Built:
+def build(project: Path, out: Path, epoch: str, *targets: str) -> Built:
     """Build the targets (`sdist`, `wheel`; default: both) of a project folder into `out`."""
     chosen = [word for target in targets or ("sdist", "wheel") for word in ("-t", target)]
     command = (sys.executable, "-m", "hatchling", "build", "-d", out, *chosen)
-    run(*command, cwd=project, SOURCE_DATE_EPOCH=epoch, **variables)
+    run(*command, cwd=project, SOURCE_DATE_EPOCH=epoch)
     return Built(*(_only(out, pattern) for pattern in ("*.tar.gz", "*.whl")))
 
 
@@ -122,28 +100,23 @@ def _only(folder: Path, pattern: str) -> Path:
     return found[0] if found else folder / pattern
 
 
-def build_twice(files: dict[str, bytes], folder: Path, epoch: str, name: str) -> Iterator[Built]:
-    """Yield three builds of a project: in a clean tree, in one in use, and from the sdist.
+def build_twice(
+    files: dict[str, bytes], folder: Path, epoch: str, name: str
+) -> tuple[Built, Built]:
+    """Return two builds of a project: from its files, and of the wheel from its sdist.
 
     name: of the project's folder in the repository; `.` is the root.
     """
-    clean = check_out(files, folder / "clean", is_littered=False)
+    clean = check_out(files, folder / "clean")
     first = build(clean / name, folder / "first", epoch)
-    yield first
-    used = check_out(files, folder / "some where/else" / "in use", is_littered=True)
-    surroundings = {"TZ": "Asia/Tokyo", "LC_ALL": "C", "PYTHONHASHSEED": "7", "HOME": str(folder)}
-    before = os.umask(0o077)
-    try:
-        yield build(used / name, folder / "second", epoch, **surroundings)
-    finally:
-        os.umask(before)
     unpacked = folder / "unpacked"
     with tarfile.open(first.sdist) as archive:
         archive.extractall(unpacked, filter="data")
     (project,) = unpacked.iterdir()
-    yield build(project, folder / "third", epoch, "wheel")
-    for place in (clean, used, unpacked):
+    second = build(project, folder / "second", epoch, "wheel")
+    for place in (clean, unpacked):
         shutil.rmtree(place)
+    return first, second
 
 
 def sha256(path: Path) -> str:
@@ -151,15 +124,11 @@ def sha256(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def differences(builds: dict[str, Path]) -> list[str]:
-    """Return a line for each file that differs from the first one; name of the build → file."""
-    (first, one), *others = builds.items()
-    wanted = sha256(one)
-    return [
-        f"{one.name}: {name} gives {got[:12]}…, {first} gives {wanted[:12]}…"
-        for name, other in others
-        if (got := sha256(other)) != wanted
-    ]
+def differences(clean: Built, from_sdist: Built) -> list[str]:
+    """Return a line where the wheel of the sdist differs from that of the clean tree."""
+    wanted, got = sha256(clean.wheel), sha256(from_sdist.wheel)
+    text = f"{clean.wheel.name}: the sdist gives {got[:12]}…, a clean tree gives {wanted[:12]}…"
+    return [] if got == wanted else [text]
 
 
 class Timer:

@@ -7,12 +7,6 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
-REGISTRY = re.compile(
-    rb"https?://[\w.:@-]*(?:\bpy" + rb"pi\.|pythonhosted\.|\bnpm" + rb"js\.|\bcrates\." + rb"io)"
-    rb"|(?:extra-)?index-url\s*=|--(?:extra-)?index-url\s",
-    re.IGNORECASE,
-)
-"""The address of a package registry: the user's installer knows its own."""
 CLONE_ONLY = ("/clients/rust/tests/",)
 MOST_LINES = 12
 
@@ -81,19 +75,13 @@ def problems_of_wheel(path: Path, layout: Layout) -> list[str]:
     held = read_wheel(path)
     info = f"{layout.name.replace('-', '_')}-{layout.version}.dist-info/"
     own = {name: content for name, content in held.items() if not name.startswith(info)}
-    problems = [*_compared(own, layout.wheel()), *_addresses(held)]
+    problems = [*_compared(own, layout.wheel())]
     if layout.name == "stepbus":
         metadata = held.get(f"{info}METADATA", b"").decode()
         problems += [
             f"the page of the package has the relative link {link}"
             for link in re.findall(r"\]\((?![a-z]+:|#)([^)\s]+)\)", metadata)
         ]
-    packages = {name.partition("/")[0] for name in own}
-    problems += [
-        f"{package}/py.typed is missing, so type checkers ignore the package"
-        for package in sorted(packages)
-        if f"{package}/py.typed" not in own
-    ]
     return [f"{path.name}: {problem}" for problem in problems]
 
 
@@ -101,8 +89,7 @@ def problems_of_sdist(path: Path, layout: Layout) -> list[str]:
     """Return what is wrong with the contents of an sdist, a line each."""
     held = read_sdist(path)
     own = {name: text for name, text in held.items() if name not in {"PKG-INFO", ".gitignore"}}
-    problems = [*_compared(own, layout.sdist()), *_addresses(held)]
-    return [f"{path.name}: {problem}" for problem in problems]
+    return [f"{path.name}: {problem}" for problem in _compared(own, layout.sdist())]
 
 
 def _compared(held: Mapping[str, bytes], wanted: Mapping[str, bytes]) -> Iterator[str]:
@@ -119,10 +106,3 @@ def _compared(held: Mapping[str, bytes], wanted: Mapping[str, bytes]) -> Iterato
     yield from lines[:MOST_LINES]
     if len(lines) > MOST_LINES:
         yield f"and {len(lines) - MOST_LINES} more"
-
-
-def _addresses(held: Mapping[str, bytes]) -> Iterator[str]:
-    for name, content in sorted(held.items()):
-        if match := REGISTRY.search(content):
-            line = content.count(b"\n", 0, match.start()) + 1
-            yield f"{name}, line {line}: the address of a package registry"

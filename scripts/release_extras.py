@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from scripts.release_build import ROOT, Failed
-from scripts.release_venv import installed, try_view
+from scripts.release_venv import installed
 
 USES = ROOT / "scripts/release_uses"
 RECORDING = ROOT / "tests/scenarios/golden/two_link.mcap"
@@ -19,13 +19,12 @@ GAINS = "--vary controller.params.gain=1,2,3"
 class Use:
     """What is done with extras: commands in a folder with `USES` and a recording, `run.mcap`.
 
-    writes: files and folders that come of it. view: a recording whose page is opened.
+    writes: files and folders that come of it.
     """
 
     extras: str
     commands: tuple[str, ...]
     writes: tuple[str, ...] = ()
-    view: str = ""
 
 
 EXTRAS: Mapping[str, Use] = {
@@ -78,34 +77,7 @@ EXTRAS: Mapping[str, Use] = {
         writes=("swept/results.parquet", "swept/report.html"),
     ),
     "gym": Use(extras="gym", commands=("python episode.py",)),
-    "quick-start": Use(
-        extras="sim,report",
-        commands=(
-            f"stepbus run two_link {SHORT} --out arm",
-            "stepbus report arm",
-            "stepbus replay arm --participant controller --update new.mcap",
-            "stepbus report arm new.mcap --out both.html",
-            "stepbus new own",
-            f"stepbus run own {SHORT}",
-        ),
-        writes=("arm/report.png", "arm/report.html", "both.html"),
-    ),
-    "viewing": Use(
-        extras="sim,view",
-        commands=(f"stepbus run two_link {SHORT} --no-report --out viewed",),
-        view="viewed",
-    ),
-    "sweeps": Use(
-        extras="sim,sweep",
-        commands=(
-            f"stepbus sweep two_link --vary controller.params.kp=50:200:2 {SHORT} --out swept",
-            "stepbus rerun swept 1",
-        ),
-        writes=("swept/results.parquet", "swept/report.html"),
-    ),
-    "gymnasium": Use(extras="gym,sim", commands=("python named_environment.py",)),
 }
-"""The last four do what a page says."""
 
 
 def try_extra(name: str, place: Path, wheel: Path, cache: Path) -> str:
@@ -121,5 +93,4 @@ def try_extra(name: str, place: Path, wheel: Path, cache: Path) -> str:
         path = folder / written
         if not path.exists() or (path.is_file() and not path.stat().st_size):
             raise Failed(f"{written} was not written")
-    shown = f"; view: {try_view(environment, folder, use.view)}" if use.view else ""
-    return f"{len(use.commands)} commands{shown}"
+    return f"{len(use.commands)} commands"

@@ -1,26 +1,15 @@
 """Install a wheel into an environment, and use it as a user does: empty home, empty folder."""
 
 import re
-import signal
-import subprocess
 import sys
 import sysconfig
-import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
-from http.cookiejar import CookieJar
 from pathlib import Path
-from urllib.parse import urljoin
 
 from scripts.release_build import ROOT, Failed, run
 
 INSTALL_PATIENCE_S = 1200.0
-PAGE_PATIENCE_S = 60.0
-ADDRESS = re.compile(r"http://(?:localhost|127\.0\.0\.1):\d+/\S*")
-REFRESH = re.compile(r'http-equiv="refresh" content="0; url=([^"]+)"')
 MESSAGES = re.compile(r"^messages  ([0-9a-f]{64})$", re.MULTILINE)
 
 
@@ -52,30 +41,6 @@ class Environment:
         folder = self.folder / name
         folder.mkdir(parents=True)
         return folder
-
-    @contextmanager
-    def started(self, *command: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
-        """Start a program, and end it with Ctrl-C; raises Failed where that does not work."""
-        process = subprocess.Popen(
-            ["env", "-i", *self._variables(), str(self.programs / command[0]), *command[1:]],
-            cwd=cwd,
-            text=True,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT,
-        )
-        try:
-            yield process
-            process.send_signal(signal.SIGINT)
-            code = process.wait(PAGE_PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            text = f"does not end {PAGE_PATIENCE_S:g} s after Ctrl-C"
-            raise Failed(f"`{' '.join(command)}` {text}") from None
-        finally:
-            process.kill()
-            process.wait()
-        if code not in (0, 130):
-            raise Failed(f"`{' '.join(command)}` ends with exit code {code} after Ctrl-C")
 
 
 def borrowed(folder: Path, wheel: Path) -> Environment:
@@ -133,7 +98,6 @@ def try_demo(environment: Environment, version: str, wanted: str | None) -> Iter
     environment.run("stepbus", "new", "my_arm", cwd=folder)
     hash_of(environment.run("stepbus", "run", "my_arm", cwd=folder))
     yield "new my_arm, run my_arm"
-    yield f"view: {try_view(environment, folder, 'first')}"
     environment.run("stepbus", "doctor", cwd=folder)
     yield "doctor"
     left = sorted(path.name for path in folder.iterdir())
@@ -152,40 +116,3 @@ def assert_equal(what: str, got: object, wanted: object) -> None:
     """Raise Failed, with both values, where they differ."""
     if got != wanted:
         raise Failed(f"{what}: {got}, expected {wanted}")
-
-
-def try_view(environment: Environment, folder: Path, recording: str) -> str:
-    """Open the page of a recording as a browser does, and end it; return its title."""
-    command = ("stepbus", "view", recording, "--no-open")
-    with environment.started(*command, cwd=folder) as process:
-        assert process.stdout is not None
-        said = ""
-        for line in process.stdout:
-            said += line
-            if match := ADDRESS.search(line):
-                break
-        else:
-            raise Failed(f"`{' '.join(command)}` prints no address:\n{said}")
-        page = fetched(match[0])
-    title = re.search(r"<title>(.*?)</title>", page)
-    if title is None or "stepbus" not in title[1]:
-        raise Failed(f"the page of `{' '.join(command)}` has no title of ours")
-    return f"{len(page) // 1000} kB, {title[1]}"
-
-
-def fetched(address: str) -> str:
-    """Return a page that an address with a token leads to; raises Failed."""
-    handlers = (urllib.request.ProxyHandler({}), urllib.request.HTTPCookieProcessor(CookieJar()))
-    browser = urllib.request.build_opener(*handlers)
-    end_s = time.monotonic() + PAGE_PATIENCE_S
-    while True:
-        try:
-            with browser.open(address, timeout=PAGE_PATIENCE_S) as answer:
-                text: str = answer.read().decode()
-        except (OSError, urllib.error.URLError) as exc:
-            raise Failed(f"{address} does not answer: {exc}") from exc
-        if (match := REFRESH.search(text)) is None:
-            return text
-        if time.monotonic() > end_s:
-            raise Failed(f"{address} leads from page to page without end")
-        address = urljoin(address, match[1])

@@ -172,48 +172,11 @@ def measure(tool: Tool, out: Path, runs: int) -> dict[str, Any]:
         workshop.do(command, folders[0], "replay") | {"command": " ".join(command)[:80]}
         for command in tool.replay
     ]
-    if tool.replay:
-        result["replay_says"] = _text(
-            folders[0].with_suffix(".replay.log").read_text(), folders[0]
-        )[-6:]
-    result |= {
-        name: result_of(folders[0]) for name, result_of in _CHECKS.get(tool.name, {}).items()
-    }
     result["kill"] = workshop.strike(tool.command, "kill", kill=True)
     result["sleep"] = workshop.strike(tool.command, "sleep")
     if tool.guarded:
         result["guarded"] = workshop.strike(tool.guarded, "guarded") | {"guard": tool.guard}
     return result
-
-
-def _helics_difference(folder: Path) -> float:
-    """Return the largest difference of a replayed torque [N·m]."""
-
-    def torques(name: str) -> list[list[float]]:
-        lines = (folder / name).read_text().splitlines()
-        texts = [line.split('"')[1] for line in lines if "\ttorque\t" in line]
-        return [json.loads(text) for text in texts]
-
-    pairs = zip(torques("recording.txt"), torques("replayed.txt"), strict=True)
-    return max(abs(x - y) for old, new in pairs for x, y in zip(old, new, strict=True))
-
-
-def _loop_difference(folder: Path) -> float:
-    """Return the largest difference of a joint's position to that in the plain loop [rad]."""
-
-    def positions(path: Path) -> list[list[float]]:
-        rows = [line.split() for line in path.read_text().splitlines()]
-        return [[float.fromhex(cell) for cell in row[1:3]] for row in rows]
-
-    loop = folder.parents[1] / "loop/trace.txt"
-    pairs = zip(positions(loop), positions(_traces(folder) / "trace.txt"), strict=True)
-    return max(abs(x - y) for old, new in pairs for x, y in zip(old, new, strict=True))
-
-
-_CHECKS = {
-    "helics": {"replay_difference": _helics_difference},
-    "pybullet_gymnasium": {"loop_difference": _loop_difference},
-}
 
 
 def plain_loop(out: Path) -> str:

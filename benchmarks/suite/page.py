@@ -1,4 +1,4 @@
-"""The table and the plots of docs/performance.md, between two marks of that page."""
+"""The table of docs/performance.md, between two marks of that page."""
 
 import statistics
 from collections.abc import Sequence
@@ -8,7 +8,6 @@ from typing import Any
 from .cases import CHAIN
 
 START, END = "<!-- bench: start -->", "<!-- bench: end -->"
-PLOT = "pictures/performance.png"
 _HEAD = """| Case | steps/s | of the chain | processor time a step [µs] | of the chain | wake-ups a step | p50 [µs] | p99 [µs] | max [ms] | recorded [B/step] | memory of each process [MB] |
 |---|---|---|---|---|---|---|---|---|---|---|
 """  # noqa: E501
@@ -26,12 +25,10 @@ def write_page(page: Path, names: Sequence[str], rows: Sequence[Row]) -> None:
     content = f"{_machine(good)}\n\n{_HEAD}{''.join(lines)}\n"
     if missing:
         content += f"Not measured: {', '.join(missing)}.\n\n"
-    content += f"![Processor time a step of each case]({PLOT})\n"
     text = page.read_text()
     before, _, rest = text.partition(START)
     _, _, after = rest.partition(END)
     page.write_text(f"{before}{START}\n{content}{END}{after}")
-    _plot(page.parent / PLOT, cases)
 
 
 def _median(rows: Sequence[Row], key: str) -> float:
@@ -77,24 +74,3 @@ def _machine(rows: Sequence[Row]) -> str:
         f"{stolen_s:.0f} s stolen by the host; ping-pong over a socket pair "
         f"{statistics.median(pings):.0f} µs ({pings[0]:.0f} to {pings[-1]:.0f})."
     )
-
-
-def _plot(path: Path, cases: dict[str, list[Row]]) -> None:
-    """Plot rates and processor time of all cases."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg  # noqa: PLC0415
-    from matplotlib.figure import Figure  # noqa: PLC0415
-
-    figure = Figure(figsize=(12, 0.3 * len(cases) + 1), dpi=90, layout="constrained")
-    FigureCanvasAgg(figure)
-    left, right = figure.subplots(1, 2, sharey=True)
-    names = list(reversed(cases))
-    for axis, key, title in (
-        (left, "rate", "steps/s"),
-        (right, "cpu_us", "processor time a step [µs]"),
-    ):
-        axis.barh(names, [_median(cases[name], key) for name in names], color="#1f77b4")
-        axis.set_xscale("log")
-        axis.set_xlabel(title)
-        axis.grid(visible=True, axis="x", alpha=0.3)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)

@@ -20,7 +20,6 @@ from stepbus_participant import (
 )
 from stepbus_participant.parameters import Keys
 from stepbus_schemas import (
-    Description,
     Event,
     Goal,
     GoalStatus,
@@ -160,10 +159,6 @@ class GoalSequence(Participant):
         self._number = -1
         self._reported = ""
 
-    def describe(self) -> Mapping[str, Description]:
-        """Return empty descriptions: no output has named elements."""
-        return dict.fromkeys((self._goal_port, self._event_port), Description())
-
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the next goal once the last one is over, and what became of it."""
         if self._number < 0:
@@ -185,5 +180,5 @@ class GoalSequence(Participant):
         self._number += 1
         if self._number < len(self._goals):
             return {self._goal_port: self._goals[self._number].goal(self._number)}
-        step.end(f"{self.config.name}: {len(self._goals)} of {len(self._goals)} goals are done")
+        step.end(f"{len(self._goals)} of {len(self._goals)} goals are done")
         return {}

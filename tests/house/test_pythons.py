@@ -1,4 +1,4 @@
-"""`make pythons`, and the Python of `make setup`."""
+"""The Python of `make setup`."""
 
 import os
 import shutil

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from stepbus_schemas import BaseState, Point, Poses, Quaternion
+from stepbus_schemas import BaseState, Poses, Quaternion
+from stepbus_store.poses import yaw_of
 
 _QUARTER = math.pi / 2
 
@@ -46,12 +47,6 @@ def gripper_down(yaw: float) -> Quaternion:
     return (half * (c - s), half * (c + s), 0.0, 0.0)
 
 
-def yaw_of(q: Quaternion) -> float:
-    """Return the yaw of an orientation [rad]; 0 for a quaternion of zeros."""
-    x, y, z, w = q
-    return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
-
-
 def tilt_of(q: Quaternion) -> float:
     """Return the angle between the z axis of an orientation and the vertical [rad]."""
     x, y, z, w = q
@@ -62,22 +57,6 @@ def tilt_of(q: Quaternion) -> float:
 def nearest_quarter(yaw: float, towards: float) -> float:
     """Return the yaw of a box turned by quarter turns, nearest to another one [rad]."""
     return yaw - _QUARTER * round((yaw - towards) / _QUARTER)
-
-
-def extents(size: Point, q: Quaternion) -> Point:
-    """Return the extents of a rotated box along x, y and z [m]."""
-    rows = _rotation(q)
-    x, y, z = (sum(abs(cell) * side for cell, side in zip(row, size, strict=True)) for row in rows)
-    return (x, y, z)
-
-
-def _rotation(q: Quaternion) -> tuple[Point, Point, Point]:
-    x, y, z, w = q
-    return (
-        (1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)),
-        (2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)),
-        (2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)),
-    )
 
 
 class TrueBase:

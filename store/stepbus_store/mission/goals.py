@@ -121,43 +121,10 @@ def up(store: StoreState) -> Goal:
     return _pose(store, "move_linear", _spot(store), height, slow=True)
 
 
-def depart(store: StoreState) -> Goal:
-    """Drive in front of the item's column, with the arm moving on the way."""
-    return msgspec.structs.replace(drive(store), type="go_together")
-
-
-def fold(store: StoreState) -> Goal:
-    """Tuck the arm in while the base leaves."""
-    return msgspec.structs.replace(tuck(store), base=store.destination)
-
-
-def ready(store: StoreState) -> Goal:
-    """Open the gripper while the base drives."""
-    return msgspec.structs.replace(open_gripper(store), base=store.destination)
-
-
-def reach(store: StoreState) -> Goal:
-    """Move above the item's expected position while the base arrives."""
-    return msgspec.structs.replace(inspect(store), base=store.destination)
-
-
-def return_home(store: StoreState) -> Goal:
-    """Drive home with the item, with the arm moving on the way."""
-    return msgspec.structs.replace(home(store), type="go_together")
-
-
 def draw_in(store: StoreState) -> Goal:
     """Take the item off the shelf, over the base, while the base leaves."""
-    sale, _ = store.now
-    ahead, left = store.settings.carry
-    spot = Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
-    goal = _pose(store, "move_to_pose", spot, sale.tip)
-    return msgspec.structs.replace(goal, frame="", base=store.destination)
-
-
-def bring(store: StoreState) -> Goal:
-    """Move the item above its spot in the outlet while the base arrives."""
-    return msgspec.structs.replace(above(store), base=store.destination)
+    goal = _pose(store, "move_to_pose", _over_base(store), store.now[0].tip)
+    return msgspec.structs.replace(goal, frame="")
 
 
 def back_off(store: StoreState) -> Goal:
@@ -178,9 +145,7 @@ def recover(store: StoreState) -> Goal:
     """
     joints, held = store.settings.tuck, store.sale.item if store.sale is not None else None
     if held is not None and store.inputs.gripper.holding:
-        ahead, left = store.settings.carry
-        spot = Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
-        goal = _pose(store, "move_to_pose", spot, store.settings.safe_height)
+        goal = _pose(store, "move_to_pose", _over_base(store), store.settings.safe_height)
         return msgspec.structs.replace(goal, type="back_to_rest", frame="", touches=[held.name])
     return Goal(
         id=0,
@@ -189,6 +154,16 @@ def recover(store: StoreState) -> Goal:
         values=list(joints.values()),
         touches=[held.name] if held is not None else [],
     )
+
+
+def _together(make: MakeGoal) -> MakeGoal:
+    """Return the goal of a base that drives while the arm moves."""
+    return lambda store: msgspec.structs.replace(make(store), type="go_together")
+
+
+def _beside(make: MakeGoal) -> MakeGoal:
+    """Return a goal that is carried out while the base drives."""
+    return lambda store: msgspec.structs.replace(make(store), base=store.destination)
 
 
 GOALS: Mapping[str, MakeGoal] = {
@@ -216,13 +191,13 @@ GOALS: Mapping[str, MakeGoal] = {
     "stop": stop,
     "halt": stop,
     "recover": recover,
-    "depart": depart,
-    "fold": fold,
-    "ready": ready,
-    "reach": reach,
-    "return": return_home,
-    "draw_in": draw_in,
-    "bring": bring,
+    "depart": _together(drive),
+    "fold": _beside(tuck),
+    "ready": _beside(open_gripper),
+    "reach": _beside(inspect),
+    "return": _together(home),
+    "draw_in": _beside(draw_in),
+    "bring": _beside(above),
 }
 """State → its goal; the other states send none."""
 
@@ -297,6 +272,12 @@ def _carried(store: StoreState) -> Spot:
     """Return where an item is carried: above the base, with the gripper aligned to it."""
     ahead, left = store.settings.carry
     return _aligned(store, spot_of(store.inputs.odometry).ahead(ahead, left))
+
+
+def _over_base(store: StoreState) -> Spot:
+    """Return where an item is carried, in the frame of the base."""
+    ahead, left = store.settings.carry
+    return Spot(x=ahead, y=left, yaw=store.settings.gripper_yaw)
 
 
 def _spot(store: StoreState) -> Spot:

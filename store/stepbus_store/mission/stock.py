@@ -1,7 +1,7 @@
 """The types of goods that a shop has, read from a world file."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -11,12 +11,11 @@ from stepbus_schemas import (
     Point,
     Poses,
     Quaternion,
-    RunError,
-    Shape,
     WiringError,
-    parse_shapes,
 )
-from stepbus_store.mission.geometry import extents, nearest_quarter, yaw_of
+from stepbus_store.mission.geometry import nearest_quarter
+from stepbus_store.poses import yaw_of
+from stepbus_store.solids import read_solids
 
 
 def types_in(path: Path) -> list[str]:
@@ -126,20 +125,6 @@ class Stock:
         """Return the dimensions of an item."""
         return self._measures[name]
 
-    def check(self, poses: Poses) -> None:
-        """Raise RunError for a wrong number of poses, and for one of an item that is not finite."""
-        counts = {len(poses.position), len(poses.orientation)}
-        if counts != {len(self._index)}:
-            raise RunError(f"expected {len(self._index)} poses, received {len(poses.position)}")
-        if math.isfinite(sum(map(sum, poses.position)) + sum(map(sum, poses.orientation))):
-            return
-        for name in self._types:
-            position, turn = self.pose(name, poses)
-            if not math.isfinite(sum(position) + sum(turn)):
-                raise RunError(
-                    f"{name} has an invalid pose: position {position}, orientation {turn}"
-                )
-
     def take_inventory(self, poses: Poses) -> None:
         """Record the pose of every item."""
         self._items = {
@@ -172,11 +157,11 @@ class Stock:
 def measures(name: str, shapes: str) -> Measures:
     """Return the dimensions of an item from the description of its collision shapes.
 
-    shapes: as in `stepbus_schemas.parse_shapes`; meshes do not count.
+    shapes: as in `stepbus_store.solids.read_solids`.
     Raises WiringError for shapes that cannot be read, and without a box, a cylinder or a sphere.
     """
     try:
-        parts = [_part(shape) for shape in parse_shapes(shapes) if shape.type in _SIZES]
+        parts = read_solids(shapes)
     except ValueError as exc:
         raise WiringError(f"item {name!r}: {exc}") from exc
     if not parts:
@@ -184,40 +169,13 @@ def measures(name: str, shapes: str) -> Measures:
             f"item {name!r} has the shape {shapes!r}; a graspable item needs a box, a cylinder or "
             "a sphere"
         )
-    body = max(parts, key=lambda part: part.size[0] * part.size[1])
+    body = max(parts, key=lambda part: float(part.reach[0] * part.reach[1]))
+    width, length, _ = (2 * body.reach).tolist()
+    heights = [(float(part.position[2]), float(part.reach[2])) for part in parts]
     return Measures(
-        width=(body.size[0], body.size[1]),
-        bottom=min(part.z - part.size[2] / 2 for part in parts),
-        body_top=body.z + body.size[2] / 2,
-        top=max(part.z + part.size[2] / 2 for part in parts),
-        is_box=body.is_box,
+        width=(width, length),
+        bottom=min(z - half for z, half in heights),
+        body_top=float(body.position[2] + body.reach[2]),
+        top=max(z + half for z, half in heights),
+        is_box=body.type == "box",
     )
-
-
-@dataclass(frozen=True)
-class _Part:
-    """One shape: its extents along x, y, z, and the height of its centre [m]."""
-
-    size: Point
-    z: float
-    is_box: bool
-
-
-def _part(shape: Shape) -> _Part:
-    size = _SIZES[shape.type](*shape.sizes)
-    return _Part(extents(size, shape.orientation), shape.position[2], shape.type == "box")
-
-
-def _box(x: float, y: float, z: float) -> Point:
-    return (x, y, z)
-
-
-def _cylinder(radius: float, length: float) -> Point:
-    return (2 * radius, 2 * radius, length)
-
-
-def _sphere(radius: float) -> Point:
-    return (2 * radius, 2 * radius, 2 * radius)
-
-
-_SIZES: dict[str, Callable[..., Point]] = {"box": _box, "cylinder": _cylinder, "sphere": _sphere}

@@ -58,6 +58,7 @@ from stepbus_store.mission.state_table import FIRST, LAST, STATES, TRIPS
 from stepbus_store.mission.stock import Stock
 from stepbus_store.mission.verification import looked_at, wants_image
 from stepbus_store.mission.witness import Witness
+from stepbus_store.poses import check_poses
 
 _LEVELS: Sequence[Level] = ("info", "warning", "error")
 
@@ -122,12 +123,6 @@ class StoreMission(Participant):
             self._store.settings = settings
         return len(given)
 
-    def describe(self) -> Mapping[str, Description]:
-        """Return empty descriptions: no output has named elements."""
-        ports = self._ports
-        named = (ports.goal, ports.camera, ports.events, ports.summary)
-        return dict.fromkeys((name for name in named if name is not None), Description())
-
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the stock from the plant's description.
 
@@ -139,7 +134,7 @@ class StoreMission(Participant):
         if problems:
             where = f"participants.{self.config.name}.params"
             raise WiringError("\n".join(f"{where}.{problem}" for problem in problems))
-        self._stock = stock
+        self._stock, self._links = stock, description.names
         contacts = self._ports.contacts
         self._robot_links = (
             frozenset(inputs[contacts].names) if contacts is not None else frozenset()
@@ -176,7 +171,7 @@ class StoreMission(Participant):
     def _observe(self, step: Step) -> StoreState:
         """Update the state with the inputs of this step; take inventory at the first one."""
         inputs, settings = self._read(step), self._settings
-        self._stock.check(inputs.poses)
+        check_poses(self._ports.poses, self._links, inputs.poses)
         if self._store is None:
             self._stock.take_inventory(inputs.poses)
             visit = Visit(state=FIRST, start_ns=step.t_ns)

@@ -5,12 +5,13 @@ import math
 from stepbus_participant import suggest
 from stepbus_schemas import Detections, Point, RunError
 from stepbus_store.cause import Cause
-from stepbus_store.mission.geometry import Spot, spot_of, tilt_of, yaw_of
+from stepbus_store.mission.geometry import Spot, spot_of, tilt_of
 from stepbus_store.mission.goals import ODOMETRY
 from stepbus_store.mission.report import SaleResult
 from stepbus_store.mission.state import Outcome, StoreState
 from stepbus_store.mission.state_table import STATES
 from stepbus_store.mission.witness import Witness
+from stepbus_store.poses import yaw_of
 
 _AIMS = 2
 """Views of the outlet before an item is put down: the second one is corrected by the first."""

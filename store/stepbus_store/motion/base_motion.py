@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from stepbus_schemas import BaseCommand, BaseState, Goal, Point, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.base_limits import PLANNED, braking, hardest, limits_of, safe_speed
 from stepbus_store.motion.base_segments import (
     Curve,
     PlannedSegment,
@@ -18,7 +19,6 @@ from stepbus_store.motion.base_segments import (
     same_line,
     wrapped,
 )
-from stepbus_store.motion.base_settings import PLANNED, BaseSettings
 from stepbus_store.motion.base_tracking import (
     TrackingError,
     slow_wheels,
@@ -27,11 +27,18 @@ from stepbus_store.motion.base_tracking import (
     within_limits,
 )
 from stepbus_store.motion.joint_motion import JointMotion, Motion, motion_to, stop_from
+from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.route import base_route
 
 _BACK_TURN = 0.3
 """A turn backs off by the angle whose arc at this radius is the distance to back off [m]."""
+
+_STILL, _STILL_TURNING = 5e-3, 1e-2
+"""Largest velocities that count as standing [m/s, rad/s]."""
+
+_STEPS = 5
+"""Of standing, in a row, until a base counts as settled."""
 
 _APART = 0.1
 """Distance of the poses that `ahead` returns [m]."""
@@ -80,8 +87,8 @@ class BaseMotion:
     would move it. In each step: `advance`, then `check`, then `command`.
     """
 
-    def __init__(self, settings: BaseSettings) -> None:
-        self._settings = settings
+    def __init__(self, params: Params) -> None:
+        self._params = params
         self._state: BaseState | None = None
         self._drive: _Drive | None = None
         self._waiting: deque[PlannedSegment] = deque()
@@ -109,7 +116,7 @@ class BaseMotion:
     @property
     def position(self) -> float:
         """Return the largest error at a goal [m]."""
-        return self._settings.position
+        return self._params.base_position
 
     @property
     def is_halting(self) -> bool:
@@ -132,7 +139,7 @@ class BaseMotion:
     def check_goal(self, goal: Goal, state: BaseState) -> str:
         """Return a sentence for the status of a goal; raises Refused for one without sense."""
         self._state = state
-        return base_route(goal, state, self._settings.position).text
+        return base_route(goal, state, self._params.base_position).text
 
     def start(self, goal: Goal, state: BaseState, route: Sequence[Point] = ()) -> str:
         """Start a goal and return a sentence for its status; route: of a planner.
@@ -140,7 +147,7 @@ class BaseMotion:
         Raises Refused for a goal that makes no sense; then nothing has changed.
         """
         self._state = state
-        planned = base_route(goal, state, self._settings.position, route)
+        planned = base_route(goal, state, self._params.base_position, route)
         self._behind = None
         self._target = planned.target
         if self._drive is not None and not self._drive.is_over:
@@ -217,7 +224,7 @@ class BaseMotion:
         for segment, start in parts:
             left = (segment.length - start) * (_BACK_TURN if segment.turns else 1.0)
             # In a turn, what an arm holds out goes the farthest.
-            farthest = (segment.length - start) * self._settings.reach if segment.turns else left
+            farthest = (segment.length - start) * self._params.safe_reach if segment.turns else left
             count = max(math.ceil(abs(farthest) / _APART), 1)
             for n in range(1, count + 1):
                 at = segment.at(start + (segment.length - start) * n / count, 0.0)
@@ -254,19 +261,19 @@ class BaseMotion:
             return
         segment, turns = drive.segment, drive.segment.turns
         s, speed, push = drive.now()
-        settings = self._settings
+        params = self._params
         # What the reference brakes by itself is not left to its time.
         own = max(-math.copysign(push, push * speed), 0.0) * self._scale**2
-        limits, speed = settings.limits_of(segment), abs(speed)
-        safe = settings.safe_speed(gap, turns=turns, curvature=segment.curvature(s))
+        limits, speed = limits_of(params, segment), abs(speed)
+        safe = safe_speed(params, gap, turns=turns, curvature=segment.curvature(s))
         turning, slowing = (
-            PLANNED * most for most in (settings.turn_acceleration, settings.acceleration)
+            PLANNED * most for most in (params.base_turn_acceleration, params.base_acceleration)
         )
         agile = segment.fastest(s, turning, slowing)
         wanted = min(safe / max(speed, 1e-9), agile / max(speed, 1e-9), 1.0)
         rise = float(limits.acceleration[0] / limits.velocity[0]) * dt
-        hardest = settings.hardest(speed * self._scale, gap, turns=turns)
-        fall = max(hardest - own, 0.0) / max(speed, 1e-9) * dt
+        most = hardest(params, speed * self._scale, gap, turns=turns)
+        fall = max(most - own, 0.0) / max(speed, 1e-9) * dt
         self._scale += min(max(wanted - self._scale, -float(fall)), rise)
         if drive.is_over:
             drive.late += dt
@@ -279,13 +286,13 @@ class BaseMotion:
             self._sent, self._wanted = BaseCommand(), BaseCommand()
             return self._sent
         holds = self._drive is None
-        command = tracking_command(wanted, self.state, self._settings, holds=holds)
+        command = tracking_command(wanted, self.state, self._params, holds=holds)
         before, self._wanted = self._wanted, BaseCommand(vx=wanted.vx, wz=wanted.wz)
-        vx, wz, most = wanted.vx - before.vx, wanted.wz - before.wz, self._settings.acceleration
+        vx, wz, most = wanted.vx - before.vx, wanted.wz - before.wz, self._params.base_acceleration
         # On a curve it turns no harder than it may, unless it brakes.
         brakes = abs(vx) > most * self._dt or wanted.vx == 0.0
         step = BaseCommand(vx=vx, wz=wz if brakes else 0.0)
-        self._sent = within_limits(command, self._sent, step, self._settings, self._dt)
+        self._sent = within_limits(command, self._sent, step, self._params, self._dt)
         return self._sent
 
     def check(self, state: BaseState) -> Outcome | None:
@@ -310,32 +317,33 @@ class BaseMotion:
         """Go on once the base stands; what is to come starts there."""
         state = self.state
         halt.steps = halt.steps + 1 if self._stands(state) else 0
-        if halt.steps >= self._settings.steps:
+        if halt.steps >= _STEPS:
             self._halt, self._scale = None, 1.0
             self._pose = Reference.standing(state.x, state.y, state.yaw)
             if self._waiting:
                 self._next_segment()
 
     def _stands(self, state: BaseState) -> bool:
-        settings = self._settings
-        return abs(state.vx) <= settings.still and abs(state.wz) <= settings.still_turning
+        return abs(state.vx) <= _STILL and abs(state.wz) <= _STILL_TURNING
 
     def _is_lost(self, error: TrackingError) -> bool:
-        return error.exceeds(self._settings.lag, self._settings.lag_angle)
+        return error.exceeds(self._params.base_lag, self._params.base_lag_angle)
 
     def _reference(self, drive: _Drive) -> Reference:
         s, speed, _ = drive.now()
         return drive.segment.at(s, speed * self._scale)
 
     def _settle(self, drive: _Drive, error: TrackingError) -> Outcome | None:
-        settings, state = self._settings, self.state
-        is_there = abs(error.along) <= settings.position and abs(error.angle) <= settings.angle
+        params, state = self._params, self.state
+        is_there = (
+            abs(error.along) <= params.base_position and abs(error.angle) <= params.base_angle
+        )
         drive.settled = drive.settled + 1 if is_there and self._stands(state) else 0
-        if drive.settled >= settings.steps:
+        if drive.settled >= _STEPS:
             self._drive, self._pose = None, self._reference(drive)
             self._next_segment()
             return self._finish() if self._done else None
-        if drive.late <= settings.timeout:
+        if drive.late <= params.base_timeout:
             return None
         off = f"{error.along * 1e3:.1f} mm and {math.degrees(error.angle):.2f}° off"
         text = f"not settled {drive.late:.2f} s after the motion: {off}"
@@ -361,7 +369,7 @@ class BaseMotion:
         text = (
             f"the base is {miss * 1e3:.0f} mm and {abs(math.degrees(error.angle)):.1f}° behind "
             f"after {segment.shown(drive.now()[0])} of {segment.shown(segment.length)}; "
-            f"{slow_wheels(self.state, self._sent, self._settings.track)}"
+            f"{slow_wheels(self.state, self._sent, self._params.track)}"
         )
         return self._give_up(Cause.JAMMED, text)
 
@@ -377,22 +385,22 @@ class BaseMotion:
             segment = self._waiting.popleft()(self.state)
             if segment is not None and not self._is_slight(segment):
                 start, goal = JointMotion.at_rest(np.zeros(1)), np.array([segment.length])
-                limits = self._settings.limits_of(segment)
+                limits = limits_of(self._params, segment)
                 self._drive = _Drive(segment=segment, profile=motion_to(start, goal, limits))
         self._done = self._drive is None and self._halt is None
 
     def _is_slight(self, segment: Segment | Curve) -> bool:
         """Return whether a turn is so small that the base gets there while it stands."""
-        return segment.turns and abs(segment.length) < self._settings.angle / 2
+        return segment.turns and abs(segment.length) < self._params.base_angle / 2
 
     def _brake(self, drive: _Drive, *, hard: bool = False) -> None:
         """Bring the reference of a segment to rest, from the speed that it has now."""
         if drive.brakes and not hard:
             return
         now, turns = drive.profile.at(drive.tau).scaled(self._scale), drive.segment.turns
-        limits = self._settings.braking(turns=turns)
+        limits = braking(self._params, turns=turns)
         if not hard:
-            limits = self._settings.limits_of(drive.segment)
+            limits = limits_of(self._params, drive.segment)
         profile = stop_from(now, limits)
         self._drive = _Drive(segment=drive.segment, profile=profile, brakes=hard)
         self._scale = 1.0

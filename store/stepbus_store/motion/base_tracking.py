@@ -4,11 +4,15 @@ import math
 from typing import NamedTuple
 
 from stepbus_schemas import BaseCommand, BaseState
+from stepbus_store.motion.base_limits import PLANNED
 from stepbus_store.motion.base_segments import Reference
-from stepbus_store.motion.base_settings import PLANNED, BaseSettings
+from stepbus_store.motion.mobile.params import Params
 
 _HEADROOM = 1.015
 """How much faster than its reference the base may go to catch up with it."""
+
+_ALONG, _ACROSS, _HEADING = 6.0, 40.0, 4.0
+"""Gains of the law [1/s, 1/m², 1/s]."""
 
 _HOLDING_SPEED, _HOLDING_TURN = 0.02, 0.05
 """Largest velocities at which a base at rest goes back to its pose [m/s, rad/s]."""
@@ -34,7 +38,7 @@ def tracking_error(wanted: Reference, state: BaseState) -> TrackingError:
 
 
 def tracking_command(
-    wanted: Reference, state: BaseState, settings: BaseSettings, *, holds: bool
+    wanted: Reference, state: BaseState, params: Params, *, holds: bool
 ) -> BaseCommand:
     """Return the velocities that bring a base to its reference.
 
@@ -45,15 +49,15 @@ def tracking_command(
     """
     error = tracking_error(wanted, state)
     spare, spare_turning = (
-        (1.0 - PLANNED) * most for most in (settings.acceleration, settings.turn_acceleration)
+        (1.0 - PLANNED) * most for most in (params.base_acceleration, params.base_turn_acceleration)
     )
-    along = _braked(settings.along * error.along, error.along, spare)
+    along = _braked(_ALONG * error.along, error.along, spare)
     angle = math.sin(error.angle)
     vx = wanted.vx * math.cos(error.angle) + along
-    across = wanted.vx * settings.across * error.across
-    wz = wanted.wz + across + _braked(settings.heading * angle, angle, spare_turning)
-    most = _HOLDING_SPEED if holds else _HEADROOM * settings.speed
-    most_turning = _HOLDING_TURN if holds else _HEADROOM * settings.turn_speed
+    across = wanted.vx * _ACROSS * error.across
+    wz = wanted.wz + across + _braked(_HEADING * angle, angle, spare_turning)
+    most = _HOLDING_SPEED if holds else _HEADROOM * params.base_speed
+    most_turning = _HOLDING_TURN if holds else _HEADROOM * params.base_turn_speed
     return BaseCommand(vx=min(max(vx, -most), most), wz=min(max(wz, -most_turning), most_turning))
 
 
@@ -63,7 +67,7 @@ def _braked(correction: float, error: float, brake: float) -> float:
 
 
 def within_limits(
-    command: BaseCommand, before: BaseCommand, step: BaseCommand, settings: BaseSettings, dt: float
+    command: BaseCommand, before: BaseCommand, step: BaseCommand, params: Params, dt: float
 ) -> BaseCommand:
     """Return a command that leaves the one before no faster than the base may accelerate.
 
@@ -77,8 +81,8 @@ def within_limits(
         return min(max(now, last - most), last + most)
 
     return BaseCommand(
-        vx=limited(command.vx, before.vx, step.vx, settings.acceleration),
-        wz=limited(command.wz, before.wz, step.wz, settings.turn_acceleration),
+        vx=limited(command.vx, before.vx, step.vx, params.base_acceleration),
+        wz=limited(command.wz, before.wz, step.wz, params.base_turn_acceleration),
     )
 
 

@@ -7,18 +7,13 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from eaik.IK_HP import HPRobot
 
 from stepbus_kinematics import Indices, Overload, RobotModel, Vector
-from stepbus_participant import extra_hint
 from stepbus_schemas import RunError
 from stepbus_store.cause import Cause
-from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.outcome import Refused
-
-try:
-    from eaik.IK_HP import HPRobot
-except ModuleNotFoundError:  # The extra `robots` is not installed: `AnalyticChain.warning`.
-    HPRobot = None
 
 TURN = 2 * math.pi
 
@@ -34,8 +29,7 @@ class AnalyticChain:
 
     Ostermeier, Külz, Althoff: Automatic Geometric Decomposition for Analytical Inverse Kinematics,
     IEEE RA-L, 2025. tip: frame fixed to the last of them. Raises RunError for an unknown frame.
-    solves: whether the tip is moved by such joints and their geometry can be decomposed. warning:
-    that eaik is missing where it might; empty otherwise.
+    solves: whether the tip is moved by such joints and their geometry can be decomposed.
     """
 
     def __init__(self, robot: RobotModel, tip: str) -> None:
@@ -43,14 +37,8 @@ class AnalyticChain:
         self._chain = robot.chain(tip)
         self._tip = robot.frame_id(tip)
         self._solver: Any = None
-        self.warning = ""
-        if HPRobot is not None and self._is_six_revolute():
+        if self._is_six_revolute():
             self._set_up()
-        elif self._is_six_revolute():
-            self.warning = (
-                f"tip {tip!r}: eaik is not installed, so one solution of a pose is searched "
-                f"numerically instead of computing all{extra_hint('eaik')}"
-            )
 
     @property
     def solves(self) -> bool:
@@ -139,8 +127,7 @@ class BranchSolver:
         self._least, self._effort_share = singular_below, effort_share
         # Weighted so, a distance is a time.
         self._weights = 1.0 / robot.velocity_limit
-        search = IkSettings(singular_below=singular_below)
-        self._search = InverseKinematics(robot, search, seed=seed)
+        self._search = InverseKinematics(robot, seed=seed, singular_below=singular_below)
         self._chains: dict[str, AnalyticChain] = {}
 
     def chain(self, tip: str) -> AnalyticChain:

@@ -1,7 +1,6 @@
 """A gripper: carries out its goals, and weighs what it holds by the torques of the arm."""
 
 import math
-from dataclasses import dataclass
 
 import msgspec
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_schemas import Goal, GripperCommand, GripperState, RunError
 from stepbus_store.cause import Cause
+from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.outcome import Outcome, Refused
 
 _SLOW = 0.3
@@ -25,6 +25,19 @@ _GRAVITY = 9.81
 
 _RESOLUTION = 0.01
 """[kg]"""
+
+
+_STILL, _STILL_FOR = 2e-4, 0.1
+"""Largest change of the width of fingers that stand still [m], and the time that counts [s]."""
+
+_PATIENCE = 0.5
+"""Time that the fingers may stand still short of the goal [s]."""
+
+_RAISE_BY = 1.25
+"""Factor on the force when what is held slips."""
+
+_RESERVE = 1.5
+"""Factor on the force that holds the weight."""
 
 
 class Scale:
@@ -61,33 +74,6 @@ class Scale:
         return self.load
 
 
-@dataclass(frozen=True, kw_only=True)
-class GripperSettings:
-    """When a gripper has reached its goal.
-
-    widest: largest width between the pads [m]. tolerance: of the width [m]. still: largest change
-    of the width while the fingers stand still [m]. still_for: time that they must stand still [s].
-    patience: time that they may stand still short of the goal [s]. hold_force: keeps the fingers
-    where they are before the first goal [N].
-    first_force: with which they close; more only where that slips, or for the weight [N]. slip: by
-    which what is held may slide until the force is raised [m]; raise_by: factor on it then.
-    friction: assumed between a pad and what it holds, for the force that its weight needs [-].
-    reserve: factor on that force.
-    """
-
-    widest: float = 0.1
-    tolerance: float = 1e-3
-    still: float = 2e-4
-    still_for: float = 0.1
-    patience: float = 0.5
-    hold_force: float = 15.0
-    first_force: float = 6.0
-    slip: float = 1e-4
-    raise_by: float = 1.25
-    friction: float = 0.4
-    reserve: float = 1.5
-
-
 class Gripper:
     """Carries out `grip` goals, one at a time.
 
@@ -96,8 +82,8 @@ class Gripper:
     the goal, whenever it slips, and as its weight needs it.
     """
 
-    def __init__(self, settings: GripperSettings) -> None:
-        self._settings = settings
+    def __init__(self, params: Params) -> None:
+        self._params = params
         self._command: GripperCommand | None = None
         self._state: GripperState | None = None
         self._goal: GripperCommand | None = None
@@ -120,8 +106,8 @@ class Gripper:
         self._command = self._keep(state)
 
     def _keep(self, state: GripperState) -> GripperCommand:
-        width = min(max(state.width, 0.0), self._settings.widest)
-        return GripperCommand(width=width, force=self._settings.hold_force)
+        width = min(max(state.width, 0.0), self._params.gripper_widest)
+        return GripperCommand(width=width, force=self._params.gripper_force)
 
     def start(self, goal: Goal, t: float) -> str:
         """Start a goal at a time [s] and return a sentence for its status.
@@ -129,15 +115,17 @@ class Gripper:
         Raises Refused for a width or force out of range.
         """
         state = self._now()
-        if not 0.0 <= goal.width <= self._settings.widest:
-            text = f"width {goal.width:g} m is out of reach (0 to {self._settings.widest:g} m)"
+        if not 0.0 <= goal.width <= self._params.gripper_widest:
+            text = (
+                f"width {goal.width:g} m is out of reach (0 to {self._params.gripper_widest:g} m)"
+            )
             raise Refused(Cause.INVALID, text)
         if not (math.isfinite(goal.force) and goal.force >= 0.0):
             raise Refused(Cause.INVALID, f"force {goal.force:g} N is invalid")
         if goal.force == 0.0:
             raise Refused(Cause.NO_FORCE, "force is 0 N: the fingers would not move")
         closes, self._most, self._slipped = goal.width < state.width, goal.force, 0.0
-        force = min(self._settings.first_force, goal.force) if closes else goal.force
+        force = min(self._params.first_force, goal.force) if closes else goal.force
         self._goal = self._command = GripperCommand(width=goal.width, force=force)
         self._anchor = self._began_at = state.width
         self._still_since = t
@@ -150,13 +138,13 @@ class Gripper:
 
         load: its mass, as far as it is known [kg].
         """
-        state, command, settings = self._now(), self._command, self._settings
+        state, command, params = self._now(), self._command, self._params
         if command is None or not (state.holding and (self._goal is not None or self.holds)):
             return
-        needed = settings.reserve * load * _GRAVITY / (2.0 * settings.friction)
+        needed = _RESERVE * load * _GRAVITY / (2.0 * params.pad_friction)
         force = max(command.force, needed)
-        if state.slip > self._slipped + settings.slip:
-            force = max(force, command.force * settings.raise_by)
+        if state.slip > self._slipped + params.slip:
+            force = max(force, command.force * _RAISE_BY)
             self._slipped = state.slip
         self._slipped = min(self._slipped, state.slip)
         force = min(force, max(self._most, command.force))
@@ -186,7 +174,7 @@ class Gripper:
     def check(self, state: GripperState, t: float) -> Outcome | None:
         """Compare with what was measured at a time [s]; return how the goal ended, once it has."""
         self._state = state
-        if abs(state.width - self._anchor) > self._settings.still:
+        if abs(state.width - self._anchor) > _STILL:
             self._anchor, self._still_since = state.width, t
         if self._goal is None:
             return None
@@ -196,18 +184,18 @@ class Gripper:
         return outcome
 
     def _judge(self, goal: GripperCommand, state: GripperState, still: float) -> Outcome | None:
-        is_still = still >= self._settings.still_for - 1e-9
+        is_still = still >= _STILL_FOR - 1e-9
         if is_still and state.holding:
             self._holds_width = state.width
             text = f"held: {_mm(state.width)} wide, {state.force:.1f} N"
             return Outcome(state="succeeded", text=text)
         opens = goal.width > self._began_at and not state.holding
-        if (is_still or opens) and abs(state.width - goal.width) <= self._settings.tolerance:
+        if (is_still or opens) and abs(state.width - goal.width) <= self._params.gripper_tolerance:
             return Outcome(state="succeeded", text=f"{_mm(state.width)} wide, holds nothing")
-        if still < self._settings.patience:
+        if still < _PATIENCE:
             return None
         moved = abs(state.width - self._began_at)
-        did = "have not moved" if moved <= self._settings.still else f"stopped after {_mm(moved)}"
+        did = "have not moved" if moved <= _STILL else f"stopped after {_mm(moved)}"
         text = (
             f"the fingers {did}: {_mm(state.width)} wide instead of {_mm(goal.width)}, "
             f"{state.force:.1f} N of {goal.force:.1f} N, nothing between them"
@@ -227,7 +215,7 @@ class Gripper:
             return ""
         if self._loose_since is None:
             self._loose_since = t
-        if t - self._loose_since < self._settings.still_for - 1e-9:
+        if t - self._loose_since < _STILL_FOR - 1e-9:
             return ""
         held, self._holds_width, self._loose_since = self._holds_width, None, None
         return (

@@ -35,23 +35,17 @@ _STANDSTILL = 1e-6
 """Smallest step of an iteration that still leads anywhere [rad]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class IkSettings:
-    """How to search.
+_DAMPING = 1e-2
+"""λ of the least squares [-]."""
 
-    damping: λ of the least squares [-]. starts: attempts from different poses; unreachable_after:
-    fewer, where none of so many came to the pose. iterations: of one attempt.
-    position_tolerance [m], orientation_tolerance [rad]: where the pose counts as reached.
-    singular_below: smallest singular value of the Jacobian that is accepted [-].
-    """
+_STARTS, _HOPELESS_AFTER = 50, 25
+"""Attempts from different poses; fewer, where none of so many came to the pose."""
 
-    damping: float = 1e-2
-    starts: int = 50
-    unreachable_after: int = 25
-    iterations: int = 30
-    position_tolerance: float = 1e-5
-    orientation_tolerance: float = 1e-5
-    singular_below: float = 0.01
+_ITERATIONS = 30
+"""Of one attempt."""
+
+_REACHED = 1e-5
+"""Errors below which a pose counts as reached [m], [rad]."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,7 +55,6 @@ class Solution:
     q: of all joints, shape (n,) [rad]; where the pose is unreachable, the closest found.
     position_error [m], orientation_error [rad]: of the model at q. smallest_singular_value: of the
     tip's Jacobian at q, with lengths in [m]. overload, pair: what cannot hold, what touches.
-    starts: attempts that were made.
     """
 
     verdict: Verdict
@@ -71,7 +64,6 @@ class Solution:
     smallest_singular_value: float = math.inf
     overload: Overload | None = None
     pair: LinkPair | None = None
-    starts: int = 1
 
     def __str__(self) -> str:
         match self.verdict:
@@ -100,19 +92,20 @@ class InverseKinematics:
     grows with the error, so that a pose out of reach is approached without swinging (Sugihara,
     Solvability-Unconcerned Inverse Kinematics by the Levenberg-Marquardt Method, 2011, with
     c = 1/2; a smaller one is quicker where the pose can be reached). The first attempt
-    starts at the given pose, the others at random ones. collisions: None: not checked.
+    starts at the given pose, the others at random ones. singular_below: smallest singular value of
+    the Jacobian that is accepted [-]. collisions: None: not checked.
     """
 
     def __init__(
         self,
         robot: RobotModel,
-        settings: IkSettings,
         *,
         seed: int,
+        singular_below: float = 0.01,
         collisions: SelfCollisions | None = None,
     ) -> None:
         self._robot = robot
-        self._settings = settings
+        self._singular_below = singular_below
         self._collisions = collisions
         self._random = np.random.Generator(np.random.PCG64(seed))
 
@@ -124,8 +117,8 @@ class InverseKinematics:
         unknown frame.
         """
         attempts = (
-            self._judge(tip, self._descend(tip, target, q), target, count)
-            for count, q in enumerate(self._starts(tip, start), 1)
+            self._judge(tip, self._descend(tip, target, q), target)
+            for q in self._starts(tip, start)
         )
         best, count = next(attempts), 1
         while best.verdict != "reached" and not self._is_hopeless(best, count):
@@ -136,26 +129,26 @@ class InverseKinematics:
             best = min(best, solution, key=_rank)
         if best.verdict == "unreachable":
             closest = self._descend(tip, target, best.q, _CLOSEST)
-            best = self._judge(tip, closest, target, count)
+            best = self._judge(tip, closest, target)
         return best
 
     def _is_hopeless(self, best: Solution, count: int) -> bool:
-        return best.verdict == "unreachable" and count >= self._settings.unreachable_after
+        return best.verdict == "unreachable" and count >= _HOPELESS_AFTER
 
     def _starts(self, tip: str, start: Vector) -> Iterator[Vector]:
         chain, robot = self._robot.chain(tip), self._robot
         yield start
-        for _ in range(self._settings.starts - 1):
+        for _ in range(_STARTS - 1):
             q = start.copy()
             q[chain] = self._random.uniform(robot.lower[chain], robot.upper[chain])
             yield q
 
     def _descend(self, tip: str, target: Any, start: Vector, pace: _Pace = _QUICK) -> Vector:
         """Return where damped least squares ends, shape (n,) [rad]."""
-        robot, settings = self._robot, self._settings
+        robot = self._robot
         number, chain = robot.frame_id(tip), robot.chain(tip)
         q = start.copy()
-        for _ in range(settings.iterations * pace.rounds):
+        for _ in range(_ITERATIONS * pace.rounds):
             pose, jacobian = robot.jacobian(q, number)
             error = _displacement(pose, target)
             if self._is_there(error):
@@ -171,7 +164,7 @@ class InverseKinematics:
     ) -> Vector:
         """Return the next positions of the chain, shape (m,) [rad]; jacobian: shape (6, m)."""
         lower, upper = self._robot.lower[chain], self._robot.upper[chain]
-        damping = (self._settings.damping**2 + caution * (error @ error)) * np.eye(6)
+        damping = (_DAMPING**2 + caution * (error @ error)) * np.eye(6)
         free = np.ones(len(q), dtype=bool)
         for _ in range(2):
             part = jacobian * free
@@ -186,11 +179,7 @@ class InverseKinematics:
         return moved
 
     def _is_there(self, error: Vector) -> bool:
-        settings = self._settings
-        return bool(
-            np.linalg.norm(error[:3]) < settings.position_tolerance
-            and np.linalg.norm(error[3:]) < settings.orientation_tolerance
-        )
+        return bool(max(np.linalg.norm(error[:3]), np.linalg.norm(error[3:])) < _REACHED)
 
     def judge(self, q: Vector, moved: Indices) -> Solution:
         """Return what is wrong with joint positions of your choice, shape (n,) [rad].
@@ -199,21 +188,20 @@ class InverseKinematics:
         """
         return self._judged(q, "reached", moved)
 
-    def _judge(self, tip: str, q: Vector, target: Any, starts: int) -> Solution:
+    def _judge(self, tip: str, q: Vector, target: Any) -> Solution:
         pose, jacobian = self._robot.jacobian(q, self._robot.frame_id(tip))
         error = _displacement(pose, target)
         chain = self._robot.chain(tip)
         part = jacobian[:, chain]
         smallest = float(np.linalg.svd(part, compute_uv=False).min())
         verdict: Verdict = "reached" if self._is_there(error) else "unreachable"
-        if verdict == "reached" and smallest < self._settings.singular_below:
+        if verdict == "reached" and smallest < self._singular_below:
             verdict = "singular"
         return replace(
             self._judged(q, verdict, chain),
             position_error=float(np.linalg.norm(error[:3])),
             orientation_error=float(np.linalg.norm(error[3:])),
             smallest_singular_value=smallest,
-            starts=starts,
         )
 
     def _judged(self, q: Vector, verdict: Verdict, moved: Indices) -> Solution:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import Literal, NamedTuple
 
 from stepbus_schemas import Contacts, RunError
-from stepbus_store.motion.sensed import Approach, Collision, MonitorSettings, Watch
+from stepbus_store.motion.sensed import MORE_FORCE, Approach, Collision, MonitorSettings, Watch
 
 Moves = Literal["arm", "base", "all"]
 """What a goal moves; the gripper belongs to the arm."""
@@ -50,7 +50,7 @@ class Grasp:
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
-        self._settings = settings
+        self._settings, self._params = settings, settings.params
         self.held = ""
         self.stood_on: set[str] = set()
         self.around: set[str] = set()
@@ -62,16 +62,16 @@ class Grasp:
         holding: whether the gripper holds something between its pads. grips: whether the goal
         under way moves them.
         """
-        touched = {pad: _touched_by(contacts, pad) for pad in self._settings.pads}
-        close = {link for pad in self._settings.pads for link in _near(contacts, pad, _APART)}
-        one, other = (touched[pad] for pad in self._settings.pads)
+        touched = {pad: _touched_by(contacts, pad) for pad in self._params.pads}
+        close = {link for pad in self._params.pads for link in _near(contacts, pad, _APART)}
+        one, other = (touched[pad] for pad in self._params.pads)
         if grips:
             self.between |= set(one) | set(other)
         self.between &= close
         both = [link for link in one if link in other]
         if holding and both and self.held not in both:
             self.held = both[0]
-            near = set(_near(contacts, self.held, self._settings.within))
+            near = set(_near(contacts, self.held, self._params.slow_within))
             self.around = near & self._settings.links
             self.stood_on = set(_near(contacts, self.held, 1e-3)) - self._settings.links
         elif not holding and self.held and self.held not in both:
@@ -110,11 +110,11 @@ class CollisionMonitor:
     """
 
     def __init__(self, settings: MonitorSettings) -> None:
-        self._settings = settings
+        self._settings, self._params = settings, settings.params
         self._ground: set[str] = set()
         self._grasp = Grasp(settings)
         self._ours = settings.links
-        self._special = settings.ignore.union(settings.pads)
+        self._special = settings.ignore.union(settings.params.pads)
         self._touches: frozenset[str] = frozenset()
         self._grips = False
         self._moves: Moves = "all"
@@ -166,15 +166,15 @@ class CollisionMonitor:
         held = self.held
         self._grasp.update(contacts, holding=holding, grips=self._grips)
         if self.held != held:
-            own, held = self._settings, self.held
-            self._ours = own.links | {held} if held else own.links
-            self._special = own.ignore.union(own.pads, {held} if held else ())
+            taken = {self.held} - {""}
+            self._ours = self._settings.links | taken
+            self._special = self._settings.ignore.union(self._params.pads, taken)
         self._gaps = {(row.ours, row.other): row.distance for row in self._last}
         self._last = list(self._rows(contacts))
         watched = [row for row in self._last if not self._is_allowed(row)]
         closing = self._closing = [row for row in watched if self._may_close(row)]
         nearest = min(closing, key=lambda row: row.distance, default=None)
-        if nearest is not None and nearest.distance >= self._settings.within:
+        if nearest is not None and nearest.distance >= self._params.slow_within:
             nearest = None
         speeds = [self._speeds(row, speed_of) for row in closing]
         closer = [
@@ -187,7 +187,7 @@ class CollisionMonitor:
         ]
         scale, slowed = min(shares, key=lambda pair: pair[0], default=(1.0, None))
         unseen = self._settings.unseen_speed(holding=bool(self.held))
-        fastest = max((speed_of(pad)[1] for pad in self._settings.pads), default=0.0)
+        fastest = max((speed_of(pad)[1] for pad in self._params.pads), default=0.0)
         if fastest * scale > unseen and self._moves != "base":
             scale, slowed = unseen / fastest, None
         rooms = [
@@ -198,9 +198,8 @@ class CollisionMonitor:
         return Watch(
             collision=self._hardest([*watched, *self._pressed()]),
             near=(nearest.ours, nearest.other) if nearest else None,
-            gap=max(nearest.distance, 0.0) if nearest else self._settings.within,
+            gap=max(nearest.distance, 0.0) if nearest else self._params.slow_within,
             room=max(min(rooms, default=math.inf), 0.0),
-            held=self.held,
             scale=scale,
             slow=(slowed.ours, slowed.other, slowed.distance) if slowed and scale < 1.0 else None,
             strange=self._strange(closing, dt, speed_of, base_speed),
@@ -225,7 +224,7 @@ class CollisionMonitor:
             before = self._gaps.get((row.ours, row.other))
             if before is not None:
                 speed = max((before - row.distance) / dt, 0.0)
-            elif row.distance < settings.range - _SUDDEN:
+            elif row.distance < self._params.contact_range - _SUDDEN:
                 speed = self._speeds(row, speed_of)[0] + base_speed
             else:
                 speed = 0.0
@@ -242,7 +241,7 @@ class CollisionMonitor:
         close = [
             row
             for row in self._closing
-            if row.distance < self._settings.halt
+            if row.distance < self._params.base_halt
             and not self._is_ours(row.other)
             and row.distance < self._gaps.get((row.ours, row.other), 0.0) - _CLOSER
             and (besides is None or row.other != besides[1])
@@ -271,7 +270,7 @@ class CollisionMonitor:
 
         closing: how fast they come closer at the full rate [m/s].
         """
-        if row.distance >= self._settings.within:
+        if row.distance >= self._params.slow_within:
             return 1.0
         # Where base and arm move, each of them may use up one half.
         gap = row.distance / 2 if self._moves == "all" else row.distance
@@ -294,12 +293,11 @@ class CollisionMonitor:
         return min(max(share, _SIDEWAYS), 1.0)
 
     def _hardest(self, watched: list[_Row]) -> Collision | None:
-        settings = self._settings
         hard = [
             row
             for row in watched
-            if row.force > settings.force
-            and row.force > self._known.get((row.ours, row.other), -1e9) + settings.more_force
+            if row.force > self._params.collision_force
+            and row.force > self._known.get((row.ours, row.other), -1e9) + MORE_FORCE
         ]
         if not hard:
             return None
@@ -324,7 +322,7 @@ class CollisionMonitor:
         settings, pair = self._settings, {row.ours, row.other}
         if pair & settings.ignore and pair & self._ground:
             return True
-        pads = pair.intersection(settings.pads)
+        pads = pair.intersection(self._params.pads)
         if pads:
             others = pair - pads
             soft = self._touches | self._grasp.between | {self.held}
@@ -335,13 +333,12 @@ class CollisionMonitor:
 
     def _pressed(self) -> list[_Row]:
         """Return what a pad presses on that it may touch, where that is no grip or too hard."""
-        settings = self._settings
         rows = []
         for row in self._last:
-            others = {row.ours, row.other}.difference(settings.pads)
+            others = {row.ours, row.other}.difference(self._params.pads)
             if len(others) == 1 and self._is_allowed(row):
                 grips = self._grips or bool(others & (self._grasp.between | {self.held}))
-                if row.force > (settings.grip_force if grips else settings.more_force):
+                if row.force > (self._params.grip_force if grips else MORE_FORCE):
                     rows.append(row)
         return rows
 
@@ -353,7 +350,7 @@ class CollisionMonitor:
         checked its motion for that.
         """
         pair = {row.ours, row.other}
-        if self._settings.checks_itself and pair <= self._settings.links:
+        if self._params.srdf is not None and pair <= self._settings.links:
             return False
         if self.held in pair and pair & self._grasp.around:
             return False

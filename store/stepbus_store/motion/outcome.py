@@ -16,7 +16,6 @@ from stepbus_schemas import (
     GripperState,
     JointState,
     RunError,
-    WiringError,
 )
 from stepbus_store.cause import Cause
 
@@ -111,14 +110,12 @@ class JointReading(NamedTuple):
 class JointSensor:
     """Maps the joints of an input to the robot's, and gives the robot the plant's effort limits.
 
-    name: of the participant, for messages. prefix: what the input puts before the robot's names.
-    period: between two measurements [s]. smoother: None:
-    no smoothing. Raises WiringError for joints that the plant does not sense.
+    prefix: what the input puts before the robot's names. period: between two measurements [s].
+    smoother: None: no smoothing. Raises WiringError for joints that the plant does not sense.
     """
 
     def __init__(
         self,
-        name: str,
         port: str,
         described: Description,
         robot: RobotModel,
@@ -127,13 +124,8 @@ class JointSensor:
         prefix: str = "",
         smoother: Smoother | None = None,
     ) -> None:
-        try:
-            self._order = JointOrder(
-                port, described.names, [prefix + joint for joint in robot.joints]
-            )
-        except WiringError as exc:
-            lines = [f"{name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
+        joints = [prefix + joint for joint in robot.joints]
+        self._order = JointOrder(port, described.names, joints)
         effort = described.limits.get("effort")
         if effort is not None:
             robot.effort_limit = self._order.pick(effort, "effort limits")

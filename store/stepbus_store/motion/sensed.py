@@ -7,6 +7,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from stepbus_kinematics import Vector
+from stepbus_store.motion.mobile.params import Params
+
+MORE_FORCE = 5.0
+"""On top of the force at the start of a goal, a touch is a collision; of a pad that does not grip,
+also on what it may touch [N]."""
+
+_REACTION = 0.05
+"""Until the arm begins to slow down [s]."""
+
+_CLEARANCE = 2e-3
+"""What the arm stops before [m]."""
+
+_STOP, _STOP_HOLDING = 8.0, 5.0
+"""Of any link in the hardest stop, without and with something in the gripper [m/s²]."""
 
 _WARY = 0.25
 """Share of `creep` at which the arm creeps near what has stopped it before."""
@@ -16,36 +30,14 @@ _WARY = 0.25
 class MonitorSettings:
     """What a robot may touch, and how it slows down near everything else.
 
-    links: of the robot; base_links: those that only the base moves, not the arm. pads: those that
-    may touch the goal's `touches` and what is held. ignore: wheels and casters, which may touch
-    what they stand on at the start. force: above it a touch is a collision [N]. more_force: the
-    same, on top of the force at the start of the goal [N]. grip_force: of a pad that grips;
-    one that does not, may press on what it may touch with `more_force` [N].
-    within: below this distance the arm slows down [m]. brake: of any link, when the arm slows down
-    [m/s²]. reaction: until that has begun [s]. clearance: what the arm stops before [m]. creep:
-    slowest speed near things [m/s]. checks_itself: every motion is checked for collisions of the
-    robot's links with each other before it starts, so that they do not slow it down. halt: below it
-    nothing may come closer to a base [m]. range: of the contacts [m]. stop, stop_holding: of any
-    link in the hardest stop, without and with something in the gripper [m/s²].
+    links: of the robot; base_links: those that only the base moves, not the arm. ignore: wheels and
+    casters, which may touch what they stand on at the start.
     """
 
+    params: Params
     links: frozenset[str]
-    pads: tuple[str, str]
     base_links: frozenset[str] = frozenset()
     ignore: frozenset[str] = frozenset()
-    force: float = 0.5
-    more_force: float = 5.0
-    grip_force: float = 30.0
-    within: float = 0.08
-    brake: float = 1.0
-    reaction: float = 0.05
-    clearance: float = 2e-3
-    creep: float = 0.02
-    checks_itself: bool = False
-    halt: float = 5e-3
-    range: float = math.inf
-    stop: float = 8.0
-    stop_holding: float = 5.0
 
     def safe_speed(self, gap: float, *, wary: bool = False) -> float:
         """Return the largest speed of a link that can still stop within a gap [m, m/s].
@@ -53,22 +45,25 @@ class MonitorSettings:
         The path of reaction and braking, v·t + v²/2a, ends at `clearance` (speed and separation
         monitoring: ISO/TS 15066, 2016, section 5.5.4). wary: of what has stopped the arm before.
         """
-        return max(self._speed(self.brake, gap), self.creep * (_WARY if wary else 1.0))
+        return max(
+            self._speed(self.params.arm_brake, gap),
+            self.params.arm_creep * (_WARY if wary else 1.0),
+        )
 
     def unseen_speed(self, *, holding: bool) -> float:
         """Return the largest speed of a link beside space that the contacts do not reach [m/s].
 
         What stands just beyond their range can still be stopped before.
         """
-        return self._speed(self.stop_holding if holding else self.stop, self.range)
+        return self._speed(_STOP_HOLDING if holding else _STOP, self.params.contact_range)
 
     def stopping(self, speed: float, *, holding: bool) -> float:
         """Return how far a link goes in the hardest stop from a speed [m, m/s]."""
-        brake = self.stop_holding if holding else self.stop
-        return speed * self.reaction + speed**2 / (2.0 * brake)
+        brake = _STOP_HOLDING if holding else _STOP
+        return speed * _REACTION + speed**2 / (2.0 * brake)
 
     def _speed(self, brake: float, gap: float) -> float:
-        before, room = brake * self.reaction, max(gap - self.clearance, 0.0)
+        before, room = brake * _REACTION, max(gap - _CLEARANCE, 0.0)
         return math.sqrt(before**2 + 2.0 * brake * room) - before
 
 
@@ -116,16 +111,14 @@ class Watch:
     collision: the hardest forbidden touch; None: there is none. near: the closest pair that must
     not touch, and `gap` its distance [m]; None: nothing is near. strange: the pairs of which one is
     no link of the robot, and the distance that the hardest stop of the arm would leave, below 0: it
-    would not; the least one first. room: for the base, the distance
-    to the closest thing, longer for what it passes by [m]. held: link of the world between the
-    pads; empty: none. scale: share of the full speed, 0 to 1; slow: the pair that it is for, and
-    their distance [m].
+    would not; the least one first. room: for the base, the distance to the closest thing, longer
+    for what it passes by [m]. scale: share of the full speed, 0 to 1; slow: the pair that it is
+    for, and their distance [m].
     """
 
     collision: Collision | None
     near: tuple[str, str] | None
     gap: float
-    held: str
     scale: float
     room: float = math.inf
     slow: tuple[str, str, float] | None = None

@@ -11,10 +11,11 @@ import numpy as np
 
 from stepbus_schemas import WiringError
 from stepbus_store.perception.faces import Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, Quaternion, Vector, View, rotation, turn_about_z
+from stepbus_store.perception.images import Pose, Quaternion, Vector, View, turn_about_z
 from stepbus_store.perception.item_catalog import MARGIN, Catalog, Face, ItemType
 from stepbus_store.perception.outlines import fit
 from stepbus_store.perception.segments import Palette, denoised, split, visible_share
+from stepbus_store.poses import rotation
 
 _RMS = 1.5e-3
 """RMS distance of edge points from the outline that does not reduce the confidence [m]."""
@@ -195,17 +196,14 @@ class Detector:
         self._min_confidence = min_confidence
         self._depth_noise = depth_noise
 
-    def find(self, view: View, camera: Pose) -> list[Detection]:
-        """Return the items in a view, by type, then by x.
-
-        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
-        """
-        return self.look(view, camera)[0]
-
     def look(
         self, view: View, camera: Pose, spot: tuple[float, float, float] | None = None
     ) -> tuple[list[Detection], float]:
-        """Return the items in a view, as `find` does, and the share of a spot that is hidden."""
+        """Return the items in a view, by type, then by x, and the share of a spot that is hidden.
+
+        camera: pose of the optical frame in a frame with z up; the detections are in that frame.
+        spot: in that frame [m]; None: nothing is hidden.
+        """
         if self._depth_noise:
             view = denoised(view, self._depth_noise)
         scene = Scene(view, camera)

@@ -3,12 +3,13 @@
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from stepbus_store.perception.images import Pose, Vector, View, median
+from stepbus_store.perception.images import Pose, Vector, View
 
 Indices = NDArray[np.intp]
 Mask = NDArray[np.bool_]
@@ -64,26 +65,27 @@ class Scene:
         That is: the visible points, shape (n, 3); whether there is one; whether it is within a
         mask, shape (h, w).
         """
-        view, camera = self._view, self._camera
         u, v, inside = self._pixels(points)
         inside &= self._known[v, u]
-        reach = np.where(inside, view.depth[v, u], 0.0)[:, None]
-        seen: Vector = camera.position + (self._pixel_rays[v, u] * reach) @ camera.rotation.T
+        seen = self._seen(v, u, inside)
         return seen, inside, inside & among[v, u]
+
+    def _seen(self, rows: Any, columns: Any, known: Mask) -> Vector:
+        """Return the points that pixels show, shape (..., 3) [m]; of unknown depth: the camera."""
+        reach = np.where(known, self._view.depth[rows, columns], 0.0)[..., None]
+        rays = self._pixel_rays[rows, columns]
+        seen: Vector = self._camera.position + (rays * reach) @ self._camera.rotation.T
+        return seen
 
     def points(self, among: Mask) -> tuple[Indices, Indices, Vector]:
         """Return rows, columns and points, shape (n, 3) [m], of the pixels within a mask."""
         rows, columns = np.nonzero(self._known & among)
-        reach = self._view.depth[rows, columns][:, None]
-        rays = self._pixel_rays[rows, columns]
-        seen: Vector = self._camera.position + (rays * reach) @ self._camera.rotation.T
-        return rows, columns, seen
+        return rows, columns, self._seen(rows, columns, self._known[rows, columns])
 
     @cached_property
     def _all_points(self) -> tuple[Vector, Vector, Vector]:
         """x, y and z of each pixel, shape (h, w) each [m]; of unknown depth: anything."""
-        reach = np.where(self._known, self._view.depth, 0.0)[..., None]
-        seen = self._camera.position + (self._pixel_rays * reach) @ self._camera.rotation.T
+        seen = self._seen(slice(None), slice(None), self._known)
         x, y, z = np.ascontiguousarray(np.moveaxis(seen, 2, 0))
         return x, y, z
 
@@ -105,9 +107,8 @@ class Scene:
         """
         u, v, inside = self._pixels(points)
         known = inside & self._known[v, u]
-        reach = np.where(known, self._view.depth[v, u], 0.0)[:, None]
-        seen = self._camera.position + (self._pixel_rays[v, u] * reach) @ self._camera.rotation.T
-        hides = inside & (~known | (seen[:, 2] > points[:, 2] + _HIGHER))
+        height = self._seen(v, u, known)[:, 2]
+        hides = inside & (~known | (height > points[:, 2] + _HIGHER))
         return float(hides.sum() / max(inside.sum(), 1))
 
     def _pixels(self, points: Vector) -> tuple[Indices, Indices, Mask]:
@@ -152,7 +153,7 @@ class Scene:
 
     def _patch(self, own: Mask, alike: Mask, rows: Indices, columns: Indices) -> Patch:
         """Return a patch; own: its pixels; alike: others of its colour."""
-        height = median(self._height[rows, columns])
+        height = float(np.median(self._height[rows, columns]))
         return Patch(
             height=height,
             points=self._on_plane(columns, rows, height),

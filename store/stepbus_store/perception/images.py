@@ -25,27 +25,6 @@ class Pose:
     position: Vector
 
 
-def rotation(quaternion: Sequence[float]) -> Vector:
-    """Return the matrix, shape (3, 3), of a quaternion x, y, z, w of any length but 0."""
-    x, y, z, w = np.asarray(quaternion) / math.hypot(*quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-        ]
-    )
-
-
-def median(values: Vector) -> float:
-    """Return the median of numbers, as NumPy's does; that loads all of `numpy.ma` first."""
-    middle = len(values) // 2
-    if len(values) % 2:
-        return float(np.partition(values, middle)[middle])
-    low, high = np.partition(values, (middle - 1, middle))[middle - 1 : middle + 1].tolist()
-    return float((low + high) / 2)
-
-
 def inverse_times(one: Sequence[float], other: Sequence[float]) -> Quaternion:
     """Return conj(one)·other, the orientation of `other` in `one`; quaternions x, y, z, w."""
     ax, ay, az, aw = -one[0], -one[1], -one[2], one[3]

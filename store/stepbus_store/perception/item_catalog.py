@@ -1,15 +1,15 @@
 """The items to detect: their types, colours, and the top faces that a camera sees."""
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from stepbus_schemas import Description, Shape, WiringError, parse_shapes
-from stepbus_store.perception.images import Pose, Vector, rotation
+from stepbus_schemas import Description, WiringError
+from stepbus_store.perception.images import Vector
 from stepbus_store.perception.outlines import Disc, Outline, Rectangle
+from stepbus_store.solids import Solid, read_solids
 
 Color = tuple[float, float, float]
 """Red, green, blue, 0 to 1."""
@@ -155,56 +155,23 @@ def _item_type(port: str, name: str, color: Color | None, text: str) -> ItemType
     if color is None or not any(color):
         raise WiringError(f"input {port!r}: item type {name!r} has no colour to detect it by")
     try:
-        parts = [_part(shape) for shape in parse_shapes(text) if shape.type != "mesh"]
+        solids = read_solids(text)
     except ValueError as exc:
         raise WiringError(f"input {port!r}: item type {name!r}: {exc}") from exc
-    faces = sorted((face for part in parts if (face := part.face)), key=lambda f: -f.offset[2])
-    ends = np.array([part.pose.position + s * part.reach for part in parts for s in (-1, 1)])
-    middle = (ends.min(axis=0) + ends.max(axis=0)) / 2 if parts else np.zeros(3)
+    faces = sorted((face for solid in solids if (face := _top(solid))), key=lambda f: -f.offset[2])
+    ends = np.array([solid.position + s * solid.reach for solid in solids for s in (-1, 1)])
+    middle = (ends.min(axis=0) + ends.max(axis=0)) / 2 if solids else np.zeros(3)
     x, y, z = middle.tolist()
     return ItemType(name=name, color=color, faces=tuple(faces), centre=(x, y, z))
 
 
-@dataclass(frozen=True, kw_only=True)
-class _Part:
-    """A collision shape: half its extents, and its pose in the link's frame [m]."""
-
-    type: str
-    half: tuple[float, float, float]
-    pose: Pose
-
-    @property
-    def reach(self) -> Vector:
-        """Return half the extents of its bounding box in the link's frame, shape (3,) [m]."""
-        reach: Vector = np.abs(self.pose.rotation) @ self.half
-        return reach
-
-    @property
-    def face(self) -> Face | None:
-        """Return the top face of an upright box or cylinder."""
-        axes = self.pose.rotation
-        if self.type == "sphere" or abs(axes[2, 2]) < _UPRIGHT:
-            return None
-        x, y, z = self.pose.position.tolist()
-        offset = (x, y, z + self.half[2])
-        if self.type == "cylinder":
-            return Face(outline=Disc(self.half[0]), offset=offset)
-        yaw = math.atan2(axes[1, 0], axes[0, 0])
-        return Face(outline=Rectangle(*np.multiply(self.half[:2], 2)), offset=offset, yaw=yaw)
-
-
-def _part(shape: Shape) -> _Part:
-    """Return a box, cylinder or sphere; raises ValueError for other shapes."""
-    pose = Pose(rotation=rotation(shape.orientation), position=np.array(shape.position))
-    return _Part(type=shape.type, half=_half(shape.type, shape.sizes), pose=pose)
-
-
-def _half(name: str, sizes: Sequence[float]) -> tuple[float, float, float]:
-    """Return half the extents of a shape along its axes [m]."""
-    if name == "box":
-        x, y, z = sizes
-        return (x / 2, y / 2, z / 2)
-    if name in {"cylinder", "sphere"}:
-        radius = sizes[0]
-        return (radius, radius, radius if name == "sphere" else sizes[1] / 2)
-    raise ValueError(f"shape {name!r} is not supported; use a box, cylinder, sphere or mesh")
+def _top(solid: Solid) -> Face | None:
+    """Return the top face of an upright box or cylinder."""
+    if solid.type == "sphere" or abs(solid.axes[2, 2]) < _UPRIGHT:
+        return None
+    x, y, z = solid.position.tolist()
+    offset = (x, y, z + solid.half[2])
+    if solid.type == "cylinder":
+        return Face(outline=Disc(solid.half[0]), offset=offset)
+    yaw = math.atan2(solid.axes[1, 0], solid.axes[0, 0])
+    return Face(outline=Rectangle(*np.multiply(solid.half[:2], 2)), offset=offset, yaw=yaw)

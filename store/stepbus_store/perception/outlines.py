@@ -2,11 +2,11 @@
 
 import math
 from dataclasses import dataclass
-from typing import Protocol
 
+import cv2
 import numpy as np
 
-from stepbus_store.perception.images import Vector, median
+from stepbus_store.perception.images import Vector
 
 _ROUNDS = 20
 _STEP = 1e-6
@@ -28,33 +28,15 @@ class Fit:
     rms: float
 
 
-class Outline(Protocol):
-    """The edge of a face."""
-
-    @property
-    def area(self) -> float:
-        """Return its area [m²]."""
-
-    @property
-    def reach(self) -> float:
-        """Return the largest distance of its edge from its centre [m]."""
-
-    def guess(self, points: Vector) -> Vector:
-        """Return an initial x, y, yaw; points: of the face, shape (n, 2) [m]."""
-
-    def residuals(self, at: Vector, edge: Vector) -> tuple[Vector, Vector]:
-        """Return how far edge points are outside, shape (k,), and the Jacobian, shape (k, 3).
-
-        at: x, y, yaw. edge: shape (k, 2) [m].
-        """
-
-    def canonical(self, yaw: float) -> float:
-        """Return the smallest yaw with the same outline [rad]."""
-
-
 @dataclass(frozen=True)
 class Disc:
-    """The top of a cylinder; radius [m]."""
+    """The top of a cylinder; radius [m].
+
+    area: [m²]. reach: largest distance of its edge from its centre [m]. guess: an initial x, y, yaw
+    from points of the face, shape (n, 2) [m]. residuals: how far edge points, shape (k, 2) [m], are
+    outside, shape (k,), and the Jacobian by x, y, yaw, shape (k, 3). canonical: the smallest yaw
+    with the same outline [rad].
+    """
 
     radius: float
 
@@ -86,7 +68,7 @@ class Disc:
 
 @dataclass(frozen=True)
 class Rectangle:
-    """The top of a box; lengths along x and y [m]."""
+    """The top of a box; lengths along x and y [m]. Otherwise as `Disc`."""
 
     length_x: float
     length_y: float
@@ -103,8 +85,6 @@ class Rectangle:
 
     def guess(self, points: Vector) -> Vector:
         """Return the smallest rectangle around the points, with matching long sides."""
-        import cv2  # noqa: PLC0415  source truth works without it
-
         (x, y), (width, height), degrees = cv2.minAreaRect((points * 1e3).astype(np.float32))
         yaw = math.radians(degrees)
         if (width >= height) != (self.length_x >= self.length_y):
@@ -129,6 +109,10 @@ class Rectangle:
         return yaw - same * round(yaw / same)
 
 
+Outline = Disc | Rectangle
+"""The edge of a face."""
+
+
 def fit(outline: Outline, points: Vector, edge: Vector) -> Fit:
     """Return the best pose of an outline.
 
@@ -138,7 +122,7 @@ def fit(outline: Outline, points: Vector, edge: Vector) -> Fit:
     """
     at = _solve(outline, outline.guess(points), edge)
     off = np.abs(outline.residuals(at, edge)[0])
-    near = off <= max(_FAR * median(off), 1e-3)
+    near = off <= max(_FAR * np.median(off), 1e-3)
     at = _solve(outline, at, edge[near])
     off = outline.residuals(at, edge)[0]
     return Fit(

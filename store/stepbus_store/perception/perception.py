@@ -4,8 +4,18 @@ import logging
 from collections import deque
 from collections.abc import Mapping
 
+import cv2
+import numpy as np
+
 from stepbus_kinematics import JointOrder
-from stepbus_participant import Config, Participant, Step, installed_version, parse_duration
+from stepbus_participant import (
+    Config,
+    Participant,
+    Ports,
+    Step,
+    installed_version,
+    parse_duration,
+)
 from stepbus_schemas import (
     CameraTrigger,
     Description,
@@ -15,61 +25,14 @@ from stepbus_schemas import (
     Message,
     Poses,
     RunError,
-    WiringError,
 )
+from stepbus_store.perception.detector import Detector
 from stepbus_store.perception.images import View, make_view
 from stepbus_store.perception.item_catalog import Catalog, read_catalog, with_landmarks
-from stepbus_store.perception.sources import (
-    CameraSettings,
-    PerceptionSettings,
-    Truth,
-    read_angles,
-)
+from stepbus_store.perception.params import Params
+from stepbus_store.perception.sources import CameraMount, Truth
 
 _log = logging.getLogger("stepbus_store.perception")
-
-
-class CameraSource:
-    """Detects items in images of a camera on a robot.
-
-    catalog: the items to detect. described: the description of the joint states.
-    """
-
-    def __init__(self, settings: CameraSettings, catalog: Catalog, described: Description) -> None:
-        # Source truth works without OpenCV.
-        from stepbus_store.perception.detector import Detector  # noqa: PLC0415
-
-        params = settings.params
-        self._frame = params.frame
-        self._mount = settings.mount
-        self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
-        self._port = settings.joint_state
-        joints = [params.prefix + joint for joint in settings.mount.joints]
-        self._order = JointOrder(self._port, described.names, joints)
-
-    def detections(
-        self, view: View, state: JointState, request: CameraTrigger | None = None
-    ) -> Detections:
-        """Return the items in a view; state: the joints at its time. request: for it.
-
-        Raises RunError for a request of a spot in another frame.
-        """
-        angles = read_angles(self._order, self._port, state)
-        spot = request.position if request is not None else None
-        if request is not None and spot is not None and request.frame != self._frame:
-            raise RunError(
-                f"the position to look at has the frame {request.frame!r}; it must be "
-                f"{self._frame!r}"
-            )
-        detections, hidden = self._detector.look(view, self._mount.pose(angles), spot)
-        return Detections(
-            frame=self._frame,
-            types=[item.type for item in detections],
-            position=[item.position for item in detections],
-            orientation=[item.orientation for item in detections],
-            confidence=[item.confidence for item in detections],
-            hidden=hidden,
-        )
 
 
 class Perception(Participant):
@@ -85,7 +48,25 @@ class Perception(Participant):
 
     def __init__(self, config: Config) -> None:
         super().__init__(config)
-        self._settings = PerceptionSettings(config)
+        ports = Ports(config)
+        self._poses_port = ports.input_of("Poses/1")
+        self._detections_port = ports.output_of("Detections/1")
+        ports.outputs_are("Detections/1")
+        self._request_port = ports.optional_input_of("CameraTrigger/1")
+        self._images = [name for name, port in config.inputs.items() if port.type == "Image/1"]
+        is_camera = config.param("source", "camera") == "camera"
+        self._state_port = ports.input_of("JointState/1") if is_camera else ""
+        if is_camera and len(self._images) != 2:
+            text = f"{len(self._images)} ports have type Image/1; source camera needs two"
+            ports.problems.add(("inputs",), f"{text}, colour and depth")
+        params = self._params = config.read(Params, ports.problems)
+        self._every = max(1, round(params.period * 1e9 / (config.step_ns * config.every)))
+        self._mount: CameraMount | None = None
+        if params.source == "camera":
+            problems = config.problems().below(("params",))
+            files = (params.model, params.joints, params.camera, params.frame)
+            self._mount = problems.attempt(("model",), lambda: CameraMount(*files))
+            problems.refuse()
         self._last_image_t = 0.0
         self._warned = False
         self._is_periodic = True
@@ -97,83 +78,93 @@ class Perception(Participant):
 
         Raises WiringError for poses without items, and for joints that are not sensed.
         """
-        settings, params = self._settings, self._settings.params
-        described = inputs[settings.poses]
-        try:
-            catalog = read_catalog(settings.poses, described)
-            if (camera := settings.camera) is not None:
-                if name := params.landmark:
-                    radius = params.landmark_radius
-                    catalog = with_landmarks(catalog, settings.poses, described, name, radius)
-                late = inputs[camera.images[0]].details.get("latency")
-                steps = parse_duration(late[0]) // self.config.step_ns if late else 0
-                self._since = deque(maxlen=1 + steps // self.config.every)
-                self._is_periodic = any(
-                    inputs[port].details.get("period") for port in camera.images
-                )
-                self._camera = CameraSource(camera, catalog, inputs[camera.joint_state])
-            else:
-                self._truth = Truth(
-                    settings.poses, described.names, catalog, params.frame, params.prefix
-                )
-        except WiringError as exc:
-            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
+        port, params = self._poses_port, self._params
+        described = inputs[port]
+        catalog = read_catalog(port, described)
+        if self._mount is not None:
+            self._start_camera(self._mount, catalog, inputs)
+        else:
+            self._truth = Truth(port, described.names, catalog, params.frame, params.prefix)
+
+    def _start_camera(
+        self, mount: CameraMount, catalog: Catalog, inputs: Mapping[str, Description]
+    ) -> None:
+        params, port = self._params, self._poses_port
+        if params.landmark:
+            catalog = with_landmarks(
+                catalog, port, inputs[port], params.landmark, params.landmark_radius
+            )
+        late = inputs[self._images[0]].details.get("latency")
+        steps = parse_duration(late[0]) // self.config.step_ns if late else 0
+        self._since = deque(maxlen=1 + steps // self.config.every)
+        self._is_periodic = any(inputs[name].details.get("period") for name in self._images)
+        self._detector = Detector(catalog, params.min_confidence, params.depth_noise)
+        joints = [params.prefix + joint for joint in mount.joints]
+        self._order = JointOrder(self._state_port, inputs[self._state_port].names, joints)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return new detections when they are due."""
-        settings = self._settings
-        try:
-            detections = (
-                self._from_truth(step)
-                if settings.camera is None
-                else self._from_images(step, settings.camera)
-            )
-        except RunError as exc:
-            raise RunError(f"{self.config.name}: step {step.index}: {exc}") from exc
-        return {} if detections is None else {settings.detections: detections}
+        if self._mount is None:
+            detections = self._from_truth(step)
+        else:
+            detections = self._from_images(step, self._mount)
+        return {} if detections is None else {self._detections_port: detections}
 
     def _from_truth(self, step: Step) -> Detections | None:
-        poses = step.get(self._settings.poses, Poses)
-        due = (step.index // self.config.every) % self._settings.every == 0
+        poses = step.get(self._poses_port, Poses)
+        due = (step.index // self.config.every) % self._every == 0
         return self._truth.detections(poses) if due and poses is not None else None
 
-    def _from_images(self, step: Step, source: CameraSettings) -> Detections | None:
-        port = source.request
+    def _from_images(self, step: Step, mount: CameraMount) -> Detections | None:
+        port = self._request_port
         request = step.get(port, CameraTrigger) if port and step.is_new(port) else None
-        self._since.append((step.get(source.joint_state, JointState), request))
-        if not all(step.is_new(port) for port in source.images):
-            self._warn_if_late(step, source)
+        self._since.append((step.get(self._state_port, JointState), request))
+        if not all(map(step.is_new, self._images)):
+            self._warn_if_late(step)
             return None
         self._last_image_t, self._warned = step.t, False
-        images = {port: step.read(port, Image) for port in source.images}
+        view = make_view({name: step.read(name, Image) for name in self._images})
         state, request = self._since[0]
         if state is None:
-            state = step.read(source.joint_state, JointState)
-        return self._camera.detections(make_view(images), state, request)
+            state = step.read(self._state_port, JointState)
+        return self._detections(mount, view, state, request)
 
-    def _warn_if_late(self, step: Step, source: CameraSettings) -> None:
-        if (
-            not self._is_periodic
-            or self._warned
-            or step.t - self._last_image_t < source.params.timeout
-        ):
+    def _detections(
+        self, mount: CameraMount, view: View, state: JointState, request: CameraTrigger | None
+    ) -> Detections:
+        """Return the items in a view; state, request: at the time of its exposure.
+
+        Raises RunError for a request of a spot in another frame, and angles that are not finite.
+        """
+        angles, frame = self._order.pick(state.position, "position"), self._params.frame
+        if not np.isfinite(angles).all():
+            raise RunError(f"input {self._state_port!r}: the angles {angles} rad must be finite")
+        spot = request.position if request is not None else None
+        if request is not None and spot is not None and request.frame != frame:
+            text = f"the position to look at has the frame {request.frame!r}"
+            raise RunError(f"{text}; it must be {frame!r}")
+        items, hidden = self._detector.look(view, mount.pose(angles), spot)
+        return Detections(
+            frame=frame,
+            types=[item.type for item in items],
+            position=[item.position for item in items],
+            orientation=[item.orientation for item in items],
+            confidence=[item.confidence for item in items],
+            hidden=hidden,
+        )
+
+    def _warn_if_late(self, step: Step) -> None:
+        timeout = self._params.timeout
+        if not self._is_periodic or self._warned or step.t - self._last_image_t < timeout:
             return
         self._warned = True
-        _log.warning(
-            "%s: step %d: no new images on %s for %g s; is the camera on?",
-            self.config.name,
-            step.index,
-            " and ".join(source.images),
-            source.params.timeout,
-        )
+        text = "%s: step %d: no new images on %s for %g s; is the camera on?"
+        _log.warning(text, self.config.name, step.index, " and ".join(self._images), timeout)
 
     def versions(self) -> Mapping[str, str]:
         """Return the versions of the libraries that shape the result."""
         versions = {name: installed_version(name) for name in ("numpy", "pin")}
-        if self._settings.camera is not None:
+        if self._mount is not None:
             # OpenCV comes in packages with different names.
-            import cv2  # noqa: PLC0415  source truth works without it
-
             versions["opencv"] = cv2.__version__
         return versions

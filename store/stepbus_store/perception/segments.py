@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_store.perception.faces import LEVELS_APART, Mask, Patch, Scene
-from stepbus_store.perception.images import Pose, Vector, View
+from stepbus_store.perception.images import Pose, View
 from stepbus_store.perception.item_catalog import MARGIN, ItemType
 
 _WINDOW = 7
@@ -110,7 +110,8 @@ def _within(item_type: ItemType, pose: Pose, points: np.ndarray) -> Mask:
     return within
 
 
-_ROUNDS = 50
+_ROUNDS = (cv2.TERM_CRITERIA_COUNT, 50, 0.0)
+"""When k-means ends: after 50 rounds."""
 
 
 def split(patch: Patch, area: float) -> list[Patch]:
@@ -121,8 +122,15 @@ def split(patch: Patch, area: float) -> list[Patch]:
     count = round(patch.area / area)
     if not 2 <= count <= 6:
         return []
-    centres = _means(patch.points, count)
-    own, of_edge = _nearest(patch.points, centres), _nearest(patch.edge, centres)
+    spread = np.linalg.eigh(np.cov((patch.points - patch.points.mean(axis=0)).T))
+    along = patch.points @ spread.eigenvectors[:, -1]
+    first = np.searchsorted(np.quantile(along, np.arange(1, count) / count), along)
+    _, labels, centres = cv2.kmeans(
+        patch.points.astype(np.float32), count, first.astype(np.int32), _ROUNDS, 1,
+        cv2.KMEANS_USE_INITIAL_LABELS,
+    )  # fmt: skip
+    own, edge = labels.ravel(), patch.edge[:, None, :] - centres[None, :, :]
+    of_edge = (edge**2).sum(axis=2).argmin(axis=1)
     share = patch.area / len(patch.points)
     return [
         Patch(
@@ -134,30 +142,3 @@ def split(patch: Patch, area: float) -> list[Patch]:
         for n in range(count)
         if (own == n).any()
     ]
-
-
-def _means(points: Vector, count: int) -> Vector:
-    middle = points.mean(axis=0)
-    spread = np.linalg.eigh(np.cov((points - middle).T))
-    axis = spread.eigenvectors[:, -1]
-    along = (points - middle) @ axis
-    steps = np.quantile(along, (np.arange(count) + 0.5) / count)
-    centres: Vector = middle + steps[:, None] * axis
-    for _ in range(_ROUNDS):
-        own = _nearest(points, centres)
-        moved = np.array(
-            [
-                points[own == n].mean(axis=0) if (own == n).any() else c
-                for n, c in enumerate(centres)
-            ]
-        )
-        if np.array_equal(moved, centres):
-            break
-        centres = moved
-    return centres
-
-
-def _nearest(points: Vector, centres: Vector) -> np.ndarray[tuple[int], np.dtype[np.intp]]:
-    away = points[:, None, :] - centres[None, :, :]
-    nearest: np.ndarray[tuple[int], np.dtype[np.intp]] = (away**2).sum(axis=2).argmin(axis=1)
-    return nearest

@@ -1,19 +1,14 @@
 """Where detections come from: cameras, or the truth of the simulation."""
 
-import importlib.util
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
-from stepbus_kinematics import JointOrder, RobotModel
-from stepbus_participant import Config, Ports, Problems, extra_hint, suggest
-from stepbus_schemas import Detections, JointState, Poses, RunError, WiringError
-from stepbus_store.perception.images import Pose, Vector, inverse_times, rotation
+from stepbus_kinematics import RobotModel
+from stepbus_participant import suggest
+from stepbus_schemas import Detections, Poses, WiringError
+from stepbus_store.perception.images import Pose, Vector, inverse_times
 from stepbus_store.perception.item_catalog import Catalog
-from stepbus_store.perception.params import Params
+from stepbus_store.poses import check_poses, rotation
 
 
 class CameraMount:
@@ -29,24 +24,13 @@ class CameraMount:
         self._camera, self._frame = camera, frame
         self.joints = self._robot.joints
 
-    def pose(self, angles: Sequence[float]) -> Pose:
-        """Return where the camera is in the frame; angles: of the joints, in their order [rad]."""
-        q = np.array(angles, dtype=np.float64)
-        frame, camera = (self._robot.frame_pose(q, name) for name in (self._frame, self._camera))
+    def pose(self, angles: Vector) -> Pose:
+        """Return where the camera is in the frame; angles: of the joints, shape (n,) [rad]."""
+        frame, camera = (
+            self._robot.frame_pose(angles, name) for name in (self._frame, self._camera)
+        )
         pose = frame.actInv(camera)
         return Pose(rotation=pose.rotation.copy(), position=pose.translation.copy())
-
-
-def read_angles(order: JointOrder, port: str, state: JointState) -> list[float]:
-    """Return the angles in an order [rad]; port: where they come from.
-
-    Raises RunError for a state without them, or with one that is no finite number.
-    """
-    angles = order.pick(state.position, "position")
-    if not np.isfinite(angles).all():
-        raise RunError(f"input {port!r}: the angles {angles} rad must be finite")
-    read: list[float] = angles.tolist()
-    return read
 
 
 class Truth:
@@ -74,13 +58,8 @@ class Truth:
 
         Raises RunError for a wrong number of poses, and for an invalid one.
         """
-        count = len(self._links)
-        if len(poses.position) != count or len(poses.orientation) != count:
-            raise RunError(
-                f"input {self._port!r}: expected {count} poses, received {len(poses.position)}"
-            )
+        check_poses(self._port, self._links, poses)
         indices = [index for index, _ in self._items]
-        self._check(poses, [self._frame, *indices])
         origin, orientation = poses.position[self._frame], poses.orientation[self._frame]
         axes = rotation(orientation)
         centres = [self._centre(poses, index, name) - origin for index, name in self._items]
@@ -92,88 +71,8 @@ class Truth:
             confidence=[1.0] * len(indices),
         )
 
-    def _check(self, poses: Poses, indices: Sequence[int]) -> None:
-        """Raise RunError for a pose that is not finite or has a zero quaternion."""
-        for index in indices:
-            position, orientation = poses.position[index], poses.orientation[index]
-            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*orientation) < math.inf):
-                raise RunError(
-                    f"input {self._port!r}: {self._links[index]} has an invalid pose: "
-                    f"position {position}, orientation {orientation}"
-                )
-
     def _centre(self, poses: Poses, index: int, item_type: str) -> Vector:
         """Return the centre of an item in the world, shape (3,) [m]."""
         offset = rotation(poses.orientation[index]) @ self._centres[item_type]
         centre: Vector = poses.position[index] + offset
         return centre
-
-
-_IMAGE = "Image/1"
-
-
-@dataclass(frozen=True, kw_only=True)
-class CameraSettings:
-    """How to find items in images.
-
-    images: the two input ports. joint_state: input port; request: that of requests, None: there is
-    none. mount: where the camera is.
-    """
-
-    images: tuple[str, str]
-    joint_state: str
-    request: str | None
-    mount: CameraMount
-    params: Params
-
-
-class PerceptionSettings:
-    """What the scenario's params and ports say; raises SettingsError.
-
-    camera: how to find items in images; None: the truth of the simulation is published, every
-    `every` steps of the participant.
-    """
-
-    def __init__(self, config: Config) -> None:
-        ports = Ports(config)
-        self.poses = ports.input_of("Poses/1")
-        self.detections = ports.output_of("Detections/1")
-        ports.outputs_are("Detections/1")
-        is_camera = config.param("source", "camera") == "camera"
-        images = _images(config, ports.problems) if is_camera else ("", "")
-        joint_state = ports.input_of("JointState/1") if is_camera else ""
-        request = ports.optional_input_of("CameraTrigger/1")
-        self.params = params = config.read(Params, ports.problems)
-        self.every = max(1, round(params.period * 1e9 / (config.step_ns * config.every)))
-        self.camera: CameraSettings | None = None
-        if params.source == "camera":
-            self.camera = CameraSettings(
-                images=images,
-                joint_state=joint_state,
-                request=request,
-                mount=_mount(config, params),
-                params=params,
-            )
-
-
-def _images(config: Config, problems: Problems) -> tuple[str, str]:
-    """Return the ports of the images, identified by their descriptions."""
-    images = [name for name, port in config.inputs.items() if port.type == _IMAGE]
-    if len(images) != 2:
-        text = f"{len(images)} ports have type {_IMAGE}; source camera needs two, colour and depth"
-        problems.add(("inputs",), text)
-        return ("", "")
-    return (images[0], images[1])
-
-
-def _mount(config: Config, params: Params) -> CameraMount:
-    problems = config.problems().below(("params",))
-    if importlib.util.find_spec("cv2") is None:
-        text = f"camera needs cv2 (OpenCV), which is not installed{extra_hint('cv2')}"
-        problems.add(("source",), text)
-    mount = problems.attempt(
-        ("model",), lambda: CameraMount(params.model, params.joints, params.camera, params.frame)
-    )
-    if mount is None or len(problems):
-        raise problems.error()
-    return mount

@@ -11,6 +11,7 @@ import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Point
+from stepbus_store.planner.params import Params
 
 _ARC = 0.05
 """Length of the arcs that a curve is made of [m]."""
@@ -38,27 +39,6 @@ _STOP = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
-class BasePace:
-    """How fast a base is, to compare routes [m/s, m/s², rad/s, rad/s²]."""
-
-    speed: float = 0.5
-    acceleration: float = 0.4
-    turn_speed: float = 0.8
-    turn_acceleration: float = 0.8
-
-    def line(self, length: float, curvature: float) -> float:
-        """Return how long a curve takes [s]; curvature: the largest [1/m]."""
-        speed = min(self.speed, self.turn_speed / max(curvature, 1e-9))
-        return _STOP + _trapezoid(length, speed, self.acceleration)
-
-    def turn(self, angle: float) -> float:
-        """Return how long a turn on the spot takes [s]."""
-        if abs(angle) < 1e-9:
-            return 0.0
-        return _STOP + _trapezoid(abs(angle), self.turn_speed, self.turn_acceleration)
-
-
-@dataclass(frozen=True, kw_only=True)
 class SmoothRoute:
     """Poses along a route, each x, y, yaw [m, rad]; the first one is the start.
 
@@ -81,7 +61,7 @@ def wrapped(angle: float) -> float:
     return math.remainder(angle, 2 * math.pi)
 
 
-def direct_routes(start: Point, goal: Point, pace: BasePace) -> list[SmoothRoute]:
+def direct_routes(start: Point, goal: Point, params: Params) -> list[SmoothRoute]:
     """Return curves from a pose to another one, forwards and backwards, the quickest first."""
     a, b = np.array(start[:2]), np.array(goal[:2])
     chord = math.atan2(*(b - a)[::-1])
@@ -92,13 +72,13 @@ def direct_routes(start: Point, goal: Point, pace: BasePace) -> list[SmoothRoute
         last = goal[2] if ends_at_goal else chord + flip
         for handle in _HANDLES:
             points = _bezier(a, first - flip, b, last - flip, handle)
-            routes.append(_route((start, goal), points, (first, last), pace, back=back))
+            routes.append(_route((start, goal), points, (first, last), params, back=back))
     smooth = [route for route in routes if route.sharpest <= _SHARPEST]
     return sorted(smooth, key=lambda route: route.seconds)
 
 
 def rounded_routes(
-    start: Point, goal: Point, corners: Sequence[Vector], pace: BasePace
+    start: Point, goal: Point, corners: Sequence[Vector], params: Params
 ) -> Iterator[SmoothRoute]:
     """Yield routes along corners that are cut, the largest cut first, forwards and backwards.
 
@@ -110,7 +90,7 @@ def rounded_routes(
         for back in (False, True):
             flip = math.pi if back else 0.0
             first, last = (math.atan2(*(q - p)[::-1]) + flip for p, q in _ends(points))
-            both.append(_route((start, goal), points, (first, last), pace, back=back))
+            both.append(_route((start, goal), points, (first, last), params, back=back))
         smooth = [route for route in both if route.sharpest <= _SHARPEST_CORNER]
         yield from sorted(smooth, key=lambda route: route.seconds)
 
@@ -123,7 +103,7 @@ def _route(
     ends: tuple[Point, Point],
     points: Vector,
     headings: tuple[float, float],
-    pace: BasePace,
+    params: Params,
     *,
     back: bool,
 ) -> SmoothRoute:
@@ -144,8 +124,10 @@ def _route(
         poses[-1] = goal
     steps = np.linalg.norm(np.diff(points, axis=0), axis=1)
     curvature = float((np.abs(np.diff(yaws)) / steps).max())
-    seconds = pace.turn(wrapped(first - start[2])) + pace.turn(wrapped(goal[2] - yaws[-1]))
-    seconds += pace.line(float(steps.sum()), curvature)
+    seconds = _turn_time(params, wrapped(first - start[2])) + _turn_time(
+        params, wrapped(goal[2] - yaws[-1])
+    )
+    seconds += _line_time(params, float(steps.sum()), curvature)
     return SmoothRoute(poses=tuple(poses), seconds=seconds, sharpest=curvature)
 
 
@@ -207,6 +189,19 @@ def _apart(dense: Vector) -> Vector:
     points: Vector = np.stack([np.interp(s, along, dense[:, n]) for n in (0, 1)], axis=1)
     points[[0, -1]] = dense[[0, -1]]
     return points
+
+
+def _line_time(params: Params, length: float, curvature: float) -> float:
+    """Return how long a curve takes [s]; curvature: the largest [1/m]."""
+    speed = min(params.base_speed, params.base_turn_speed / max(curvature, 1e-9))
+    return _STOP + _trapezoid(length, speed, params.base_acceleration)
+
+
+def _turn_time(params: Params, angle: float) -> float:
+    """Return how long a turn on the spot takes [s]."""
+    if abs(angle) < 1e-9:
+        return 0.0
+    return _STOP + _trapezoid(abs(angle), params.base_turn_speed, params.base_turn_acceleration)
 
 
 def _trapezoid(length: float, speed: float, acceleration: float) -> float:

@@ -12,9 +12,10 @@ import pinocchio as pin
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Point, Poses
 from stepbus_store.cause import Cause
-from stepbus_store.planner.base_curve import BasePace, SmoothRoute, direct_routes, rounded_routes
+from stepbus_store.planner.base_curve import SmoothRoute, direct_routes, rounded_routes
 from stepbus_store.planner.obstacles import Obstacles
 from stepbus_store.planner.outline import Outline, distances, hull, outermost
+from stepbus_store.planner.params import Params
 
 _CELL = 0.05
 """Of the grid that is searched where the straight line is blocked [m]."""
@@ -30,6 +31,9 @@ _LONGEST_ESCAPE = 0.6
 
 _ESCAPE_STEP = 0.02
 
+_ALONG = 0.01
+"""Distance of the places at which a straight line is checked [m]."""
+
 _ROOM = 0.12
 """By how much farther away the base first looks for a detour [m]."""
 
@@ -43,22 +47,15 @@ _SAME = 1e-3
 class BasePlanner:
     """Plans for a disc around the base's origin, within which it may turn anywhere.
 
-    radius: of the disc [m]. half_width: to both sides of a straight segment [m]. pace: to find the
-    quickest. Curves straight to the goal where one is free; else by A* on a grid (Hart, Nilsson,
-    Raphael 1968), whose corners are then cut and rounded.
+    extra: by how much more than the parameters want the base keeps away [m]. Curves straight to the
+    goal where one is free; else by A* on a grid (Hart, Nilsson, Raphael 1968), whose corners are
+    then cut and rounded.
     """
 
-    def __init__(
-        self,
-        obstacles: Obstacles,
-        radius: float,
-        half_width: float,
-        pace: BasePace,
-    ) -> None:
-        self._obstacles = obstacles
-        self._pace = pace
-        self._radius = radius
-        self._half_width = half_width
+    def __init__(self, obstacles: Obstacles, params: Params, extra: float = 0.0) -> None:
+        self._obstacles, self._params = obstacles, params
+        self._radius = params.base_radius + extra
+        self._half_width = params.base_half_width + extra
 
     def mapped(self, request: PlanRequest, poses: Poses) -> list[Outline]:
         """Return the outlines of what the map has, in the frame of the request."""
@@ -110,20 +107,18 @@ class BasePlanner:
         self, start: Point, goal: Point, outlines: Sequence[Outline]
     ) -> tuple[SmoothRoute | None, str]:
         """Return a route and its description."""
-        for route in direct_routes(start, goal, self._pace):
+        for route in direct_routes(start, goal, self._params):
             if self._is_clear(route, outlines):
                 return route, "direct"
         a, b = np.array(start[:2]), np.array(goal[:2])
         corners = None
         for extra in (_ROOM, 0.0):
             # Corners that keep some distance can be cut.
-            wide = BasePlanner(
-                self._obstacles, self._radius + extra, self._half_width + extra, self._pace
-            )
+            wide = BasePlanner(self._obstacles, self._params, extra)
             corners = wide._route(a, b, outlines)
             if corners is None:
                 continue
-            for route in rounded_routes(start, goal, corners, self._pace):
+            for route in rounded_routes(start, goal, corners, self._params):
                 if self._is_clear(route, outlines):
                     return route, _detour(corners)
         if corners is None:
@@ -178,8 +173,10 @@ class BasePlanner:
         return None if corners is None else self._cut(corners, outlines)
 
     def _is_free(self, a: Vector, b: Vector, outlines: Sequence[Outline]) -> bool:
+        count = math.ceil(float(np.linalg.norm(b - a)) / _ALONG)
+        line = np.linspace(a, b, count + 1)
         return all(
-            _segment_distance(a, b, row.corners) >= self._half_width
+            (distances(line, row.corners) >= self._half_width).all()
             and _distance(b, row) >= self._radius
             for row in outlines
         )
@@ -258,33 +255,3 @@ def _nearest(outlines: Sequence[Outline], point: Vector) -> tuple[str, float]:
 
 def _distance(point: Vector, row: Outline) -> float:
     return float(distances(point[None], row.corners)[0])
-
-
-def _segment_distance(a: Vector, b: Vector, corners: Vector) -> float:
-    """Return the distance of a segment to a convex outline [m]."""
-    both = np.array([a, b])
-    if _crosses(a, b, corners):
-        return 0.0
-    ends = distances(both, corners).min()
-    other = _distances_to_segment(corners, a, b).min()
-    return float(min(ends, other))
-
-
-def _distances_to_segment(points: Vector, a: Vector, b: Vector) -> Vector:
-    edge = b - a
-    shares = np.clip((points - a) @ edge / max(float(edge @ edge), 1e-18), 0.0, 1.0)
-    away: Vector = np.linalg.norm(points - a - shares[:, None] * edge, axis=1)
-    return away
-
-
-def _crosses(a: Vector, b: Vector, corners: Vector) -> bool:
-    """Return whether a segment crosses an edge of an outline."""
-
-    def side(p: Vector, q: Vector, r: Vector) -> Vector:
-        cross: Vector = (q - p)[..., 0] * (r - p)[..., 1] - (q - p)[..., 1] * (r - p)[..., 0]
-        return cross
-
-    ends = np.roll(corners, -1, axis=0)
-    apart = side(a[None], b[None], corners) * side(a[None], b[None], ends) < 0
-    across = side(corners, ends, a[None]) * side(corners, ends, b[None]) < 0
-    return bool((apart & across).any())

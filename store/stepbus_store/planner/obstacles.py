@@ -12,7 +12,8 @@ import pinocchio as pin
 
 from stepbus_kinematics import RobotModel, Vector, collision_geometry, radius_from
 from stepbus_participant import suggest
-from stepbus_schemas import Description, Poses, RunError, WiringError, parse_shapes
+from stepbus_schemas import Description, Poses, WiringError, parse_shapes
+from stepbus_store.poses import check_poses
 
 
 class PlannedRobot(RobotModel):
@@ -144,18 +145,7 @@ class Obstacles:
 
     def check(self, poses: Poses) -> None:
         """Raise RunError for a wrong number of poses, and for an invalid one."""
-        names, counts = list(self._indices), {len(poses.position), len(poses.orientation)}
-        if counts != {len(names)}:
-            received = f"{len(poses.position)} positions and {len(poses.orientation)} orientations"
-            raise RunError(
-                f"input {self._port!r}: expected {len(names)} poses, received {received}"
-            )
-        for name, position, turn in zip(names, poses.position, poses.orientation, strict=True):
-            if not (math.isfinite(sum(position)) and 0.0 < math.hypot(*turn) < math.inf):
-                raise RunError(
-                    f"input {self._port!r}: {name} has an invalid pose: position {position}, "
-                    f"orientation {turn}"
-                )
+        check_poses(self._port, list(self._indices), poses)
 
     def frame_in_world(self, poses: Poses) -> Any:
         """Return the pose of `frame`, as `pinocchio.SE3`."""

@@ -2,15 +2,13 @@
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from stepbus_kinematics import Vector
 from stepbus_schemas import Plan, PlanRequest, Poses
-from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
-from stepbus_store.planner.planning import BESIDE_RESOLUTION, PlanningSettings, fingers_at, on_floor
+from stepbus_store.planner.planning import BESIDE_RESOLUTION, PathPlanner, fingers_at, on_floor
 from stepbus_store.planner.scene import Checker, Scene, Surroundings
 from stepbus_store.planner.timing import dense
 
@@ -36,21 +34,6 @@ _LONGEST_GIVEN = 30.0
 """How long a path that was only checked is monitored; its duration is not known [s]."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class PlannedPath:
-    """A path to monitor.
-
-    poses: those that it was planned with. last_step: after it the path is no longer in use.
-    map_in_world: pose of the frame of the request's `bases`.
-    """
-
-    request: PlanRequest
-    plan: Plan
-    poses: Poses
-    last_step: int
-    map_in_world: Any = None
-
-
 def last_step(request: PlanRequest, plan: Plan, step: int, period: float) -> int:
     """Return the last step at which to monitor a plan; period: between two steps [s]."""
     longest = _LONGEST * plan.times[-1] + (_LONGEST_GIVEN if request.path else 0.0)
@@ -61,27 +44,31 @@ class PathMonitor:
     """Monitors one path until the tip has arrived or the base moves, unless it should.
 
     Beside a base that drives, the path has to be free where the base is, and at all poses that are
-    ahead of it.
+    ahead of it. poses: those that it was planned with. last: step after which the path is no longer
+    in use. map_in_world: pose of the frame of the request's `bases`.
     """
 
     def __init__(
         self,
-        robot: PlannedRobot,
-        obstacles: Obstacles,
-        settings: PlanningSettings,
-        path: PlannedPath,
+        planner: PathPlanner,
+        request: PlanRequest,
+        plan: Plan,
+        poses: Poses,
+        *,
+        last: int,
+        map_in_world: Any,
     ) -> None:
-        request, poses = path.request, path.poses
+        robot, obstacles, settings = planner.robot, planner.obstacles, planner.settings
         self._robot, self._obstacles, self._settings = robot, obstacles, settings
-        self._request, self._before, self._last_step = request, poses, path.last_step
-        self._path = np.array([*path.plan.position, *request.path])
+        self._request, self._before, self._last_step = request, poses, last
+        self._path = np.array([*plan.position, *request.path])
         self._checked: Mapping[str, Any] = {}
         self._tip_index = obstacles.index_of(settings.tip)
         self._tips: Vector = np.array(
             [robot.frame_pose(q, settings.tip).translation for q in self._path]
         )
         self._start_of_held = obstacles.placements(poses).get(request.held)
-        self._bases = [path.map_in_world * on_floor(base) for base in request.bases]
+        self._bases = [map_in_world * on_floor(base) for base in request.bases]
         if self._bases and _apart(self._bases[-1], obstacles.frame_in_world(poses)) < _MOVED:
             # The pose that it was planned for is where the base starts.
             self._bases.reverse()

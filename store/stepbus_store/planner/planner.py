@@ -10,7 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version, need
+from stepbus_participant import Config, Participant, Ports, Problems, Step, installed_version
 from stepbus_schemas import (
     BaseState,
     Description,
@@ -24,13 +24,11 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_store.cause import Cause
-from stepbus_store.planner import path_search, timing
-from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles, PlannedRobot
 from stepbus_store.planner.params import Params
-from stepbus_store.planner.path_monitor import PathMonitor, PlannedPath, last_step
+from stepbus_store.planner.path_monitor import PathMonitor, last_step
 from stepbus_store.planner.planning import PathPlanner, PlanningSettings, is_check, map_in_world
 from stepbus_store.planner.scene import Margins
 from stepbus_store.planner.timing import Limits
@@ -114,10 +112,6 @@ class Planner(Participant):
         self._plan_port = ports.output_of("Plan/1")
         self._event_port = ports.optional_output_of("Event/1")
         ports.outputs_are("Plan/1", "Event/1")
-        try:
-            need("the planner", *path_search.MODULES, *timing.MODULES)
-        except WiringError as exc:
-            raise WiringError(f"participants.{config.name}: {exc}") from exc
         params = self._params = config.read(Params, ports.problems)
         self._robot = _make_robot(params, config.problems().below(("params",)))
         self._planning = _read_planning(config, params, self._robot)
@@ -138,19 +132,12 @@ class Planner(Participant):
     def describe(self) -> Mapping[str, Description]:
         """Return the joints in the order of the plans, and their limits."""
         robot, limits = self._robot, self._planning.limits
-        described = {
-            self._plan_port: Description(
-                names=self._names,
-                limits={
-                    "lower": robot.lower.tolist(),
-                    "upper": robot.upper.tolist(),
-                    "velocity": limits.velocity.tolist(),
-                },
-            )
+        limits_of = {
+            "lower": robot.lower.tolist(),
+            "upper": robot.upper.tolist(),
+            "velocity": limits.velocity.tolist(),
         }
-        if self._event_port is not None:
-            described[self._event_port] = Description()
-        return described
+        return {self._plan_port: Description(names=self._names, limits=limits_of)}
 
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Read the shapes of the obstacles.
@@ -159,26 +146,12 @@ class Planner(Participant):
         """
         params, requested = self._params, inputs[self._request_port].names
         if requested and requested != self._names:
-            raise WiringError(
-                f"{self.config.name}: input {self._request_port!r} has joints "
-                f"{', '.join(requested)}, params.joints are {', '.join(self._names)}"
-            )
-        try:
-            described, frame = inputs[self._map_port], params.prefix + params.frame
-            obstacles = Obstacles(self._map_port, described, frame, params.prefix)
-        except WiringError as exc:
-            lines = [f"{self.config.name}: {line}" for line in str(exc).splitlines()]
-            raise WiringError("\n".join(lines)) from exc
+            text = f"input {self._request_port!r} has joints {', '.join(requested)}"
+            raise WiringError(f"{text}, params.joints are {', '.join(self._names)}")
+        described, frame = inputs[self._map_port], params.prefix + params.frame
+        obstacles = Obstacles(self._map_port, described, frame, params.prefix)
         self.planner = PathPlanner(self._robot, obstacles, self._planning, self.config.seed)
-        pace = BasePace(
-            speed=params.base_speed,
-            acceleration=params.base_acceleration,
-            turn_speed=params.base_turn_speed,
-            turn_acceleration=params.base_turn_acceleration,
-        )
-        self._base_planner = BasePlanner(
-            obstacles, params.base_radius, params.base_half_width, pace
-        )
+        self._base_planner = BasePlanner(obstacles, params)
         self._obstacles = obstacles
         self._view = LidarView({port: self._mount(port, inputs[port]) for port in self._scan_ports})
         self._unknown = obstacles.unknown
@@ -189,11 +162,8 @@ class Planner(Participant):
         link = name.removeprefix(self._params.prefix)
         robot = self._robot
         if link not in robot.links:
-            text = (
-                f"{self.config.name}: input {port!r} belongs to link {name!r}, which is not a "
-                "link of the robot"
-            )
-            raise WiringError(text)
+            text = f"input {port!r} belongs to link {name!r}"
+            raise WiringError(f"{text}, which is not a link of the robot")
         pose = robot.frame_pose(np.zeros(len(robot.joints)), link)
         x, y, _ = pose.translation.tolist()
         return x, y, math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
@@ -292,14 +262,14 @@ class Planner(Participant):
             is_watched = not (plan.cause or plan.route)
             if is_watched and pending.poses is not None:
                 last = last_step(pending.request, plan, step.index, self.config.step_ns * 1e-9)
-                path = PlannedPath(
-                    request=pending.request,
-                    plan=plan,
-                    poses=pending.poses,
-                    last_step=last,
+                self._monitor = PathMonitor(
+                    self.planner,
+                    pending.request,
+                    plan,
+                    pending.poses,
+                    last=last,
                     map_in_world=self._map,
                 )
-                self._monitor = PathMonitor(self._robot, self._obstacles, self._planning, path)
 
     def _check_path(self, messages: dict[str, Message], monitor: PathMonitor, step: Step) -> None:
         """Report an object that blocks the path in use."""

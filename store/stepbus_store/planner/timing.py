@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import toppra
+from toppra import algorithm, constraint
 
 from stepbus_kinematics import Vector
-from stepbus_participant import need
 
-MODULES = ("toppra", "toppra.constraint", "toppra.algorithm")
-"""The libraries it needs; importing them takes a second."""
+logging.getLogger("toppra").setLevel(logging.CRITICAL)
 
 _DENSE = 0.02
 """Distance of the spline's points [rad]; with larger distances it deviates from the path."""
@@ -47,14 +47,6 @@ class Trajectory:
     velocity: Vector
 
 
-@dataclass(frozen=True, kw_only=True)
-class Smoothing:
-    """How a motion is smoothed; factor: on its duration. share: of the widest window."""
-
-    factor: float = 1.0
-    share: float = 1.0
-
-
 Torques = Callable[[Vector, Vector, Vector], Vector]
 
 
@@ -68,8 +60,6 @@ def parametrize(path: Vector, limits: Limits, torques: Torques, period: float) -
     changes no straight line, cuts corners by at most a·T²/24, and keeps velocities and
     accelerations below their peaks.
     """
-    toppra, constraint, algorithm = need("the planner", *MODULES)
-    logging.getLogger("toppra").setLevel(logging.CRITICAL)
     points = dense(path, _DENSE)
     along = np.concatenate([[0.0], np.cumsum(_lengths(points))])
     spline = toppra.SplineInterpolator(along, points)
@@ -112,8 +102,7 @@ def _sampled(result: Any, path: Vector, limits: Limits, period: float) -> Trajec
     for share in (_HALF, 1.0):
         factor = 1.0
         for _ in range(10):
-            smoothing = Smoothing(factor=factor, share=share)
-            motion = _smoothed(result, path, limits, period, smoothing)
+            motion = _smoothed(result, path, limits, period, factor=factor, share=share)
             excess = _too_fast(motion, limits, period)
             if excess <= 1.0:
                 return motion
@@ -124,15 +113,14 @@ def _sampled(result: Any, path: Vector, limits: Limits, period: float) -> Trajec
 
 
 def _smoothed(
-    result: Any, path: Vector, limits: Limits, period: float, smoothing: Smoothing
+    result: Any, path: Vector, limits: Limits, period: float, *, factor: float, share: float
 ) -> Trajectory:
-    """Return the motion stretched, and averaged over a window of T.
+    """Return the motion in `factor` times its duration, averaged over a window of T.
 
-    The jerk is (a(t) - a(t - T)) / T, at most 2 a / T.
+    The jerk is (a(t) - a(t - T)) / T, at most 2 a / T. share: of the widest window.
     """
     # Slowed down, its accelerations are smaller than the limit by the square of the factor.
-    factor = smoothing.factor
-    window = float((2.0 * limits.acceleration / factor**2 / limits.jerk).max()) * smoothing.share
+    window = float((2.0 * limits.acceleration / factor**2 / limits.jerk).max()) * share
     width = max(math.ceil(window / _FINE), 1)
     length = result.duration * factor
     inside = max(math.ceil(length / _FINE), 1)

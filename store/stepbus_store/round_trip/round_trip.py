@@ -142,11 +142,6 @@ class RoundTrip(Participant):
         self._is_done = False
         self._rejected_in_a_row = 0
 
-    def describe(self) -> Mapping[str, Description]:
-        """Return empty descriptions: no output has named elements."""
-        ports = (self._goal_port, self._event_port, self._summary_port)
-        return dict.fromkeys(ports, Description())
-
     def start(self, inputs: Mapping[str, Description]) -> None:
         """Find the links among those that the plant measures.
 
@@ -155,8 +150,7 @@ class RoundTrip(Participant):
         known, params = inputs[self._poses_port].names, self._params
         links = {name: params.prefix + name for name in (params.frame, *params.arms.values())}
         missing = [
-            f"{self.config.name}: input {self._poses_port!r} has no link {link!r}"
-            f"{suggest(link, known)}"
+            f"input {self._poses_port!r} has no link {link!r}{suggest(link, known)}"
             for link in links.values()
             if link not in known
         ]
@@ -181,7 +175,7 @@ class RoundTrip(Participant):
                 self._goal = self._way_to_a_pose()
             return {self._goal_port: self._goal, **_events(self._event_port, log)}
         self._is_done = True
-        step.end(f"{self.config.name}: all poses have been gone to")
+        step.end("all poses have been gone to")
         rows = [self._summary(arm) for arm in self._params.arms]
         if self._summary_port == self._event_port:
             return _events(self._event_port, [*log, *rows])
@@ -241,7 +235,7 @@ class RoundTrip(Participant):
         self._rejected_in_a_row += 1
         if self._rejected_in_a_row >= _MOST_REJECTED:
             raise RunError(
-                f"{self.config.name}: {_MOST_REJECTED} poses of {self._arm} in a row were refused, "
+                f"{_MOST_REJECTED} poses of {self._arm} in a row were refused, "
                 f"the last for {status.cause!r} ({status.text}); are the motors too weak?"
             )
 

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from stepbus_schemas import BaseState
+from stepbus_store.world_model.params import Params
 
 Vector = NDArray[np.float64]
 
@@ -19,23 +19,6 @@ _DOUBT = 2.0
 
 _MOST = 0.15
 """Deviation above which doubt does not grow [m, rad]."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Uncertainty:
-    """Standard deviations.
-
-    start: of the pose at the start [m, rad]. distance, heading: of position and heading after 1 m
-    [m, rad]; turn: of the heading after 1 rad [rad]; all grow with the root. landmark: of a
-    detection [m]. farthest: from where a landmark is expected to its detection [m].
-    """
-
-    start: float
-    distance: float
-    heading: float
-    turn: float
-    landmark: float
-    farthest: float
 
 
 class Localization:
@@ -50,13 +33,13 @@ class Localization:
     def __init__(
         self,
         landmarks: Vector,
-        uncertainty: Uncertainty,
+        params: Params,
         start: tuple[float, float, float] = (0.0, 0.0, 0.0),
     ) -> None:
         self._landmarks = landmarks
-        self._uncertainty = uncertainty
+        self._params = params
         self._pose: Vector = np.array(start)
-        self._covariance: Vector = uncertainty.start**2 * np.eye(3)
+        self._covariance: Vector = params.start**2 * np.eye(3)
         self._odometry: BaseState | None = None
 
     @property
@@ -86,7 +69,7 @@ class Localization:
         self._pose = self._pose + moved
         slope = np.eye(3)
         slope[:2, 2] = -moved[1], moved[0]
-        by, distance = self._uncertainty, math.hypot(ahead, left)
+        by, distance = self._params.drift, math.hypot(ahead, left)
         position = by.distance**2 * distance
         heading = by.heading**2 * distance + by.turn**2 * abs(turn)
         noise = np.diag([position, position, heading])
@@ -117,7 +100,7 @@ class Localization:
         return np.array([ahead, left]), np.array([[-c, -s, left], [s, -c, -ahead]])
 
     def _spread(self, slope: Vector) -> Vector:
-        noise: Vector = self._uncertainty.landmark**2 * np.eye(2)
+        noise: Vector = self._params.landmark_noise**2 * np.eye(2)
         return slope @ self._covariance @ slope.T + noise
 
     def _associate(self, point: Vector) -> int | None:
@@ -126,7 +109,7 @@ class Localization:
         for number in range(len(self._landmarks)):
             expected, slope = self._expected(number)
             off = point - expected
-            if np.hypot(*off) < self._uncertainty.farthest:
+            if np.hypot(*off) < self._params.farthest:
                 rows.append((float(off @ np.linalg.solve(self._spread(slope), off)), number))
         distance, number = min(rows, default=(math.inf, -1))
         return number if distance < _GATE else None
@@ -137,5 +120,5 @@ class Localization:
         self._pose = self._pose + gain @ (point - expected)
         rest = np.eye(3) - gain @ slope
         # Joseph's form stays symmetric and positive whatever is rounded.
-        noise = self._uncertainty.landmark**2
+        noise = self._params.landmark_noise**2
         self._covariance = rest @ self._covariance @ rest.T + noise * gain @ gain.T

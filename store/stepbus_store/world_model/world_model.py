@@ -1,7 +1,7 @@
 """Poses of the items: from the planogram until they are seen or carried."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -21,21 +21,12 @@ from stepbus_schemas import (
     Quaternion,
     WiringError,
 )
-from stepbus_store.world_model.localization import Localization, Uncertainty
+from stepbus_store.poses import yaw_of
+from stepbus_store.world_model.localization import Localization
 from stepbus_store.world_model.params import Params
 
 _UPRIGHT = 0.1
 """Parts x and y of a quaternion below which an item stands; one that lies stays in its place."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Seen:
-    """A detection of an item on the map: x, y [m], yaw [rad]."""
-
-    type: str
-    x: float
-    y: float
-    yaw: float
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -63,44 +54,34 @@ class Items:
         self._types = types
         self._places = dict(places)
         self._same = same
-        self._held = ""
+        self.held = ""
+        """The item that the gripper must be holding; empty: none."""
         self._in_tip = pin.SE3.Identity()
 
-    @property
-    def held(self) -> str:
-        """Return the item that the gripper must be holding; empty: none."""
-        return self._held
-
-    def see(self, sightings: Sequence[Seen]) -> None:
-        """Correct where items are by what the camera sees of them."""
-        for seen in sightings:
-            name = self._nearest(seen)
-            if name and name != self._held:
-                place = self._places[name]
-                self._places[name] = replace(place, x=seen.x, y=seen.y, yaw=seen.yaw)
-
-    def _nearest(self, seen: Seen) -> str:
+    def see(self, item_type: str, x: float, y: float, yaw: float) -> None:
+        """Correct where an item is by a detection of its type on the map [m, rad]."""
         rows = [
-            (math.hypot(place.x - seen.x, place.y - seen.y), name)
+            (math.hypot(place.x - x, place.y - y), name)
             for name, place in self._places.items()
-            if self._types[name] == seen.type
+            if self._types[name] == item_type
         ]
         away, name = min(rows, default=(math.inf, ""))
-        return name if away < self._same else ""
+        if away < self._same and name != self.held:
+            self._places[name] = replace(self._places[name], x=x, y=y, yaw=yaw)
 
     def carry(self, tip: pin.SE3, *, holding: bool) -> None:
         """Move what the gripper holds along with its tip; no message says which item that is."""
-        if holding and not self._held:
-            self._held = self._at(tip.translation)
-            if self._held:
-                self._in_tip = tip.inverse() * self._places[self._held].frame()
-        if self._held:
+        if holding and not self.held:
+            self.held = self._at(tip.translation)
+            if self.held:
+                self._in_tip = tip.inverse() * self._places[self.held].frame()
+        if self.held:
             pose = tip * self._in_tip
             x, y, z = pose.translation.tolist()
             yaw = math.atan2(pose.rotation[1, 0], pose.rotation[0, 0])
-            self._places[self._held] = Place(x=x, y=y, z=z, yaw=yaw)
+            self._places[self.held] = Place(x=x, y=y, z=z, yaw=yaw)
         if not holding:
-            self._held = ""
+            self.held = ""
 
     def _at(self, tip: Vector) -> str:
         rows = [
@@ -173,7 +154,7 @@ class WorldModel(Participant):
         bodies = described.details.get("body", [])
         if frame not in self._names or len(bodies) != len(self._names):
             raise WiringError(
-                f"{self.config.name}: input {ports.planogram!r} has no link {frame!r} with a body"
+                f"input {ports.planogram!r} has no link {frame!r} with a body"
                 f"{suggest(frame, self._names)}"
             )
         own = bodies[self._names.index(frame)]
@@ -184,9 +165,7 @@ class WorldModel(Participant):
         }
         lacking = [name for name in self._own.values() if name not in known]
         if lacking:
-            raise WiringError(
-                f"{self.config.name}: links {', '.join(lacking)} are not in {self._params.model}"
-            )
+            raise WiringError(f"links {', '.join(lacking)} are not in {self._params.model}")
         types = described.details.get("type", [""] * len(self._names))
         self._types = {n: t for n, t in zip(self._names, types, strict=True) if t}
 
@@ -212,25 +191,17 @@ class WorldModel(Participant):
 
     def _unfold(self, planogram: Poses) -> Items:
         """Read the map: landmarks, items, and what is fixed."""
-        params, drift = self._params, self._params.drift
+        params = self._params
         self._known = list(zip(planogram.position, planogram.orientation, strict=True))
         marks = [
             at[:2]
             for name, (at, _) in zip(self._names, self._known, strict=True)
             if name.startswith(params.landmark)
         ]
-        uncertainty = Uncertainty(
-            start=params.start,
-            distance=drift.distance,
-            heading=drift.heading,
-            turn=drift.turn,
-            landmark=params.landmark_noise,
-            farthest=params.farthest,
-        )
         start = _place(*self._known[self._names.index(params.prefix + params.frame)])
         self._height = start.z
         self._localization = Localization(
-            np.array(marks).reshape(-1, 2), uncertainty, (start.x, start.y, start.yaw)
+            np.array(marks).reshape(-1, 2), params, (start.x, start.y, start.yaw)
         )
         places = {
             name: _place(*self._known[n])
@@ -253,12 +224,10 @@ class WorldModel(Participant):
         mark = self._params.landmark
         self._localization.correct([at[:2] for name, at, _ in rows if name == mark])
         base, (_, _, yaw) = self._base(), self._localization.pose
-        seen = []
         for name, at, turn in rows:
             if name != mark and abs(turn[0]) + abs(turn[1]) < _UPRIGHT:
                 x, y, _ = base.act(np.array(at)).tolist()
-                seen.append(Seen(type=name, x=x, y=y, yaw=yaw + _yaw(turn)))
-        items.see(seen)
+                items.see(name, x, y, yaw + yaw_of(turn))
 
     def _poses(self, items: Items, base: pin.SE3, q: np.ndarray) -> Poses:
         rows = list(self._known)
@@ -283,13 +252,8 @@ class WorldModel(Participant):
         return {name: installed_version(name) for name in ("numpy", "pin")}
 
 
-def _yaw(q: Quaternion) -> float:
-    x, y, z, w = q
-    return math.atan2(2 * (w * z + x * y), w * w + x * x - y * y - z * z)
-
-
 def _place(at: Point, turn: Quaternion) -> Place:
-    return Place(x=at[0], y=at[1], z=at[2], yaw=_yaw(turn))
+    return Place(x=at[0], y=at[1], z=at[2], yaw=yaw_of(turn))
 
 
 def _row(pose: pin.SE3) -> _Row:

@@ -50,7 +50,7 @@ def test_the_next_goal_is_sent_when_the_one_before_has_succeeded(tmp_path):
     assert (second.id, second.joints, second.values) == (1, ["pan"], [0.5])
     assert bench.end_reason is None
     bench.step(4, status=status(1, "succeeded"))
-    assert bench.end_reason == "mission: 2 of 2 goals are done"
+    assert bench.end_reason == "2 of 2 goals are done"
 
 
 def test_a_goal_that_fails_ends_the_run_with_its_reason(tmp_path):

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from stepbus_schemas import Contacts, Description, Poses, RunError, WiringError
+from stepbus_schemas import Contacts, Description, Poses, WiringError
 from stepbus_store.mission.stock import Stock, measures
 from stepbus_store.mission.witness import Moved, Witness
 
@@ -119,23 +119,6 @@ def test_what_others_moved_is_reported_once_and_may_be_moved_by_the_robot_later(
     pushed = poses((0.504, 0, 0))
     assert witness.watch(pushed, 0.4, here, "") == []
     assert witness.largest(pushed, "") == (pytest.approx(0.003), "cola_a1_1")
-
-
-@pytest.mark.parametrize(
-    ("given", "sentence"),
-    [
-        (poses((0.0, 0.0, 0.0)), "expected 2 poses, received 1"),
-        (
-            poses((0.0, 0.0, 0.0), (1.0, math.nan, 0.0)),
-            r"cola_a1_1 has an invalid pose: position \(1.0, nan, 0.0\)",
-        ),
-    ],
-)
-def test_poses_that_are_none_are_refused(given, sentence):
-    found = stock("chassis", "cola_a1_1")
-    with pytest.raises(RunError, match=sentence):
-        found.check(given)
-    found.check(poses((math.nan, 0.0, 0.0), (1.0, 2.0, 3.0)))
 
 
 def test_a_description_with_too_few_kinds_is_refused():

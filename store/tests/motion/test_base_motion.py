@@ -3,12 +3,13 @@
 import itertools
 import math
 import random
+from pathlib import Path
 
 import pytest
 
 from stepbus_schemas import BaseState, Goal
 from stepbus_store.motion.base_motion import BaseMotion
-from stepbus_store.motion.base_settings import BaseSettings
+from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.outcome import Refused
 
 DT = 0.008
@@ -21,8 +22,8 @@ class DiffDrive:
     noise: of the speed of each wheel, as a share. jam: wheel that stands from a time on [s].
     """
 
-    def __init__(self, noise=0.0, lag=0.02, start=(0.0, 0.0, 0.0), **settings):
-        self.motion = BaseMotion(BaseSettings(**settings))
+    def __init__(self, noise=0.0, lag=0.02, start=(0.0, 0.0, 0.0)):
+        self.motion = BaseMotion(Params(model=Path(), joints=()))
         self.x, self.y, self.yaw = start
         self.wheels = [0.0, 0.0]
         self.noise, self.lag, self.jam = noise, lag, None
@@ -283,7 +284,7 @@ def test_a_base_goes_gently_after_what_it_has_lost():
 
 
 def test_ahead_in_a_turn_no_point_of_a_robot_moves_far_between_two_poses():
-    motion = DiffDrive(reach=0.9).motion
+    motion = DiffDrive().motion
     motion.start(Goal(id=0, type="turn", by=1.5), motion.state)
     yaws = [yaw for _, (_, _, yaw) in motion.ahead()]
     assert yaws[-1] == pytest.approx(1.5)

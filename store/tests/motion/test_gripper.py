@@ -1,9 +1,12 @@
 """Goals of type grip on a gripper of which every state is written down here."""
 
+from pathlib import Path
+
 import pytest
 
 from stepbus_schemas import Goal, GripperState
-from stepbus_store.motion.gripper import Gripper, GripperSettings
+from stepbus_store.motion.gripper import Gripper
+from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.outcome import Refused
 
 DT = 0.008
@@ -13,7 +16,7 @@ class Hand:
     """A gripper that closes at 0.1 m/s around a thing of a given width, or around nothing."""
 
     def __init__(self, width=0.1, thing=None, is_dead=False, grip=None):
-        self.grip = grip or Gripper(GripperSettings(first_force=6.0))
+        self.grip = grip or Gripper(Params(model=Path(), joints=()))
         self.slip, self.load = 0.0, 0.0
         self.width, self.thing, self.is_dead, self.t = width, thing, is_dead, 0.0
         self.grip.hold(self.state())

@@ -1,8 +1,12 @@
 """The collision monitor on contacts that are written down here."""
 
+import math
+from pathlib import Path
+
 import pytest
 
 from stepbus_schemas import Contacts
+from stepbus_store.motion.mobile import Params
 from stepbus_store.motion.monitor import CollisionMonitor
 from stepbus_store.motion.sensed import MonitorSettings
 
@@ -22,14 +26,16 @@ def contacts(*rows):
     )
 
 
+def settings_of(*, base_links=frozenset(), **params):
+    """Return settings of a robot whose contacts reach as far as the parameters say [m]."""
+    params = Params(model=Path(), joints=(), **{"contact_range": math.inf, **params})
+    ignore = frozenset({"left_wheel"})
+    return MonitorSettings(params=params, links=LINKS, base_links=base_links, ignore=ignore)
+
+
 class Stand:
     def __init__(self, **settings):
-        given = {
-            "links": LINKS,
-            "pads": ("left_pad", "right_pad"),
-            "ignore": frozenset({"left_wheel"}),
-        }
-        self.monitor = CollisionMonitor(MonitorSettings(**given | settings))
+        self.monitor = CollisionMonitor(settings_of(**settings))
         self.look(FLOOR)
 
     def look(self, *rows, holding=False, dt=1.0, speed=1.0):
@@ -102,7 +108,7 @@ def test_what_both_pads_hold_is_found_and_may_be_held_on():
     stand = Stand()
     stand.take_can()
     watch = stand.look(*PADS_AT_CAN, holding=True)
-    assert (watch.held, watch.collision) == ("can", None)
+    assert (stand.monitor.held, watch.collision) == ("can", None)
 
 
 def test_what_is_held_may_touch_what_it_stood_on_and_nothing_else():
@@ -139,7 +145,8 @@ def test_what_is_held_may_be_put_where_the_goal_allows_it():
 def test_what_the_pads_let_go_may_be_touched_until_they_are_away():
     stand = Stand()
     stand.take_can()
-    assert stand.look(("can", "left_pad", 2.0, 0.0)).held == ""
+    stand.look(("can", "left_pad", 2.0, 0.0))
+    assert stand.monitor.held == ""
     assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is None
     stand.look(("can", "left_pad", 0.0, 0.03))
     assert stand.look(("can", "left_pad", 2.0, 0.0)).collision is not None
@@ -155,7 +162,7 @@ def test_a_touch_from_before_the_goal_counts_only_when_it_becomes_harder():
 
 @pytest.mark.parametrize("gap", [0.004, 0.01, 0.03, 0.079])
 def test_a_link_is_slow_enough_to_stop_before_what_is_near(gap):
-    stand = Stand(brake=1.0, reaction=0.05, clearance=0.002)
+    stand = Stand(arm_brake=1.0)
     stand.monitor.start(moves="arm")
     watch = stand.look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
     v = watch.scale * 0.5
@@ -165,7 +172,7 @@ def test_a_link_is_slow_enough_to_stop_before_what_is_near(gap):
 
 @pytest.mark.parametrize("gap", [-0.01, 0.0, 0.002])
 def test_a_link_that_is_all_but_touching_creeps(gap):
-    watch = Stand(creep=0.02).look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
+    watch = Stand(arm_creep=0.02).look(FLOOR, ("elbow", "pillar", 0.0, gap), speed=0.5)
     assert watch.scale == pytest.approx(0.04)
 
 
@@ -212,7 +219,7 @@ def test_links_of_the_robot_that_are_near_each_other_do_not_slow_the_base_down()
 
 
 def test_links_whose_collisions_are_checked_beforehand_slow_nothing_down_but_may_not_touch():
-    stand = Stand(checks_itself=True)
+    stand = Stand(srdf=Path("robot.srdf"))
     watch = stand.look(("elbow", "hand", 0.0, 0.003))
     assert (watch.scale, watch.near) == (1.0, None)
     assert stand.look(("elbow", "pillar", 0.0, 0.003)).scale < 1.0
@@ -220,10 +227,14 @@ def test_links_whose_collisions_are_checked_beforehand_slow_nothing_down_but_may
 
 
 def test_beside_space_that_nothing_senses_a_link_is_slow_enough_to_stop_within_the_range():
-    stand = Stand(range=0.15)
-    free, fast, held = stand.look(speed=1.1).scale, stand.look(speed=2.0).scale, Stand(range=0.15)
+    stand = Stand(contact_range=0.15)
+    free, fast, held = (
+        stand.look(speed=1.1).scale,
+        stand.look(speed=2.0).scale,
+        Stand(contact_range=0.15),
+    )
     assert (free, fast) == (1.0, pytest.approx(0.59, abs=0.01))
-    settings = MonitorSettings(links=LINKS, pads=("left_pad", "right_pad"), range=0.15)
+    settings = settings_of(contact_range=0.15)
     speed = 2.0 * fast
     assert settings.stopping(speed, holding=False) + 2e-3 == pytest.approx(0.15)
     held.take_can()
@@ -244,7 +255,7 @@ def test_what_comes_fast_is_stopped_for_sooner_than_what_is_near():
 
 @pytest.mark.parametrize(("gap", "counts"), [(0.1, True), (0.14, False)])
 def test_what_appears_all_of_a_sudden_comes_as_fast_as_the_link_moves(gap, counts):
-    stand = Stand(range=0.15)
+    stand = Stand(contact_range=0.15)
     stand.look(dt=0.016)
     ((_, left),) = stand.look(("elbow", "pillar", 0.0, gap), dt=0.016, speed=0.8).strange
     assert left == pytest.approx(gap - counts * (0.8 * 0.05 + 0.8**2 / 16))

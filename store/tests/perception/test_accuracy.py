@@ -98,7 +98,7 @@ def scored(tmp_path_factory, lens=None, depth_noise=0.0, at_least=SURE):
         detector = Detector(read_catalog("poses", store.description), 0.2, depth_noise)
         for images, camera in views(store, VIEWS):
             view = make_view(images)
-            found = detector.find(view, camera)
+            found = detector.look(view, camera)[0]
             judge(result, store, found)
             there = [item for item in store.items if fully_visible(item, view, camera)]
             result.visible += len(there)

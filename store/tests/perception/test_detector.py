@@ -22,9 +22,8 @@ def find(folder, *items, eye=(0.0, 0.0, 0.4), least=0.0, yaw=0.0, tilt=(0.0, 0.0
         for size, at in extra:
             store.board(size, at)
         images, camera = store.look(eye, yaw, tilt)
-        found = Detector(read_catalog("poses", store.description), least).find(
-            make_view(images), camera
-        )
+        detector = Detector(read_catalog("poses", store.description), least)
+        found = detector.look(make_view(images), camera)[0]
     return [f for f in found if f.confidence > 0.01]
 
 
@@ -63,7 +62,7 @@ def test_the_place_of_an_item_is_its_centre_wherever_its_link_has_its_origin(tmp
     with open_store(tmp_path, item) as store:
         catalog = read_catalog("poses", store.description)
         images, camera = store.look((0.0, 0.0, 0.4))
-        (found,) = Detector(catalog, 0.5).find(make_view(images), camera)
+        (found,) = Detector(catalog, 0.5).look(make_view(images), camera)[0]
         told = Truth("poses", store.description.names, catalog, "chassis").detections(store.poses())
     assert found.position == pytest.approx(told.position[0], abs=1e-3)
     c, s = math.cos(0.5), math.sin(0.5)
@@ -90,7 +89,9 @@ def test_a_thing_of_the_right_colour_and_another_size_is_not_taken_for_the_item(
         described = store.description
         described.details["shape"][1] = "cylinder 0.02 0.115"
         images, camera = store.look((0.0, 0.0, 0.4))
-        assert Detector(read_catalog("poses", described), 0.2).find(make_view(images), camera) == []
+        assert (
+            Detector(read_catalog("poses", described), 0.2).look(make_view(images), camera)[0] == []
+        )
 
 
 def test_a_camera_that_sees_only_sky_finds_nothing(tmp_path):

@@ -51,7 +51,7 @@ def find(folder, *, lens=None, noise=0.0):
     with open_store(folder, *marks, cola, lens=lens) as store:
         store.board((0.4, 0.4, 0.299), (0.0, 0.0, 0.1495))
         images, camera = store.look((0.0, 0.0, 0.75))
-        return Detector(catalog(), 0.2, noise).find(make_view(images), camera)
+        return Detector(catalog(), 0.2, noise).look(make_view(images), camera)[0]
 
 
 @pytest.mark.parametrize("noise", [0.0, NOISE])

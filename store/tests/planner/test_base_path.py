@@ -2,18 +2,20 @@
 
 import math
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stepbus_schemas import Description, PlanRequest, Poses
 from stepbus_store.motion.base_segments import arc_direction
-from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.obstacles import Obstacles
+from stepbus_store.planner.params import Params
 
 RADIUS = 0.4
 HALF_WIDTH = 0.37
+PARAMS = Params(model=Path(), joints=(), base_radius=RADIUS, base_half_width=HALF_WIDTH)
 BOX = "box 0.3 0.3 0.4"
 
 
@@ -32,7 +34,7 @@ def plan(start, goal, *crates, at=None):
             *[(0.0, 0.0, 0.0, 1.0)] * len(crates),
         ],
     )
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), RADIUS, HALF_WIDTH, BasePace())
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), PARAMS)
     request = PlanRequest(id=7, start=[], goal=[], base=(start, goal))
     return planner.plan(request, planner.mapped(request, poses))
 

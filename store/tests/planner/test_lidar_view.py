@@ -1,16 +1,17 @@
 """What lidars see that is on no map, and what of it is in the way of a route."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 from support.services.floor import box, scan_of
 
 from stepbus_schemas import BaseState, Description, PlanRequest, Poses
-from stepbus_store.planner.base_curve import BasePace
 from stepbus_store.planner.base_path import BasePlanner
 from stepbus_store.planner.lidar_view import SEEN, LidarView, RouteMonitor
 from stepbus_store.planner.obstacles import Obstacles
+from stepbus_store.planner.params import Params
 
 MOUNT = (0.31, 0.0, 0.0)
 HERE = BaseState(x=0.0, y=0.0, yaw=0.0, vx=0.0, wz=0.0)
@@ -88,7 +89,7 @@ def test_what_the_base_has_passed_hinders_it_no_more():
 
 def plan(*boxes, goal=(2.0, 0.0, 0.0)):
     described = Description(names=["chassis"], details={"shape": [""], "body": ["robot"]})
-    planner = BasePlanner(Obstacles("poses", described, "chassis"), 0.385, 0.36, BasePace())
+    planner = BasePlanner(Obstacles("poses", described, "chassis"), Params(model=Path(), joints=()))
     request = PlanRequest(id=7, start=[], goal=[], base=((0.0, 0.0, 0.0), goal))
     poses = Poses(position=[(0.0, 0.0, 0.0)], orientation=[(0.0, 0.0, 0.0, 1.0)])
     return planner.plan(request, planner.mapped(request, poses), [box(*at) for at in boxes])

@@ -244,7 +244,7 @@ def test_a_world_that_is_not_described_well_is_refused_at_the_start(tmp_path, ch
             {"request": Description(), "poses": msgspec.structs.replace(described, **change)}
         )
     planner.close()
-    assert str(caught.value).startswith("planner: input 'poses'")
+    assert str(caught.value).startswith("input 'poses'")
     assert text in str(caught.value)
 
 

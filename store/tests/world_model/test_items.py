@@ -4,7 +4,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from stepbus_store.world_model.world_model import Items, Place, Seen
+from stepbus_store.world_model.world_model import Items, Place
 
 TYPES = {"cola_1": "cola", "cola_2": "cola", "soup_1": "soup"}
 
@@ -24,13 +24,13 @@ def tip(x, y, z, yaw=0.0):
 
 
 def test_what_is_seen_is_the_nearest_one_of_its_type(items):
-    items.see([Seen(type="cola", x=0.115, y=0.008, yaw=0.1)])
+    items.see("cola", 0.115, 0.008, 0.1)
     assert items.place("cola_2") == at(0.115, 0.008, yaw=0.1)
     assert items.place("cola_1") == at(0.0)
 
 
 def test_what_is_seen_far_from_all_is_none_of_them(items):
-    items.see([Seen(type="soup", x=0.12, y=0.0, yaw=0.0)])
+    items.see("soup", 0.12, 0.0, 0.0)
     assert items.place("soup_1") == at(0.24)
 
 
@@ -52,7 +52,7 @@ def test_what_is_let_go_of_stays(items):
 
 def test_what_is_held_is_not_seen_elsewhere(items):
     items.carry(tip(0.12, 0.0, 0.28), holding=True)
-    items.see([Seen(type="cola", x=0.13, y=0.0, yaw=0.0)])
+    items.see("cola", 0.13, 0.0, 0.0)
     items.carry(tip(0.12, 0.0, 0.28), holding=True)
     assert items.place("cola_2").x == pytest.approx(0.12)
 

@@ -1,16 +1,16 @@
 """Where the base is: odometry that drifts, and landmarks that correct it."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from stepbus_schemas import BaseState
-from stepbus_store.world_model.localization import Localization, Uncertainty
+from stepbus_store.world_model.localization import Localization
+from stepbus_store.world_model.params import Params
 
-UNCERTAINTY = Uncertainty(
-    start=0.01, distance=0.02, heading=0.02, turn=0.03, landmark=0.003, farthest=0.08
-)
+UNCERTAINTY = Params(model=Path(), joints=())
 MARKS = np.array([[2.0, -0.24], [2.0, 0.0], [2.0, 0.24], [0.0, 0.7], [0.2, 0.7]])
 
 

@@ -16,7 +16,6 @@ from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.manipulator.settings import (
     make_limits,
     make_robot,
-    make_settling,
     searching_manipulator,
 )
 from stepbus_store.motion.outcome import JointReading, JointSensor, Measured
@@ -82,7 +81,6 @@ class ArmController(Participant):
         """
         params, robot, port = self._params, self._robot, self._state_port
         self._sensor = JointSensor(
-            self.config.name,
             port,
             inputs[port],
             robot,
@@ -93,7 +91,7 @@ class ArmController(Participant):
         self._manipulator = searching_manipulator(
             robot,
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit),
-            make_settling(params),
+            params,
             period=self._period,
             seed=self.config.seed,
             collisions=self._collisions,

@@ -14,6 +14,7 @@ from stepbus_store.cause import Cause
 from stepbus_store.motion.fitting import fitted
 from stepbus_store.motion.follow import joint_path
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.candidates import Candidate, CandidateFinder
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.planner_search import (
@@ -21,7 +22,7 @@ from stepbus_store.motion.manipulator.planner_search import (
     PlannerSearch,
     refusal_of,
 )
-from stepbus_store.motion.manipulator.routes import Router
+from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
 from stepbus_store.motion.manipulator.segments import (
     BackOffPath,
     Beside,
@@ -33,7 +34,7 @@ from stepbus_store.motion.player import MotionPlayer, planned
 from stepbus_store.motion.trajectory import AlongPath, Rest, Trajectory
 
 from .links import Links
-from .settling import JamWatch, SettleWatch, Settling
+from .settling import JamWatch, SettleWatch
 
 
 class Manipulator:
@@ -51,10 +52,10 @@ class Manipulator:
         self,
         finder: CandidateFinder,
         limits: MotionLimits,
-        settling: Settling,
+        settling: JointParams,
         options: ManipulatorOptions,
         *,
-        router: Router | None = None,
+        router: DirectRouter | DetourRouter | None = None,
         collisions: SelfCollisions | None = None,
     ) -> None:
         robot = finder.robot

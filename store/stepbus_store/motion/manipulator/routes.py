@@ -3,7 +3,6 @@
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -35,19 +34,6 @@ class Route:
     text: str
 
 
-class Router(Protocol):
-    """Chooses a candidate and a motion to it."""
-
-    def route(
-        self, start: JointMotion, candidates: Iterable[Candidate], least_duration: float
-    ) -> Route:
-        """Return a motion from joints that may be moving.
-
-        least_duration: of the motion [s]. Raises Refused where no candidate works.
-        """
-        ...
-
-
 class DirectRouter:
     """Goes straight in joint space, slowed down until the motors can follow.
 
@@ -64,7 +50,10 @@ class DirectRouter:
     def route(
         self, start: JointMotion, candidates: Iterable[Candidate], least_duration: float
     ) -> Route:
-        """See `Router`."""
+        """Return a motion to the first candidate that works, from joints that may be moving.
+
+        least_duration: of the motion [s]. Raises Refused where no candidate works.
+        """
         problem: Refused | None = None
         for candidate in candidates:
             try:
@@ -125,7 +114,7 @@ class DetourRouter:
     def route(
         self, start: JointMotion, candidates: Iterable[Candidate], least_duration: float
     ) -> Route:
-        """See `Router`."""
+        """Return a motion to the nearest candidate; see `DirectRouter.route`."""
         candidate = next(iter(candidates))
         motions = self.plan(start, candidate.target, least_duration, holds=candidate.holds)
         if motions is None:

@@ -7,7 +7,7 @@ import numpy as np
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import PerName, Problems
 from stepbus_store.motion.branches import BranchSolver
-from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.candidates import BranchCandidates, SearchedCandidates
@@ -15,14 +15,13 @@ from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.routes import DetourRouter, DirectRouter
 from stepbus_store.motion.manipulator.segments import SegmentFitter
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.spiral import SpiralPlanner
 
 
 def branching_manipulator(
     robot: RobotModel,
     limits: MotionLimits,
-    settling: Settling,
+    settling: JointParams,
     options: ManipulatorOptions,
     *,
     seed: int,
@@ -51,7 +50,7 @@ def branching_manipulator(
 def searching_manipulator(
     robot: RobotModel,
     limits: MotionLimits,
-    settling: Settling,
+    settling: JointParams,
     *,
     period: float,
     seed: int,
@@ -65,7 +64,7 @@ def searching_manipulator(
     """
     # It stops within the limits of its motions.
     options = ManipulatorOptions(period=period, tip="", brake_acceleration=0.0, brake_jerk=0.0)
-    ik = InverseKinematics(robot, IkSettings(), seed=seed, collisions=collisions)
+    ik = InverseKinematics(robot, seed=seed, collisions=collisions)
     finder = SearchedCandidates(robot, ik, tries_unholdable=tries_unholdable)
     router = DetourRouter(robot, limits, seed=seed, collisions=collisions)
     return Manipulator(finder, limits, settling, options, router=router)
@@ -102,14 +101,4 @@ def make_limits(
         velocity=velocity,
         acceleration=np.array(acceleration.of(robot.joints)),
         jerk=np.array(jerk.of(robot.joints)),
-    )
-
-
-def make_settling(params: JointParams) -> Settling:
-    """Return when a motion counts as done."""
-    return Settling(
-        position=params.settle_position,
-        velocity=params.settle_velocity,
-        steps=params.settle_steps,
-        timeout=params.settle_timeout,
     )

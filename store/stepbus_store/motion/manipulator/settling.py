@@ -1,7 +1,6 @@
 """Watches joints: whether they follow their commands, and have settled at the end of a motion."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,22 +8,9 @@ from numpy.typing import NDArray
 from stepbus_kinematics import RobotModel, Vector
 from stepbus_store.cause import Cause
 from stepbus_store.motion.joint_motion import JointMotion
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.outcome import Outcome
 from stepbus_store.motion.trajectory import Trajectory
-
-
-@dataclass(frozen=True, kw_only=True)
-class Settling:
-    """When a motion counts as done.
-
-    position: largest error of a joint [rad]. velocity: largest that counts as still [rad/s].
-    steps: in a row. timeout: after the end of the motion [s].
-    """
-
-    position: float
-    velocity: float
-    steps: int
-    timeout: float
 
 
 class SettleWatch:
@@ -34,7 +20,7 @@ class SettleWatch:
     """
 
     def __init__(
-        self, robot: RobotModel, settling: Settling, trajectory: Trajectory, tip: str = ""
+        self, robot: RobotModel, settling: JointParams, trajectory: Trajectory, tip: str = ""
     ) -> None:
         self._robot = robot
         self._settling = settling
@@ -54,13 +40,13 @@ class SettleWatch:
         self._ended_at = t - late if self._ended_at is None else self._ended_at
         late = t - self._ended_at
         settling, error = self._settling, (self._target - q)[self._moved]
-        is_there = float(np.abs(error).max()) <= settling.position
-        is_still = float(np.abs(v[self._moved]).max()) <= settling.velocity
+        is_there = float(np.abs(error).max()) <= settling.settle_position
+        is_still = float(np.abs(v[self._moved]).max()) <= settling.settle_velocity
         self._steps = self._steps + 1 if is_there and is_still else 0
-        if self._steps >= settling.steps:
+        if self._steps >= settling.settle_steps:
             text = f"settled {late:.2f} s after the motion; {self._off(error, q)}"
             return Outcome(state="succeeded", text=text)
-        if late < settling.timeout:
+        if late < settling.settle_timeout:
             return None
         text = f"not settled {late:.2f} s after the motion: {self._off(error, q)}"
         return Outcome(state="failed", cause=Cause.NOT_SETTLED, text=text)

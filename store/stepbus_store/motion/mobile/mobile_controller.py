@@ -24,7 +24,6 @@ from stepbus_schemas import (
 )
 from stepbus_store.cause import Cause
 from stepbus_store.motion.base_motion import BaseMotion
-from stepbus_store.motion.branches import AnalyticChain
 from stepbus_store.motion.executor import GoalExecutor
 from stepbus_store.motion.gripper import Gripper, Scale
 from stepbus_store.motion.manipulator.settings import branching_manipulator
@@ -70,7 +69,6 @@ class MobileController(Participant):
         """
         settings, port = self.settings, self._ports.joint_state
         self._sensor = JointSensor(
-            self.config.name,
             port,
             inputs[port],
             settings.robot,
@@ -80,13 +78,13 @@ class MobileController(Participant):
         self._arm = branching_manipulator(
             settings.robot,
             settings.limits,
-            settings.settling,
+            settings.params,
             settings.arm,
             seed=self.config.seed,
             uses_planner=self._ports.plan is not None,
             collisions=settings.collisions,
         )
-        self._base, self._gripper = BaseMotion(settings.base), Gripper(settings.gripper)
+        self._base, self._gripper = BaseMotion(settings.params), Gripper(settings.params)
         self._navigator: Navigator | None = None
         if self._ports.plan is not None:
             self._navigator = Navigator(
@@ -108,7 +106,6 @@ class MobileController(Participant):
             monitor=CollisionMonitor(settings.monitor) if settings.monitor is not None else None,
             avoidance=settings.avoidance,
         )
-        self._executor.reports.warn(AnalyticChain(settings.robot, settings.arm.tip).warning)
 
     def update(self, step: Step) -> Mapping[str, Message]:
         """Return the commands of this step, and what is new about the goal."""

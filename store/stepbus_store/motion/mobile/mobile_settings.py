@@ -7,11 +7,9 @@ from stepbus_participant import Config, Ports, Problems, suggest
 from stepbus_schemas import RunError
 from stepbus_store.motion.avoidance import AvoidanceSettings
 from stepbus_store.motion.back_to_rest import StowCondition
-from stepbus_store.motion.base_settings import BaseSettings
-from stepbus_store.motion.gripper import GripperSettings
 from stepbus_store.motion.joint_motion import MotionLimits
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
-from stepbus_store.motion.manipulator.settings import make_limits, make_robot, make_settling
+from stepbus_store.motion.manipulator.settings import make_limits, make_robot
 from stepbus_store.motion.mobile.params import Params
 from stepbus_store.motion.sensed import MonitorSettings
 
@@ -79,17 +77,7 @@ class MobileSettings:
         self.limits = planned(
             make_limits(params, robot, params.acceleration_limit, params.jerk_limit)
         )
-        self.settling = make_settling(params)
         self.arm = _arm(params, config)
-        self.base = _base(params)
-        self.gripper = GripperSettings(
-            widest=params.gripper_widest,
-            tolerance=params.gripper_tolerance,
-            hold_force=params.gripper_force,
-            first_force=params.first_force,
-            slip=params.slip,
-            friction=params.pad_friction,
-        )
         self.stow = StowCondition(
             robot=robot, frame=params.tip, height=params.safe_height, reach=params.safe_reach
         )
@@ -114,27 +102,6 @@ def _arm(params: Params, config: Config) -> ManipulatorOptions:
     )
 
 
-def _base(params: Params) -> BaseSettings:
-    return BaseSettings(
-        speed=params.base_speed,
-        acceleration=params.base_acceleration,
-        jerk=params.base_jerk,
-        turn_speed=params.base_turn_speed,
-        turn_acceleration=params.base_turn_acceleration,
-        turn_jerk=params.base_turn_jerk,
-        position=params.base_position,
-        angle=params.base_angle,
-        timeout=params.base_timeout,
-        lag=params.base_lag,
-        lag_angle=params.base_lag_angle,
-        track=params.track,
-        brake=params.base_brake,
-        turn_brake=params.base_turn_brake,
-        clearance=params.base_clearance,
-        reach=params.safe_reach,
-    )
-
-
 def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSettings:
     links = robot.links
     wheels = tuple(name for name in links if "wheel" in name or "caster" in name)
@@ -145,18 +112,10 @@ def _monitor(params: Params, robot: RobotModel, problems: Problems) -> MonitorSe
             if name not in links:
                 problems.add((key,), f"link {name!r} is not in the model{suggest(name, links)}")
     return MonitorSettings(
+        params=params,
         links=frozenset(ours),
         base_links=frozenset(name for name in links if not robot.chain(name).size),
-        pads=(params.pads[0], params.pads[-1]),
         ignore=frozenset(ignore),
-        force=params.collision_force,
-        grip_force=params.grip_force,
-        within=params.slow_within,
-        brake=params.arm_brake,
-        creep=params.arm_creep,
-        checks_itself=params.srdf is not None,
-        range=params.contact_range,
-        halt=params.base_halt,
     )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from stepbus_kinematics import RobotModel, SelfCollisions
 from stepbus_participant import package_path
-from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
 from stepbus_store.motion.manipulator.routes import DetourRouter
 from stepbus_store.motion.trajectory import Joined
@@ -27,7 +27,7 @@ def collisions(robot):
 
 
 def test_reachable_poses_of_both_hands_are_all_found(robot):
-    ik, random = InverseKinematics(robot, IkSettings(), seed=0), np.random.default_rng(1)
+    ik, random = InverseKinematics(robot, seed=0), np.random.default_rng(1)
     for tip in ("left_gripper", "right_gripper") * 20:
         target = robot.frame_pose(random.uniform(robot.lower, robot.upper), tip)
         found = ik.solve(tip, target, HOME)

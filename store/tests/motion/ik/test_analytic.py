@@ -6,7 +6,6 @@ from support.services.manipulator import DOWN, HOME, make_robot
 from stepbus_kinematics import RobotModel
 from stepbus_participant import package_path
 from stepbus_schemas import RunError
-from stepbus_store.motion import branches
 from stepbus_store.motion.branches import AnalyticChain, BranchSolver
 from stepbus_store.motion.outcome import Refused
 
@@ -113,14 +112,6 @@ def test_a_chain_of_seven_joints_is_searched_instead():
     ways = one.solve("left_gripper", target, np.zeros(7))
     assert not one.chain("left_gripper").solves
     assert miss(robot, ways[0], target, "left_gripper") < 1e-4
-
-
-def test_without_eaik_the_same_pose_is_found_by_search(robot, monkeypatch):
-    monkeypatch.setattr(branches, "HPRobot", None)
-    target = above(0.5, 0.1, 0.2)
-    ways = solver(robot).solve("tool0", target, HOME)
-    assert len(ways) == 1
-    assert miss(robot, ways[0], target) < 1e-4
 
 
 def test_a_frame_that_no_joint_moves_or_nobody_knows_is_an_error(robot):

@@ -1,5 +1,7 @@
 """The store's arm does not pass through the robot: lines, spirals, motions and stops."""
 
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -11,10 +13,10 @@ from stepbus_schemas import Goal
 from stepbus_schemas.messages import Spiral
 from stepbus_store.motion.branches import BranchSolver
 from stepbus_store.motion.joint_motion import JointMotion, motion_to
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.candidates import BranchCandidates
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import branching_manipulator
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import Refused
 from stepbus_store.motion.player import MotionPlayer, stop_on_path
 from stepbus_store.motion.spiral import SpiralPlanner
@@ -41,7 +43,7 @@ def stage(request, robot, collisions):
     arm = branching_manipulator(
         robot,
         make_limits(robot),
-        Settling(position=1e-3, velocity=1e-2, steps=5, timeout=0.5),
+        JointParams(model=Path(), joints=(), settle_timeout=0.5),
         ManipulatorOptions(period=0.008, tip="grasp"),
         seed=0,
         uses_planner=request.param,

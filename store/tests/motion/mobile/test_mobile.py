@@ -17,7 +17,6 @@ from stepbus_schemas import (
     WiringError,
 )
 from stepbus_schemas.messages import Spiral
-from stepbus_store.motion import branches
 from stepbus_store.motion.mobile.mobile_controller import MobileController
 
 
@@ -155,16 +154,6 @@ def test_a_message_that_is_none_is_refused_in_one_sentence(tmp_path, message, se
     robot.step()
     with pytest.raises(RunError, match=sentence):
         robot.stand.update(1, **{**robot.sense(), **message})
-
-
-def test_that_eaik_is_missing_is_a_warning_and_given_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(branches, "HPRobot", None)
-    robot = Robot(config(tmp_path))
-    for _ in range(3):
-        robot.step()
-    (text,) = robot.warnings
-    assert text.startswith("tip 'grasp': eaik is not installed")
-    assert "`make robots`" in text
 
 
 def test_a_duration_that_could_not_be_kept_is_reported_with_the_reason(robot):

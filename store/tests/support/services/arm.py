@@ -10,10 +10,10 @@ import numpy as np
 from stepbus_kinematics import RobotModel
 from stepbus_schemas import Goal, GoalStatus
 from stepbus_store.motion.executor import GoalExecutor
-from stepbus_store.motion.ik_search import IkSettings, InverseKinematics
+from stepbus_store.motion.ik_search import InverseKinematics
 from stepbus_store.motion.joint_motion import JointMotion, MotionLimits
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.settings import searching_manipulator
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import Measured
 from stepbus_store.motion.parts import Parts
 
@@ -48,7 +48,7 @@ def write_arm(folder: Path, effort: float = 100.0, axes: tuple[str, ...] = ("0 1
 
 
 def make_ik(robot: RobotModel, seed: int = 0, **settings: Any) -> InverseKinematics:
-    return InverseKinematics(robot, IkSettings(**settings), seed=seed)
+    return InverseKinematics(robot, seed=seed, **settings)
 
 
 class Runner:
@@ -57,7 +57,7 @@ class Runner:
     def __init__(self, robot: RobotModel, *, tries_unholdable: bool = False) -> None:
         one = np.ones(len(robot.joints))
         limits = MotionLimits(velocity=2 * one, acceleration=4 * one, jerk=40 * one)
-        settling = Settling(position=1e-3, velocity=1e-2, steps=3, timeout=0.5)
+        settling = JointParams(model=Path(), joints=(), settle_steps=3, settle_timeout=0.5)
         self.arm = searching_manipulator(
             robot, limits, settling, period=PERIOD, seed=0, tries_unholdable=tries_unholdable
         )

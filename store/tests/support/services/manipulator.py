@@ -15,10 +15,10 @@ from stepbus_participant import package_path
 from stepbus_plant import Params, SimulatedPlant, load_world
 from stepbus_schemas import BaseState, Goal, JointCommand, Plan, PlanRequest
 from stepbus_store.motion.joint_motion import MotionLimits
+from stepbus_store.motion.joint_params import JointParams
 from stepbus_store.motion.manipulator.manipulator import Manipulator
 from stepbus_store.motion.manipulator.options import ManipulatorOptions
 from stepbus_store.motion.manipulator.settings import branching_manipulator
-from stepbus_store.motion.manipulator.settling import Settling
 from stepbus_store.motion.outcome import Outcome
 
 JOINTS = (
@@ -53,7 +53,7 @@ def make_limits(robot: RobotModel) -> MotionLimits:
 
 
 def make_arm(robot: RobotModel, *, uses_planner: bool = False, **options: Any) -> Manipulator:
-    settling = Settling(position=1e-3, velocity=1e-2, steps=5, timeout=0.5)
+    settling = JointParams(model=Path(), joints=(), settle_timeout=0.5)
     given = ManipulatorOptions(**{"period": PERIOD, "tip": "tool0", **options})
     arm = branching_manipulator(
         robot, make_limits(robot), settling, given, seed=0, uses_planner=uses_planner

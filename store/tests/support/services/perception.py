@@ -19,7 +19,8 @@ from stepbus_plant.models import loadable
 from stepbus_plant.params import CameraErrors
 from stepbus_plant.world import CameraSettings
 from stepbus_schemas import Description, Image, Poses
-from stepbus_store.perception.images import Pose, rotation
+from stepbus_store.perception.images import Pose
+from stepbus_store.poses import rotation
 
 UPRIGHT = "0 0 0 0 0 0 1"
 SHAPES = {
