@@ -123,7 +123,7 @@ class LocalRun(Strategy):
         folder, specs = opening.scenario.folder, opening.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
-        self.surroundings = Surroundings(folder, files, self._owner)
+        self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._opening = opening
         self._start_order = start_order
@@ -131,7 +131,7 @@ class LocalRun(Strategy):
         self._caller = next(callers, None)
         self._hosted: list[HostedParticipant] = []
         self._reaper: Reaper | None = None
-        self._pid, self._thread_id = os.getpid(), threading.get_ident()
+        self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
@@ -187,20 +187,10 @@ class LocalRun(Strategy):
         turn = self.hub.current
         return turn if isinstance(turn, HostedParticipant) else None
 
-    def _owner(self) -> HostedParticipant | None:
-        """Return whose code runs on this thread; None: that of no participant."""
-        if os.getpid() != self._pid:
-            return None
-        thread_id = threading.get_ident()
-        if thread_id == self._thread_id:
-            current = self._current()
-            return current if current is not None and current.is_running else None
-        return next((hosted for hosted in self._hosted if hosted.has_thread(thread_id)), None)
-
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""
         if os.getpid() != self._pid:
-            # A library in C has forked: this is a second orchestrator, with the same open files.
+            # A participant has forked: this is a second orchestrator, with the same open files.
             os.kill(os.getpid(), signal.SIGKILL)
         if self.state is None:
             return

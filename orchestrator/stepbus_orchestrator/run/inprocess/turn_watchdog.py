@@ -19,7 +19,6 @@ if __name__ == "__main__":
 
 from stepbus_orchestrator.processes.activity import activity_of
 from stepbus_orchestrator.run.inprocess.turns import (
-    CODE,
     INTERRUPTED,
     LATE,
     PUBLISHED,
@@ -40,8 +39,7 @@ _MUTE_S = 1.0
 _TRACE_S = 0.3
 """Between the signal that writes the tracebacks and the one that ends the process [s]."""
 _LEAVE_S = 5.0
-_FAILED_LEAVE_S = 0.2
-"""How long a process may take to end; where a run has failed and left threads behind [s]."""
+"""How long a process may take to end after its run [s]."""
 _INTERRUPTED_S = 1.0
 _END_S = 5.0
 _PAUSE_S = 0.005
@@ -56,13 +54,14 @@ class TurnWatchdog:
     """Finds the participant that keeps the thread, or Python's lock, beyond its deadline.
 
     is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
-    the run. held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.
-    is_stopped: whether a signal or a debugger has stopped the process meanwhile.
+    the run. held_s: how long the culprit has had it [s]. is_waiting: whether the thread of the run
+    waits for the lock, which another one keeps. is_stopped: whether a signal or a debugger has
+    stopped the process meanwhile.
     """
 
     def __init__(self, turns: Turns, pid: int, *, is_owner: bool) -> None:
         self.held_s = 0.0
-        self.culprit = 0
+        self.is_waiting = False
         self.is_stopped = False
         self._turns = turns
         self._pid = pid
@@ -118,13 +117,7 @@ class TurnWatchdog:
             limit_s = max((row[stage - 1] for row in some), default=math.inf)
             limit_s = min(limit_s, _INTERRUPTED_S) if words[INTERRUPTED] else limit_s
             return limit_s if turn else limit_s + _MUTE_S
-        if stage is Stage.OVER:
-            return _LEAVE_S + _MUTE_S
-        threads = self._turns.with_threads()
-        if threads and words[CODE]:
-            return _FAILED_LEAVE_S
-        own = [row[-1] for number in threads for row in rows[number - 1 : number]]
-        return min([_LEAVE_S, *own])
+        return _LEAVE_S
 
     def _interrupt(self) -> None:
         """Make the process write its tracebacks, and raise in what the participant executes."""
@@ -133,15 +126,11 @@ class TurnWatchdog:
             os.kill(self._pid, TRACE_SIGNAL)
 
     def _is_stuck(self, turn: int) -> bool:
-        """Interrupt once more; return whether that was of no use, and find the culprit."""
+        """Interrupt once more; return whether that was of no use."""
         before, switches = self._turns.words[TURNS], self._switches()
         self._interrupt()
         time.sleep(_TRACE_S)
-        others = self._turns.with_threads()
-        # Whose turn it is may wait for Python's lock itself.
-        is_other = others and (not turn or self._switches() - switches > _SWITCHES)
-        # Whoever has stopped the process, it was no thread.
-        self.culprit = others[0] if is_other and not self.is_stopped else turn
+        self.is_waiting = not turn or self._switches() - switches > _SWITCHES
         return (self._turns.stage, self._turns.words[TURNS]) == (self._state[0], before)
 
     def _switches(self) -> int:
@@ -164,7 +153,7 @@ def _watch(turns: Turns, pid: int) -> None:
             sys.path[:] = turns.will()["path"]
             from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
 
-            _, text = conclude(turns, pid, watchdog.culprit, held_s=watchdog.held_s)
+            _, text = conclude(turns, pid, killer=watchdog)
             sys.stderr.write(text)
             return
         time.sleep(TICK_S)
