@@ -154,7 +154,7 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
         from .terminal.output import write  # noqa: PLC0415
 
         if killer is not None:
-            code, text = post_mortem.conclude(memory, pid, killer=killer)
+            code, text = post_mortem.conclude(memory, pid, kept=killer.kept)
         elif stage.is_run:
             code, text = post_mortem.conclude(memory, pid, code=code)
         else:

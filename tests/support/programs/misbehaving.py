@@ -10,7 +10,6 @@ import ctypes
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 
@@ -157,10 +156,6 @@ def leave_child() -> None:
 
 def leave_grandchild() -> None:
     subprocess.run(["sh", "-c", "trap '' TERM INT HUP; sleep 1000 & :"], check=True)
-
-
-def clear_modules() -> None:
-    sys.modules.clear()
 
 
 def close_standard_streams() -> None:

@@ -1,24 +1,23 @@
 """A run in one process: which scenarios may have one, and the strategy that hosts them."""
 
 import contextlib
-import dataclasses
 import importlib
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import StartFailed, argument
+from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.launcher import Reaper
-from stepbus_orchestrator.run.extension import RunExtension, RunView
-from stepbus_orchestrator.run.host import Opening, Strategy
+from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.host import Caller, Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
@@ -31,16 +30,16 @@ from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scen
 from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import (
     Clock,
-    Config,
     Endpoint,
     LoopbackBus,
-    Participant,
     Ticket,
     import_participant,
     main,
 )
 from stepbus_schemas import SPOKEN, Batch, WiringError
 
+_TICK_S = 0.1
+_lock = threading.RLock()
 _BRIDGE = ("stepbus", "bridge")
 _BATCH = 0x82
 """A map of two entries; `Outputs` have three and more."""
@@ -48,12 +47,30 @@ _decode_batch = msgspec.msgpack.Decoder(Batch).decode
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
+@contextlib.contextmanager
+def alone(interrupt: threading.Event) -> Iterator[None]:
+    """Wait until no run of another thread goes on, and keep it so for a block.
+
+    Prints, working directory, modules and handlers of signals are the process's. Raises Interrupted
+    where that is set meanwhile.
+    """
+    while not _lock.acquire(timeout=_TICK_S):
+        if interrupt.is_set():
+            raise Interrupted("interrupted while the run of another thread went on")
+    try:
+        yield
+    finally:
+        _lock.release()
+
+
+def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
     """Raise WiringError for a scenario that cannot run in one process, with every reason.
 
-    otherwise: the end of each sentence; default: to leave out the option.
+    has_caller: whether it is an environment, which cannot run otherwise.
     """
-    leave_out = otherwise or f"omit {argument('--in-process')}"
+    leave_out = f"omit {argument('--in-process')}"
+    if has_caller:
+        leave_out = "an environment runs in one process"
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
@@ -84,36 +101,13 @@ def _remedy(spec: ParticipantSpec) -> str:
     return f"write `participant: {name}` instead of `exec`, with the name of its class, or "
 
 
-class HostedCaller(RunExtension):
-    """The caller of a run, which takes part in place of a program, and ends it.
-
-    name: of the participant. local: the run in one process.
-    """
-
-    name: str
-    local: "LocalRun"
-
-    def make(self, config: Config) -> Participant:
-        """Return what takes part."""
-        raise NotImplementedError
-
-    def away(self) -> bool:
-        """Work where no participant can; return whether one can now."""
-        raise NotImplementedError
-
-    def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario without an end: the caller sees the outcome of the last step."""
-        return dataclasses.replace(scenario, steps=None)
-
-
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    start_order: names, in the order in which they begin. bus: the orchestrator's, whose network
-    the participants join.
+    bus: the orchestrator's, whose network the participants join. caller: as of `InProcess`.
     """
 
-    def __init__(self, opening: Opening, start_order: Sequence[str] | None, clock: Clock) -> None:
+    def __init__(self, opening: Opening, clock: Clock, caller: Caller | None) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -126,9 +120,7 @@ class LocalRun(Strategy):
         self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._opening = opening
-        self._start_order = start_order
-        callers = (item for item in opening.extensions if isinstance(item, HostedCaller))
-        self._caller = next(callers, None)
+        self._caller = caller
         self._hosted: list[HostedParticipant] = []
         self._reaper: Reaper | None = None
         self._pid = os.getpid()
@@ -207,7 +199,7 @@ class LocalRun(Strategy):
     # --- its participants -------------------------------------------------------------------
 
     def launch(self, run: RunView) -> None:
-        """Begin every participant, in the order of the options."""
+        """Begin every participant, in the order of the scenario."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(
             {
@@ -221,12 +213,11 @@ class LocalRun(Strategy):
             }
         )
         self.state = run.state
-        for name in self._start_order or [spec.name for spec in specs]:
-            spec = scenario.participant(name)
+        for spec in specs:
             hosted = self._host(spec, scenario, run.start_options(spec))
             self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
-            run.timing.event("spawn", name, f"in process {hosted.pid}")
+            run.timing.event("spawn", spec.name, f"in process {hosted.pid}")
 
     def _host(
         self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
@@ -257,7 +248,6 @@ class LocalRun(Strategy):
                 words=self.memory.words,
                 number=number,
                 shown=shown,
-                rest=self.surroundings.keep,
                 reap=self.reap,
             )
         except OSError as exc:

@@ -28,9 +28,9 @@ class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
     log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
-    an exit code. words, number: the memory of the outside watcher, and which it is there. rest: is
-    called after each turn. reap: has a program that it starts killed when we end. pid: of this
-    process. late: how it missed a deadline, once it has.
+    an exit code. words, number: the memory of the outside watcher, and which it is there. reap: has
+    a program that it starts killed when we end. pid: of this process. late: how it missed a
+    deadline, once it has.
     """
 
     def __init__(
@@ -44,7 +44,6 @@ class HostedParticipant(Turn, Process):
         words: "memoryview[float]",
         number: int,
         shown: bool,
-        rest: Callable[[], None],
         reap: Callable[[int], None],
     ) -> None:
         Turn.__init__(self, hub)
@@ -52,7 +51,7 @@ class HostedParticipant(Turn, Process):
         self.name = ticket.name
         self.pid = os.getpid()
         self._words = words
-        self._rest, self._reap = rest, reap
+        self._reap = reap
         self._number = number
         self._program = program
         self._host = Host(ticket, bus, self.log, self._keep)
@@ -77,7 +76,6 @@ class HostedParticipant(Turn, Process):
         """End a turn."""
         self._words[TURN] = 0
         sys.stdout, sys.stderr = self._streams
-        self._rest()
 
     def work(self) -> None:
         """Run the program to its end, and keep its exit code as its process would."""

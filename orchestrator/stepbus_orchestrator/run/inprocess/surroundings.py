@@ -31,7 +31,6 @@ class Surroundings:
         names = {Path(file).stem for file in files} - sys.stdlib_module_names
         self._own: dict[str, ModuleType | None] = dict.fromkeys(names)
         self._others: dict[str, ModuleType] = {}
-        self._all: dict[str, ModuleType] = {}
         self._path_outside = list(sys.path)
         self._path_inside = [self._folder, *sys.path]
 
@@ -63,23 +62,14 @@ class Surroundings:
             if own is not None:
                 sys.modules[name] = own
         sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
-        self.keep()
-
-    def keep(self) -> None:
-        """Note what is loaded, and put back what a participant has removed: others need it."""
-        if len(sys.modules) < len(self._all):
-            sys.modules.update(self._all)
-        elif len(sys.modules) > len(self._all):
-            self._all = dict(sys.modules)
 
     def leave(self) -> None:
         """Put back what was there before."""
-        self.keep()
         sys.meta_path.remove(self)
         self._path_inside, sys.path[:] = list(sys.path), self._path_outside
         self._own = {name: sys.modules.pop(name, None) for name in self._own}
         sys.modules.update(self._others)
-        self._others, self._all = {}, {}
+        self._others = {}
         os.fchdir(self._outside)
         os.close(self._outside)
 

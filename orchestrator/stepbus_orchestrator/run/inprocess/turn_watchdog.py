@@ -25,6 +25,7 @@ from stepbus_orchestrator.run.inprocess.turns import (
     PULSE,
     TURN,
     TURNS,
+    Kept,
     Stage,
     Turns,
 )
@@ -54,15 +55,11 @@ class TurnWatchdog:
     """Finds the participant that keeps the thread, or Python's lock, beyond its deadline.
 
     is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
-    the run. held_s: how long the culprit has had it [s]. is_waiting: whether the thread of the run
-    waits for the lock, which another one keeps. is_stopped: whether a signal or a debugger has
-    stopped the process meanwhile.
+    the run. kept: how long the culprit has had it.
     """
 
     def __init__(self, turns: Turns, pid: int, *, is_owner: bool) -> None:
-        self.held_s = 0.0
-        self.is_waiting = False
-        self.is_stopped = False
+        self.kept = Kept()
         self._turns = turns
         self._pid = pid
         self._is_owner = is_owner
@@ -80,26 +77,26 @@ class TurnWatchdog:
         stage, turn = self._turns.stage, int(self._turns.words[TURN])
         state = self._progress(stage, turn)
         if state != self._state:
-            self._state, self._is_interrupted, self.held_s = state, False, 0.0
+            self._state, self._is_interrupted, self.kept.held_s = state, False, 0.0
             return False
-        self.held_s += elapsed_s
+        self.kept.held_s += elapsed_s
         is_watched = stage is not Stage.BEFORE and (self._is_owner or turn > 0)
         # To read the limits takes a while, and hardly any participant comes near them.
-        if not is_watched or self.held_s <= _LONGEST_TICK_S:
+        if not is_watched or self.kept.held_s <= _LONGEST_TICK_S:
             return False
         limit_s = self._limit_s(stage, turn)
-        if self.held_s <= limit_s:
+        if self.kept.held_s <= limit_s:
             return False
-        self.is_stopped = activity_of(self._pid).is_stopped
-        if not self._is_owner and self.is_stopped:
+        self.kept.is_stopped = activity_of(self._pid).is_stopped
+        if not self._is_owner and self.kept.is_stopped:
             # By Ctrl-Z, which does not reach us: that is no participant's.
-            self.held_s = 0.0
+            self.kept.held_s = 0.0
             return False
         if turn and not self._is_interrupted:
             self._is_interrupted = True
             self._interrupt()
             return False
-        return self.held_s > limit_s + (_PATIENCE_S if turn else 0.0) and self._is_stuck(turn)
+        return self.kept.held_s > limit_s + (_PATIENCE_S if turn else 0.0) and self._is_stuck(turn)
 
     def _progress(self, stage: Stage, turn: int) -> tuple[float, ...]:
         """Return what changes as long as the process gets on."""
@@ -121,7 +118,7 @@ class TurnWatchdog:
 
     def _interrupt(self) -> None:
         """Make the process write its tracebacks, and raise in what the participant executes."""
-        self._turns.words[LATE] = self.held_s
+        self._turns.words[LATE] = self.kept.held_s
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._pid, TRACE_SIGNAL)
 
@@ -130,7 +127,7 @@ class TurnWatchdog:
         before, switches = self._turns.words[TURNS], self._switches()
         self._interrupt()
         time.sleep(_TRACE_S)
-        self.is_waiting = not turn or self._switches() - switches > _SWITCHES
+        self.kept.is_waiting = not turn or self._switches() - switches > _SWITCHES
         return (self._turns.stage, self._turns.words[TURNS]) == (self._state[0], before)
 
     def _switches(self) -> int:
@@ -153,7 +150,7 @@ def _watch(turns: Turns, pid: int) -> None:
             sys.path[:] = turns.will()["path"]
             from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
 
-            _, text = conclude(turns, pid, killer=watchdog)
+            _, text = conclude(turns, pid, kept=watchdog.kept)
             sys.stderr.write(text)
             return
         time.sleep(TICK_S)

@@ -8,6 +8,7 @@ import fcntl
 import json
 import mmap
 import os
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -44,6 +45,19 @@ class Stage(IntEnum):
     def is_run(self) -> bool:
         """Return whether participants have turns."""
         return Stage.READY <= self <= Stage.STOP
+
+
+@dataclass
+class Kept:
+    """How long a process has not got on [s].
+
+    is_waiting: whether the thread of the run waits for Python's lock, which another one keeps.
+    is_stopped: whether a signal or a debugger has stopped the process.
+    """
+
+    held_s: float = 0.0
+    is_waiting: bool = False
+    is_stopped: bool = False
 
 
 def make_file() -> int:

@@ -65,7 +65,6 @@ KINDS = {
     "leave_daemon": HARMLESS,
     "leave_child": HARMLESS,
     "leave_grandchild": HARMLESS,
-    "clear_modules": HARMLESS,
     "close_standard_streams": HARMLESS,
 }
 EVERY = (*BEFORE, "step", "stop")
