@@ -1,7 +1,6 @@
 """A run in one process: which scenarios may have one, and the strategy that hosts them."""
 
 import contextlib
-import importlib
 import os
 import signal
 import sys
@@ -15,7 +14,6 @@ import msgspec
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
-from stepbus_orchestrator.processes.launcher import Reaper
 from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.host import Caller, Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
@@ -27,7 +25,6 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import (
     Clock,
     Endpoint,
@@ -40,7 +37,6 @@ from stepbus_schemas import SPOKEN, Batch, WiringError
 
 _TICK_S = 0.1
 _lock = threading.RLock()
-_BRIDGE = ("stepbus", "bridge")
 _BATCH = 0x82
 """A map of two entries; `Outputs` have three and more."""
 _decode_batch = msgspec.msgpack.Decoder(Batch).decode
@@ -86,7 +82,7 @@ def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
             f"{_remedy(spec)}{leave_out}"
         )
         for spec in scenario.participants
-        if not spec.participant and spec.bridge is None and spec.exec[:2] != _BRIDGE
+        if not spec.participant
     ]
     if problems:
         raise WiringError("\n".join(problems))
@@ -94,7 +90,7 @@ def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
 
 def _remedy(spec: ParticipantSpec) -> str:
     """Return what to write instead of a program in Python."""
-    if spec.exec[:1] != ("python",):
+    if spec.exec[:1] != ("python",) or spec.bridge is not None:
         return ""
     files = [word for word in spec.exec if word.endswith(".py")]
     name = f"{files[0]}:CLASS" if files else "MODULE:CLASS"
@@ -122,7 +118,6 @@ class LocalRun(Strategy):
         self._opening = opening
         self._caller = caller
         self._hosted: list[HostedParticipant] = []
-        self._reaper: Reaper | None = None
         self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
@@ -159,8 +154,6 @@ class LocalRun(Strategy):
     def _end_all(self) -> None:
         for hosted in self._hosted:
             hosted.end()
-        if self._reaper is not None:
-            self._reaper.end()
 
     def leave(self) -> None:
         """Restore the process to what our caller knew."""
@@ -248,19 +241,12 @@ class LocalRun(Strategy):
                 words=self.memory.words,
                 number=number,
                 shown=shown,
-                reap=self.reap,
             )
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: cannot open its log: {exc.strerror}",
                 participant=spec.name,
             ) from exc
-
-    def reap(self, group: int) -> None:
-        """Have a program that a participant has started killed when we end."""
-        if self._reaper is None:
-            self._reaper = Reaper()
-        self._reaper.watch(group)
 
 
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
@@ -275,11 +261,6 @@ def _limits(deadlines: Deadlines) -> list[float]:
 
 
 def _take_part(spec: ParticipantSpec, folder: Path) -> int:
-    if not spec.participant:
-        command = start_command(spec, folder)
-        arguments = command[command.index("stepbus_bridge") + 1 :]
-        code: int = importlib.import_module("stepbus_bridge").take_part(arguments)
-        return code
     try:
         factory = import_participant(spec.participant, folder)
     except WiringError as exc:

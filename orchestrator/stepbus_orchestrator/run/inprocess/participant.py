@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TextIO
 
-from stepbus_orchestrator.processes.activity import Activity, activity
+from stepbus_orchestrator.processes.activity import NOTHING, Activity
 from stepbus_orchestrator.processes.child import Process
 from stepbus_orchestrator.run.inprocess.hub import Hub, Late, Turn
 from stepbus_orchestrator.run.inprocess.turns import TURN, TURNS
@@ -28,9 +28,8 @@ class HostedParticipant(Turn, Process):
     """A participant that shares this process; it stands where its `Child` would.
 
     log: where it prints, unless it is `shown`: then where we do. program: what it does, and returns
-    an exit code. words, number: the memory of the outside watcher, and which it is there. reap: has
-    a program that it starts killed when we end. pid: of this process. late: how it missed a
-    deadline, once it has.
+    an exit code. words, number: the memory of the outside watcher, and which it is there. pid: of
+    this process. late: how it missed a deadline, once it has.
     """
 
     def __init__(
@@ -44,18 +43,15 @@ class HostedParticipant(Turn, Process):
         words: "memoryview[float]",
         number: int,
         shown: bool,
-        reap: Callable[[int], None],
     ) -> None:
         Turn.__init__(self, hub)
         Process.__init__(self, log)
         self.name = ticket.name
         self.pid = os.getpid()
         self._words = words
-        self._reap = reap
         self._number = number
         self._program = program
-        self._host = Host(ticket, bus, self.log, self._keep)
-        self._groups: list[int] = []
+        self._host = Host(ticket, bus)
         self._code: int | None = None
         self._output: TextIO = (
             sys.stdout if shown else os.fdopen(append_to(self.log), "a", 1, "utf-8", "replace")
@@ -106,23 +102,6 @@ class HostedParticipant(Turn, Process):
         self._host.bus.close()
         self._code = code
 
-    # --- its programs -------------------------------------------------------------------
-
-    def _keep(self, group: int) -> None:
-        self._groups.append(group)
-        self._reap(group)
-
-    @property
-    def has_programs(self) -> bool:
-        """Return whether it waits for programs, as a bridge does."""
-        return bool(self._groups)
-
-    def kill_programs(self) -> None:
-        """Kill the programs that it waits for, with all that they have started."""
-        for group in self._groups:
-            with contextlib.suppress(ProcessLookupError, PermissionError):
-                os.killpg(group, signal.SIGKILL)
-
     # --- its process ------------------------------------------------------------------------
 
     def exit_code(self) -> int | None:
@@ -130,8 +109,8 @@ class HostedParticipant(Turn, Process):
         return self._code
 
     def activity(self) -> Activity:
-        """Return what its programs are doing; it is this process."""
-        return activity(*self._groups)
+        """Return nothing: it is this process."""
+        return NOTHING
 
     def signal(self, number: int) -> None:
         """End it by a signal that would end its process; others do nothing."""
@@ -149,8 +128,6 @@ class HostedParticipant(Turn, Process):
 
     def end(self, grace_s: float = 0.0) -> None:
         """End it, whatever it waits for."""
-        if self._code is None:
-            self.kill_programs()
         self.signal(signal.SIGTERM)
         if self._code is None:
             # It has caught what should have ended it, and waits again. Nothing will wake it.

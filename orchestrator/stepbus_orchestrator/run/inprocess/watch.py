@@ -105,16 +105,12 @@ class Watch:
         holder = self._current()
         if self.memory.words[LATE] and holder is not None and holder.is_running:
             late = self._note(holder, frame)
-            raise Late(f"interrupted after {late.held_s:.1f} s {late.where and f'at {late.where}'}")
+            raise Late(f"interrupted after {late.held_s:.1f} s at {late.where}")
 
     def _note(self, holder: HostedParticipant, frame: FrameType | None) -> KeptThread:
-        """Note how a participant is late, and end the programs that it may wait for."""
+        """Note how a participant is late."""
         held_s, self.memory.words[LATE] = self.memory.words[LATE], 0.0
-        if holder.has_programs:
-            holder.late = KeptThread(held_s, "", holder.activity().is_stopped)
-            holder.kill_programs()
-        else:
-            holder.late = KeptThread(held_s, _where(frame))
+        holder.late = KeptThread(held_s, _where(frame))
         return holder.late
 
 

@@ -224,7 +224,7 @@ def test_a_log_on_a_full_disk_fails_nobody_else():
     )  # fmt: skip
     hosted = HostedParticipant(
         hub, ticket, LoopbackBus(bus, hub.queue), Path("/dev/full"), leave,
-        words=turns.words, number=1, shown=False, reap=lambda _group: None,
+        words=turns.words, number=1, shown=False,
     )  # fmt: skip
     assert hosted.wait(5)
     hosted.end()
