@@ -10,7 +10,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from stepbus_orchestrator.processes.endpoints import Mesh
 from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_participant import Bus, Clock, Config, Disk, Participant
@@ -21,10 +20,11 @@ from .extension import RunExtension, RunView
 class Strategy:
     """How a run gets its participants.
 
-    mesh: their endpoints; None: they are all in this process. slots: what they share files by.
+    has_links: whether messages between them travel over a transport. slots: what they share files
+    by.
     """
 
-    mesh: Mesh | None = None
+    has_links = False
     slots: RunSlots = RunSlots()
 
     def launch(self, run: RunView) -> None:

@@ -82,10 +82,12 @@ class Processes:
 class _Launch(Strategy):
     """The strategy of a run in processes."""
 
+    has_links = True
+
     def __init__(
         self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str] | None
     ) -> None:
-        self.mesh: Mesh = mesh
+        self._mesh = mesh
         self.slots = slots
         self._launcher = launcher
         self._start_order = start_order
@@ -100,7 +102,7 @@ class _Launch(Strategy):
     def _start(self, spec: ParticipantSpec, run: RunView) -> ParticipantState:
         options = run.start_options(spec) | {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
-        endpoint = self.mesh.participants[spec.name]
+        endpoint = self._mesh.participants[spec.name]
         if spec.is_external:
             external = self._launcher.admit(spec, endpoint, folder, **options)
             run.timing.event("external", spec.name)

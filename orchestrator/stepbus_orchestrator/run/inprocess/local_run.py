@@ -136,8 +136,8 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            logs = [BoundedLog(native_log)]
-            watch = Watch(self._current, self._opening.interrupt.is_set, logs)
+            is_interrupted = self._opening.interrupt.is_set
+            watch = Watch(self._current, is_interrupted, BoundedLog(native_log))
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory
