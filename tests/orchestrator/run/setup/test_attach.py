@@ -220,7 +220,7 @@ def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
 ):
     needs("node")
     scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
-    child = run(scenario, Options(out=tmp_path / "child", host=InProcess()))
+    child = run(scenario, Options(out=tmp_path / "child"))
     assert child.exit_code == 0, child.reason
     ticket = tmp_path / "c.ticket"
     elsewhere.join(ticket)
