@@ -42,12 +42,6 @@ _DONE, _FAILED = 1, 2
 
 _prctl: Any = getattr(ctypes.CDLL(None), "prctl", None)
 """Linux only: no other system makes copies."""
-_making: list[bool] = []
-
-
-def makes_copy() -> bool:
-    """Return whether the fork that is about to happen is one of a copy that ends by itself."""
-    return bool(_making)
 
 
 class Copy:
@@ -144,11 +138,9 @@ class Copy:
 def _no_signals() -> Iterator[None]:
     """Keep signals back, so that no handler of this process ever runs in the copy."""
     before = signal.pthread_sigmask(signal.SIG_BLOCK, signal.valid_signals())
-    _making.append(True)
     try:
         yield
     finally:
-        _making.pop()
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 

@@ -2,10 +2,8 @@
 
 import signal
 import sys
-from collections.abc import Callable
 from contextvars import ContextVar
 from dataclasses import dataclass
-from pathlib import Path
 from types import FrameType
 
 from stepbus_schemas import RunError, StepbusError, WiringError
@@ -20,15 +18,11 @@ from .session.session import Factory, Terminated, take_part
 class Host:
     """The place of one participant in a process that it shares with others.
 
-    ticket: its identity. bus: what it takes instead of a connection to the ticket's endpoint. log:
-    where it prints, and where a program that it starts has to. started: takes the process id, and
-    group, of such a program, so that it can be ended.
+    ticket: its identity. bus: what it takes instead of a connection to the ticket's endpoint.
     """
 
     ticket: Ticket
     bus: Bus
-    log: Path | None = None
-    started: Callable[[int], None] = lambda _pid: None
 
 
 HOST: ContextVar[Host | None] = ContextVar("HOST", default=None)

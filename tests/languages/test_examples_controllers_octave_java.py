@@ -23,7 +23,7 @@ def result(request, tmp_path_factory):
     needs(PROGRAMS[request.param])
     scenario = load(EXAMPLES / request.param, ["duration=1s"])
     out = tmp_path_factory.mktemp(request.param) / "out"
-    return run(scenario, Options(out=out, host=InProcess()))
+    return run(scenario, Options(out=out))
 
 
 @pytest.fixture(scope="module")

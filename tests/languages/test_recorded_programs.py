@@ -11,7 +11,6 @@ import pytest
 from support.tools import needs
 
 from stepbus_orchestrator.cli import main
-from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
 
@@ -131,7 +130,7 @@ def virtual(folder):
 
 def recorded(folder):
     """Run a scenario, then remove its folder; return the result."""
-    result = run(load(folder), Options(out=folder.with_name("out"), host=InProcess()))
+    result = run(load(folder), Options(out=folder.with_name("out")))
     assert (result.exit_code, result.steps) == (0, 10), result.reason
     shutil.rmtree(folder)
     return result

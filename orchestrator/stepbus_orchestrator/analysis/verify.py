@@ -184,7 +184,7 @@ def run_trials(
         delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
         options = Options(
             out=folder / str(trial.number),
-            host=InProcess(start_order=trial.start_order, owns_descriptors=owns_descriptors)
+            host=InProcess(owns_descriptors=owns_descriptors)
             if trial.in_process
             else Processes(start_order=trial.start_order, around=delays.around),
         )

@@ -154,11 +154,9 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
         from .terminal.output import write  # noqa: PLC0415
 
         if killer is not None:
-            code, text = post_mortem.conclude(
-                memory, pid, killer.culprit, held_s=killer.held_s, is_stopped=killer.is_stopped
-            )
+            code, text = post_mortem.conclude(memory, pid, kept=killer.kept)
         elif stage.is_run:
-            code, text = post_mortem.conclude(memory, pid, turn, code=code)
+            code, text = post_mortem.conclude(memory, pid, code=code)
         else:
             text = post_mortem.last_words(memory)
         write(sys.stderr, text)

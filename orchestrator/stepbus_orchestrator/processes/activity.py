@@ -45,13 +45,11 @@ class Activity:
 class KeptThread:
     """How a participant that shares our thread missed a deadline.
 
-    held_s: how long it kept the thread [s]. where: the line of its code; empty while it waits for
-    a program of its own. is_stopped: whether a signal or a debugger has stopped that.
+    held_s: how long it kept the thread [s]. where: the line of its code.
     """
 
     held_s: float
     where: str
-    is_stopped: bool = False
 
 
 def activity(*groups: int) -> Activity:

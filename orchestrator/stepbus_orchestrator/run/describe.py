@@ -2,7 +2,7 @@
 
 import dataclasses
 import threading
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import msgspec
 
@@ -106,44 +106,45 @@ def _described(scenario: Scenario, outputs: Descriptions) -> list[ParticipantDes
             participant=name,
             inputs=_inputs(scenario, scenario.participant(name)),
             outputs=[
-                _output(
-                    port,
-                    output.type,
-                    _taken_by(scenario, name, port),
-                    _with_names(outputs[name].get(port, Description()), inputs[name]),
+                OutputPort(
+                    port=port,
+                    type=output.type,
+                    taken_by=_taken_by(scenario, name, port),
+                    description=description,
+                    joints=_joints(output.type, description),
                 )
                 for port, output in scenario.participant(name).outputs.items()
+                for description in [
+                    _with_names(outputs[name].get(port, Description()), inputs[name])
+                ]
             ],
         )
         for name in Schedule(scenario).order
     ]
 
 
-def _output(port: str, type_name: str, taken_by: list[str], description: Description) -> OutputPort:
-    joints = _joints(description) if type_name == _JOINT_STATE else []
-    return OutputPort(
-        port=port, type=type_name, taken_by=taken_by, description=description, joints=joints
-    )
+def _joints(type_name: str, description: Description) -> list[JointRow]:
+    if type_name != _JOINT_STATE:
+        return []
+    count = len(description.names)
 
+    def limit(key: str) -> Sequence[float | None]:
+        return description.limits.get(key, [None] * count)
 
-def _joints(description: Description) -> list[JointRow]:
-    def limit(key: str, index: int) -> float | None:
-        return description.limits[key][index] if key in description.limits else None
-
-    def detail(key: str, index: int) -> str:
-        return description.details[key][index] if key in description.details else ""
+    def detail(key: str) -> Sequence[str]:
+        return description.details.get(key, [""] * count)
 
     return [
         JointRow(
             index=index,
             name=name,
-            type=detail("type", index),
-            mode=detail("mode", index),
-            lower=limit("lower", index),
-            upper=limit("upper", index),
-            velocity=limit("velocity", index),
-            effort=limit("effort", index),
-            motor=_has_motor(detail("mode", index), limit("effort", index)),
+            type=detail("type")[index],
+            mode=detail("mode")[index],
+            lower=limit("lower")[index],
+            upper=limit("upper")[index],
+            velocity=limit("velocity")[index],
+            effort=limit("effort")[index],
+            motor=_has_motor(detail("mode")[index], limit("effort")[index]),
         )
         for index, name in enumerate(description.names)
     ]

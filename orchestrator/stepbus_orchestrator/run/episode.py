@@ -16,9 +16,9 @@ from greenlet import getcurrent, greenlet
 
 from stepbus_orchestrator.errors import Interrupted, RunFailure
 from stepbus_orchestrator.recording import layout
+from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.hosts import InProcess
-from stepbus_orchestrator.run.inprocess.alone import alone
-from stepbus_orchestrator.run.inprocess.local_run import HostedCaller
+from stepbus_orchestrator.run.inprocess.local_run import LocalRun, alone
 from stepbus_orchestrator.run.result import Result
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.model import Scenario
@@ -31,7 +31,7 @@ Make = Callable[[Config, Callable[[Step], Any]], Participant]
 _END = object()
 
 
-class Episode(HostedCaller):
+class Episode(RunExtension):
     """A run in one process, which waits at each step of one participant for its caller.
 
     The run is a greenlet of its own: `start` and `advance` let it work, in the thread of the
@@ -44,8 +44,10 @@ class Episode(HostedCaller):
     caller and returns its answer. out: a new folder. is_recorded: whether the run is recorded
     there; its logs are there in any case.
 
-    step: the one that the participant waits at, or None.
+    step: the one that the participant waits at, or None. local: the run, once it is open.
     """
+
+    local: LocalRun
 
     def __init__(
         self,
@@ -61,7 +63,7 @@ class Episode(HostedCaller):
         self._make = make
         self._options = Options(
             out=out,
-            host=InProcess(otherwise="an environment runs in one process", is_alone=True),
+            host=InProcess(caller=self),
             is_recorded=is_recorded,
             extensions=[self, Debug(no_deadline=[name])],
         )
@@ -165,6 +167,10 @@ class Episode(HostedCaller):
         return self._outcome.check()
 
     # --- the run's side -------------------------------------------------------------------
+
+    def adapt(self, scenario: Scenario) -> Scenario:
+        """Return the scenario without an end: the caller sees the outcome of the last step."""
+        return dataclasses.replace(scenario, steps=None)
 
     def _work(self) -> None:
         try:

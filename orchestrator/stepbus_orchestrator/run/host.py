@@ -8,12 +8,11 @@ from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
-from stepbus_orchestrator.processes.endpoints import Mesh
 from stepbus_orchestrator.processes.slots import RunSlots
 from stepbus_orchestrator.scenario.model import Scenario
-from stepbus_participant import Bus, Clock, Disk
+from stepbus_participant import Bus, Clock, Config, Disk, Participant
 
 from .extension import RunExtension, RunView
 
@@ -21,10 +20,11 @@ from .extension import RunExtension, RunView
 class Strategy:
     """How a run gets its participants.
 
-    mesh: their endpoints; None: they are all in this process. slots: what they share files by.
+    has_links: whether messages between them travel over a transport. slots: what they share files
+    by.
     """
 
-    mesh: Mesh | None = None
+    has_links = False
     slots: RunSlots = RunSlots()
 
     def launch(self, run: RunView) -> None:
@@ -59,6 +59,22 @@ class Opening:
     def is_star(self) -> bool:
         """Return whether participants are linked to the orchestrator only."""
         return any(extension.is_star for extension in self.extensions)
+
+
+class Caller(Protocol):
+    """Our caller, who makes the steps of a run in one process, in place of a participant.
+
+    name: of the participant. local: the run, once it is open.
+    """
+
+    name: str
+    local: Any
+
+    def make(self, config: Config) -> Participant:
+        """Return the participant."""
+
+    def away(self) -> bool:
+        """Work where no participant can; return whether one can now."""
 
 
 class Host(Protocol):

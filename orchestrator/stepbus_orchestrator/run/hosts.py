@@ -16,7 +16,7 @@ from stepbus_orchestrator.processes.slots import RunSlots, make_slots
 from stepbus_orchestrator.processes.warm import all_started, warm_parent
 from stepbus_orchestrator.run.bus import open_bus
 from stepbus_orchestrator.run.extension import RunView
-from stepbus_orchestrator.run.host import Opening, Strategy
+from stepbus_orchestrator.run.host import Caller, Opening, Strategy
 from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.live_file import Live, forget
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
@@ -82,10 +82,12 @@ class Processes:
 class _Launch(Strategy):
     """The strategy of a run in processes."""
 
+    has_links = True
+
     def __init__(
         self, launcher: Launcher, mesh: Mesh, slots: RunSlots, start_order: Sequence[str] | None
     ) -> None:
-        self.mesh: Mesh = mesh
+        self._mesh = mesh
         self.slots = slots
         self._launcher = launcher
         self._start_order = start_order
@@ -100,7 +102,7 @@ class _Launch(Strategy):
     def _start(self, spec: ParticipantSpec, run: RunView) -> ParticipantState:
         options = run.start_options(spec) | {"slots": self.slots.folder}
         folder = options.pop("folder", run.state.scenario.folder)
-        endpoint = self.mesh.participants[spec.name]
+        endpoint = self._mesh.participants[spec.name]
         if spec.is_external:
             external = self._launcher.admit(spec, endpoint, folder, **options)
             run.timing.event("external", spec.name)
@@ -118,36 +120,32 @@ class _Launch(Strategy):
 class InProcess:
     """Has all participants in this process.
 
-    start_order: as of `Processes`. owns_descriptors: descriptors 1 and 2 are the run's alone, and
-    what libraries in C print goes to a log. otherwise: what to say of a scenario that cannot run
-    so; default: to leave out the option. is_alone: whoever runs it sees to it that no run of
-    another thread goes on.
+    owns_descriptors: descriptors 1 and 2 are the run's alone, and what libraries in C print goes to
+    a log. caller: makes the steps, in place of a participant, and keeps runs of other threads off.
     """
 
     clock: ClassVar[Clock] = time
     disk: ClassVar[Disk] = os
-    start_order: Sequence[str] | None = None
     owns_descriptors: bool = False
-    otherwise: str = ""
-    is_alone: bool = False
+    caller: Caller | None = None
 
     def alone(self, interrupt: threading.Event) -> AbstractContextManager[None]:
         """Wait until no run in one process of another thread goes on, and keep it so."""
-        from stepbus_orchestrator.run.inprocess.alone import alone  # noqa: PLC0415
+        from stepbus_orchestrator.run.inprocess.local_run import alone  # noqa: PLC0415
 
-        return nullcontext() if self.is_alone else alone(interrupt)
+        return alone(interrupt) if self.caller is None else nullcontext()
 
     def check(self, scenario: Scenario) -> None:
         """Raise WiringError for a scenario that cannot run in one process, with every reason."""
         from stepbus_orchestrator.run.inprocess.local_run import check_scenario  # noqa: PLC0415
 
-        check_scenario(scenario, self.otherwise)
+        check_scenario(scenario, has_caller=self.caller is not None)
 
     @contextlib.contextmanager
     def open(self, opening: Opening) -> Iterator[tuple[Bus, Strategy]]:
         """Put the process in order for participants, and back at the end."""
         from stepbus_orchestrator.run.inprocess.local_run import LocalRun  # noqa: PLC0415
 
-        local = LocalRun(opening, self.start_order, self.clock)
+        local = LocalRun(opening, self.clock, self.caller)
         with local.opened(owns_descriptors=self.owns_descriptors):
             yield local.bus, local

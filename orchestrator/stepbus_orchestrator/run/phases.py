@@ -70,7 +70,10 @@ def _until_shutdown(run: Run) -> RunFailure | None:
         if failure is not None:
             failure = _after_fallback(failure, run)
     except RunFailure as exc:
-        failure = exc if failure is None else _failed_in_fallback(failure, exc)
+        if failure is not None:
+            reached("something fails while a participant is replaced")
+            failure = _extended(failure, f"while its commands were held: {exc}", exc)
+        failure = failure or exc
     if failure is not None:
         run.stop(str(failure))
     return failure
@@ -98,7 +101,7 @@ def _start_up(run: Run) -> None:
     run.recorder.open_channels(run.descriptions, versions)
     batches = {} if state.is_repeating else batches_of(state.scenario, state.participants)
     slots = run.strategy.slots.agree(ready)
-    if run.strategy.mesh is not None:
+    if run.strategy.has_links:
         state.check_bulk(slots)
     message = encode(Start(token=run.session.token, inputs=inputs, batches=batches, slots=slots))
     state.check_size("the descriptions of all inputs", message)
@@ -199,12 +202,6 @@ def _after_fallback(failure: RunFailure, run: Run) -> RunFailure:
     rests = motion_at_end(state.scenario, run.descriptions, state.newest)
     text = f"its commands were held from step {first} to {until} {rests}"
     return _extended(failure, text, failure)
-
-
-def _failed_in_fallback(failure: RunFailure, other: RunFailure) -> RunFailure:
-    """Return the failure of a run in whose fallback something else failed."""
-    reached("something fails while a participant is replaced")
-    return _extended(failure, f"while its commands were held: {other}", other)
 
 
 def _extended(failure: RunFailure, text: str, cause: RunFailure) -> RunFailure:

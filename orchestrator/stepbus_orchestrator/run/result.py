@@ -226,13 +226,9 @@ def file_sha256(path: Path) -> str:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
-def own_versions() -> dict[str, str]:
-    """Return what the orchestrator runs on: Python, the processor, the libraries of the bus."""
-    return dict(_versions())
-
-
 @functools.cache
-def _versions() -> Mapping[str, str]:
+def own_versions() -> Mapping[str, str]:
+    """Return what the orchestrator runs on: Python, the processor, the libraries of the bus."""
     names = ("stepbus", "eclipse-zenoh", "mcap", "msgspec", "zstandard")
     return {
         "python": platform.python_version(),

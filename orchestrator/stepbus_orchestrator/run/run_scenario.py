@@ -272,17 +272,14 @@ class _NoRecorder(Sink):
     silent: Collection[tuple[str, str]] = frozenset()
 
     def __init__(self, order: Sequence[ParticipantSpec], events: Events) -> None:
-        super().__init__({spec.name: spec.outputs for spec in order})
+        nothing = {spec.name: dict.fromkeys(spec.outputs, 0) for spec in order}
+        super().__init__(nothing, nothing)
         self._events = events
         self._decode = Decoder(Event)
         self._ports = {
             spec.name: [port for port, row in spec.outputs.items() if row.type == type_name(Event)]
             for spec in order
         }
-
-    def is_recorded(self, name: str, port: str, step: int) -> bool:
-        """Return that it is not."""
-        return False
 
     def offer(self, name: str, outputs: Outputs) -> None:
         """Report the events among the outputs of one participant."""
@@ -294,9 +291,6 @@ class _NoRecorder(Sink):
                     text = f"step {outputs.step}: {name}.{port} is {exc}"
                     raise ParticipantFault(text, participant=name, step=outputs.step) from exc
                 self._events.take(name, port, outputs.step, event)
-
-    def offer_bulk(self, name: str, port: str, step: int, content: bytes) -> None:
-        """Do nothing."""
 
     def write_below(self, step: int) -> None:
         """Do nothing."""

@@ -4,7 +4,6 @@ OutputError (of stepbus)
 └─ BridgeError      the program ended or gave an invalid answer
 """
 
-import contextlib
 import errno
 import fcntl
 import os
@@ -13,10 +12,9 @@ import signal
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from queue import Empty
-from typing import Any, Protocol
+from typing import Protocol
 
-from stepbus_participant import HOST, OutputError, environment, last_lines
+from stepbus_participant import OutputError, environment, last_lines
 from stepbus_schemas import WiringError
 
 VARIABLE = "STEPBUS_BRIDGE"
@@ -163,8 +161,7 @@ class Program:
     def _gone(self, half: str = "") -> BridgeError:
         """Return the error of a program that writes no more."""
         ended = self.how_it_ended()
-        host = HOST.get()
-        output = last_lines(_OWN_LOG if host is None or host.log is None else host.log)
+        output = last_lines(_OWN_LOG)
         tail = f'; its last output: "{output}"' if output else ""
         return self.wrong(f"{ended}{half}{tail}")
 
@@ -196,13 +193,7 @@ class Program:
 
     def await_end(self) -> None:
         """Wait for its end; the orchestrator kills it, and us, if that lasts."""
-        host = HOST.get()
-        turns = None if host is None else host.bus.queue()
-        while not self.has_ended(wait=turns is None):
-            if turns is not None:
-                # Those that share the thread go on meanwhile.
-                with contextlib.suppress(Empty):
-                    turns.get(timeout=_POLL_S)
+        self.has_ended(wait=True)
 
 
 def show(data: bytes | bytearray) -> str:
@@ -226,30 +217,20 @@ def _spawn(argv: Sequence[str], form: str, reads: int, writes: int) -> int:
         (os.POSIX_SPAWN_DUP2, reads, _READS),
         (os.POSIX_SPAWN_DUP2, writes, _WRITES),
     ]
-    host = HOST.get()
-    group: dict[str, Any] = {} if host is None else {"setpgroup": 0}
-    if host is not None and host.log is not None:
-        log = (os.POSIX_SPAWN_OPEN, 1, str(host.log), os.O_WRONLY | os.O_APPEND, 0)
-        actions += [log, (os.POSIX_SPAWN_DUP2, 1, 2)]
     # Not subprocess: it cannot place descriptors without running Python between fork and exec,
     # which is not safe beside Zenoh's threads.
     deadline = time.monotonic() + _BUSY_S
     while True:
         try:
-            pid = os.posix_spawn(
+            return os.posix_spawn(
                 argv[0],
                 list(argv),
                 {**environment(), VARIABLE: form},
                 file_actions=actions,
                 # Python ignores these two, which a program would inherit.
                 setsigdef=[signal.SIGPIPE, signal.SIGXFSZ],
-                **group,
             )
-            break
         except OSError as exc:
             if exc.errno not in _PASSING or time.monotonic() > deadline:
                 raise
             time.sleep(_POLL_S)
-    if host is not None:
-        host.started(pid)
-    return pid

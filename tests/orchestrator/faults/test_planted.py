@@ -20,7 +20,6 @@ PLANTED = [
     ".run.mcap.reserve",
     ".timing.mcap.reserve",
     "result.json",
-    "join-mission.sh",
     "profile/mission.csv",
 ]
 

@@ -34,9 +34,8 @@ def test_what_is_no_message_changes_the_hash_of_the_file_only(tmp_path, plain):
 
 
 def test_another_processor_changes_the_hash_of_the_file_only(tmp_path, plain, monkeypatch):
-    monkeypatch.setattr("stepbus_orchestrator.run.result.cpu_model", lambda: "another processor")
     monkeypatch.setattr(
-        "stepbus_orchestrator.run.result._versions",
+        "stepbus_orchestrator.run.run_scenario.own_versions",
         lambda: {"python": "3.99.0", "cpu": "another processor"},
     )
     elsewhere = run_joints(tmp_path, in_process=True)

@@ -43,7 +43,7 @@ def example(request, tmp_path_factory):
         shutil.copy(EXAMPLES / request.param / name, folder)
     if request.param == "c":
         subprocess.run(["make", "-s", "-C", folder], check=True, timeout=60)
-    return run(load(folder, SHORT), Options(out=folder / "run", host=InProcess()))
+    return run(load(folder, SHORT), Options(out=folder / "run"))
 
 
 def test_its_joints_follow_those_under_the_built_in_controller(example, native):

@@ -16,7 +16,6 @@ from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.run import phases
 from stepbus_orchestrator.run.extension import RunExtension
-from stepbus_orchestrator.run.run_scenario import host_of
 
 pytestmark = pytest.mark.usefixtures("nothing_is_left")
 
@@ -35,7 +34,7 @@ LOGGED = {
 def test_the_format_changes_no_byte_of_what_is_recorded_and_prints_go_to_the_log(tmp_path):
     recorded = []
     for form, line in LOGGED.items():
-        result = run_bridged(tmp_path / form, form, host=host_of(in_process=form != "json"))
+        result = run_bridged(tmp_path / form, form)
         assert (result.exit_code, result.steps) == (0, 100), result.reason
         assert line in (tmp_path / form / "out/logs/controller.log").read_text()
         recorded.append(commands(result))
@@ -69,21 +68,18 @@ class Plots(RunExtension):
                 self.plotted.touch()
 
 
-@pytest.mark.parametrize("in_process", [False, True])
-def test_a_program_that_works_on_behind_the_last_step_has_left_the_run(tmp_path, in_process):
-    host, plots = host_of(in_process=in_process), Plots(tmp_path)
-    result = run_bridged(tmp_path, "json", "plot", host=host, extensions=[plots])
+def test_a_program_that_works_on_behind_the_last_step_has_left_the_run(tmp_path):
+    plots = Plots(tmp_path)
+    result = run_bridged(tmp_path, "json", "plot", extensions=[plots])
     assert (result.exit_code, result.warnings, plots.plotted.exists()) == (0, [], True)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("in_process", [False, True])
 def test_a_program_that_works_on_without_end_is_killed_and_the_run_has_finished(
-    tmp_path, monkeypatch, in_process
+    tmp_path, monkeypatch
 ):
     monkeypatch.setattr(phases, "OWN_WORK_S", 0.0)
-    host = host_of(in_process=in_process)
-    result = run_bridged(tmp_path, "json", "plot", 7, "controller.stop_timeout=10s", host=host)
+    result = run_bridged(tmp_path, "json", "plot", 7, "controller.stop_timeout=10s")
     assert (result.exit_code, result.outcome) == (0, "finished")
     (warned,) = result.warnings
     assert warned.text.startswith("had left the complete run")

@@ -7,11 +7,9 @@ import atexit
 import concurrent.futures
 import contextlib
 import ctypes
-import multiprocessing
 import os
 import signal
 import subprocess
-import sys
 import threading
 import time
 
@@ -77,7 +75,7 @@ def lock_from_thread_later() -> None:
 
 
 def leave_thread() -> None:
-    threading.Thread(target=threading.Event().wait).start()
+    threading.Thread(target=sleep).start()
 
 
 def leave_daemon() -> None:
@@ -85,7 +83,7 @@ def leave_daemon() -> None:
 
 
 def leave_pool() -> None:
-    concurrent.futures.ThreadPoolExecutor().submit(time.sleep, LONG_S)
+    concurrent.futures.ThreadPoolExecutor().submit(sleep)
 
 
 def leave_exit() -> None:
@@ -102,10 +100,6 @@ def kill_self() -> None:
 
 def kill_group() -> None:
     os.kill(0, signal.SIGTERM)
-
-
-def kill_group_by_name() -> None:
-    os.killpg(os.getpgid(0), signal.SIGKILL)
 
 
 def raise_kill() -> None:
@@ -152,14 +146,6 @@ def fork_twice() -> None:
         os._exit(0)
 
 
-def fork_process() -> None:
-    multiprocessing.get_context("fork").Process(target=time.sleep, args=(LONG_S,)).start()
-
-
-def fork_pool() -> None:
-    multiprocessing.get_context("fork").Pool(2).map(abs, [1, -2])
-
-
 def fork_in_c() -> None:
     ctypes.PyDLL(None).fork()
 
@@ -172,21 +158,9 @@ def leave_grandchild() -> None:
     subprocess.run(["sh", "-c", "trap '' TERM INT HUP; sleep 1000 & :"], check=True)
 
 
-def leave_session() -> None:
-    subprocess.Popen(["sleep", "1000"], start_new_session=True)
-
-
-def clear_modules() -> None:
-    sys.modules.clear()
-
-
 def close_standard_streams() -> None:
     for number in (0, 1, 2):
         os.close(number)
-
-
-def close_range() -> None:
-    os.closerange(3, 1000)
 
 
 def close_range_in_c() -> None:

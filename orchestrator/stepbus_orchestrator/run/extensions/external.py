@@ -1,7 +1,6 @@
 """Participants that the user starts elsewhere: how, and which are still missing."""
 
 import shlex
-import sys
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -11,7 +10,7 @@ from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.kernel.participants import ParticipantState, Phase
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import EXTERNAL_SPAWN_S, ParticipantSpec, Scenario
-from stepbus_participant import suggest, write_file
+from stepbus_participant import suggest
 from stepbus_schemas import WiringError
 
 from .debug import check_names
@@ -19,10 +18,6 @@ from .debug import check_names
 _REMIND_S = 5.0
 _NO_END_S = 1e5
 """Deadlines that are longer are none."""
-_SCRIPT = """#!/bin/sh
-# Starts {name} in the run of this folder; another program follows `--`.
-exec {command} "$@"
-"""
 
 
 class External(RunExtension):
@@ -30,13 +25,11 @@ class External(RunExtension):
 
     Of all participants, it tells which have not ended.
 
-    Each gets a script in the run's folder. tickets: where the tickets of some are put; default:
-    `<name>.ticket` in the run's folder.
+    tickets: where the tickets of some are put; default: `<name>.ticket` in the run's folder.
     """
 
     def __init__(self, tickets: Mapping[str, Path] = MappingProxyType({})) -> None:
         self._tickets = tickets
-        self._scripts: list[Path] = []
         self._told_at = 0.0
 
     def prepare(self, scenario: Scenario) -> Scenario:
@@ -69,21 +62,16 @@ class External(RunExtension):
         return {"ticket": self._tickets.get(spec.name, self.run.out / f"{spec.name}.ticket")}
 
     def started(self, participant: ParticipantState) -> None:
-        """Write and tell the command that starts a participant."""
+        """Tell the command that starts a participant."""
         if participant.external is None:
             return
-        arguments = ["join", str(participant.external.ticket.path)]
-        command = shlex.join([sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *arguments])
-        script = self.run.out / f"join-{participant.name}.sh"
-        text = _SCRIPT.format(name=participant.name, command=command)
-        write_file(script, text.encode(), 0o700)
-        self._scripts.append(script)
+        command = shlex.join(["stepbus", "join", str(participant.external.ticket.path)])
         own = shlex.join(participant.spec.program)
         self._tell(
             participant,
             (
-                f"start it with `{shlex.join(['stepbus', *arguments])}` or {script}, which "
-                f"run `{own}`; append `-- PROGRAM` to run another program"
+                f"start it with `{command}`, which runs `{own}`; append `-- PROGRAM` to run "
+                "another program"
             ),
         )
 
@@ -108,11 +96,6 @@ class External(RunExtension):
     def stopping(self) -> None:
         """Give all some time to end before it tells that one has not."""
         self._told_at = self.run.clock.monotonic()
-
-    def close(self) -> None:
-        """Remove the scripts."""
-        for script in self._scripts:
-            script.unlink(missing_ok=True)
 
     def _tell(self, participant: ParticipantState, text: str) -> None:
         self.run.observer.event("waiting", participant.name, -1, text)

@@ -31,9 +31,9 @@ class Steering(RunExtension):
         self._speed = speed
         self._real_time = real_time
         calls.steer = self.take
-        self._flush_s: float | None = None
-        self._flush_until = 0.0
-        self._flushed_at = 0.0
+        self._flush_s = 0.0
+        self._flush_until = -1.0
+        self._flush_at = 0.0
         self._methods: Mapping[str, Callable[[Sequence[Any]], object]] = {
             "status": self._status,
             "pause": lambda _: pace.pause(),
@@ -44,19 +44,12 @@ class Steering(RunExtension):
             "stop": self._stop,
         }
 
-    @property
-    def flush_s(self) -> float | None:
-        """Return how often the recording is written; live views ask for it again and again."""
-        if self._flush_s is not None and self.run.clock.monotonic() > self._flush_until:
-            # The view that asked for it was killed.
-            self._flush_s = None
-        return self._flush_s
-
     def turn(self) -> None:
-        """Write what is recorded as often as a live view of the run asks for."""
-        period_s = self.flush_s
-        if period_s is not None and self.run.clock.monotonic() - self._flushed_at >= period_s:
-            self._flushed_at = self.run.clock.monotonic()
+        """Write what is recorded as often as a live view of the run asks for, again and again."""
+        now = self.run.clock.monotonic()
+        # A view that was killed asks no more.
+        if self._flush_at <= now <= self._flush_until:
+            self._flush_at = now + self._flush_s
             self.run.recorder.flush()
 
     def take(self, method: str, args: Sequence[Any]) -> CallReply:
@@ -99,9 +92,10 @@ class Steering(RunExtension):
         self._speed.set(factor, self.run.state.released)
 
     def _set_flush(self, args: Sequence[Any]) -> None:
-        given = args[0] if args else None
-        self._flush_s = None if given is None else _number(given, _PERIODS_S, "flush")
-        self._flush_until = self.run.clock.monotonic() + FLUSHED_S
+        self._flush_until = -1.0
+        if args and args[0] is not None:
+            self._flush_s = _number(args[0], _PERIODS_S, "flush")
+            self._flush_until = self.run.clock.monotonic() + FLUSHED_S
 
 
 def _number(value: object, limits: tuple[float, float], what: str) -> float:

@@ -1,24 +1,21 @@
 """A run in one process: which scenarios may have one, and the strategy that hosts them."""
 
 import contextlib
-import dataclasses
-import importlib
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import msgspec
 
-from stepbus_orchestrator.errors import StartFailed, argument
+from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
 from stepbus_orchestrator.processes.child import BoundedLog
-from stepbus_orchestrator.processes.launcher import Reaper
-from stepbus_orchestrator.run.extension import RunExtension, RunView
-from stepbus_orchestrator.run.host import Opening, Strategy
+from stepbus_orchestrator.run.extension import RunView
+from stepbus_orchestrator.run.host import Caller, Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
 from stepbus_orchestrator.run.inprocess.surroundings import NATIVE_LOG, Surroundings
@@ -28,32 +25,48 @@ from stepbus_orchestrator.run.kernel.participants import ParticipantState
 from stepbus_orchestrator.run.kernel.state import RunPhase, RunState
 from stepbus_orchestrator.scenario.faults import PROCESS_FAULTS, faults_of, format_fault
 from stepbus_orchestrator.scenario.model import Deadlines, ParticipantSpec, Scenario
-from stepbus_orchestrator.scenario.program import start_command
 from stepbus_participant import (
     Clock,
-    Config,
     Endpoint,
     LoopbackBus,
-    Participant,
     Ticket,
     import_participant,
     main,
 )
 from stepbus_schemas import SPOKEN, Batch, WiringError
 
-_BRIDGE = ("stepbus", "bridge")
+_TICK_S = 0.1
+_lock = threading.RLock()
 _BATCH = 0x82
 """A map of two entries; `Outputs` have three and more."""
 _decode_batch = msgspec.msgpack.Decoder(Batch).decode
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
+@contextlib.contextmanager
+def alone(interrupt: threading.Event) -> Iterator[None]:
+    """Wait until no run of another thread goes on, and keep it so for a block.
+
+    Prints, working directory, modules and handlers of signals are the process's. Raises Interrupted
+    where that is set meanwhile.
+    """
+    while not _lock.acquire(timeout=_TICK_S):
+        if interrupt.is_set():
+            raise Interrupted("interrupted while the run of another thread went on")
+    try:
+        yield
+    finally:
+        _lock.release()
+
+
+def check_scenario(scenario: Scenario, *, has_caller: bool = False) -> None:
     """Raise WiringError for a scenario that cannot run in one process, with every reason.
 
-    otherwise: the end of each sentence; default: to leave out the option.
+    has_caller: whether it is an environment, which cannot run otherwise.
     """
-    leave_out = otherwise or f"omit {argument('--in-process')}"
+    leave_out = f"omit {argument('--in-process')}"
+    if has_caller:
+        leave_out = "an environment runs in one process"
     external = [spec.name for spec in scenario.participants if spec.is_external]
     if external:
         raise WiringError(
@@ -69,7 +82,7 @@ def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
             f"{_remedy(spec)}{leave_out}"
         )
         for spec in scenario.participants
-        if not spec.participant and spec.bridge is None and spec.exec[:2] != _BRIDGE
+        if not spec.participant
     ]
     if problems:
         raise WiringError("\n".join(problems))
@@ -77,43 +90,20 @@ def check_scenario(scenario: Scenario, otherwise: str = "") -> None:
 
 def _remedy(spec: ParticipantSpec) -> str:
     """Return what to write instead of a program in Python."""
-    if spec.exec[:1] != ("python",):
+    if spec.exec[:1] != ("python",) or spec.bridge is not None:
         return ""
     files = [word for word in spec.exec if word.endswith(".py")]
     name = f"{files[0]}:CLASS" if files else "MODULE:CLASS"
     return f"write `participant: {name}` instead of `exec`, with the name of its class, or "
 
 
-class HostedCaller(RunExtension):
-    """The caller of a run, which takes part in place of a program, and ends it.
-
-    name: of the participant. local: the run in one process.
-    """
-
-    name: str
-    local: "LocalRun"
-
-    def make(self, config: Config) -> Participant:
-        """Return what takes part."""
-        raise NotImplementedError
-
-    def away(self) -> bool:
-        """Work where no participant can; return whether one can now."""
-        raise NotImplementedError
-
-    def adapt(self, scenario: Scenario) -> Scenario:
-        """Return the scenario without an end: the caller sees the outcome of the last step."""
-        return dataclasses.replace(scenario, steps=None)
-
-
 class LocalRun(Strategy):
     """Hosts all participants in this process; none is played.
 
-    start_order: names, in the order in which they begin. bus: the orchestrator's, whose network
-    the participants join.
+    bus: the orchestrator's, whose network the participants join. caller: as of `InProcess`.
     """
 
-    def __init__(self, opening: Opening, start_order: Sequence[str] | None, clock: Clock) -> None:
+    def __init__(self, opening: Opening, clock: Clock, caller: Caller | None) -> None:
         self.hub = Hub(clock)
         self.hub.before = self._before
         self.bus = LoopbackBus(make_queue=self.hub.queue, clock=clock)
@@ -123,15 +113,12 @@ class LocalRun(Strategy):
         folder, specs = opening.scenario.folder, opening.scenario.participants
         files = [spec.participant.rpartition(":")[0] for spec in specs]
         files = [file for file in files if file.endswith(".py")]
-        self.surroundings = Surroundings(folder, files, self._owner)
+        self.surroundings = Surroundings(folder, files)
         self.memory: Turns
         self._opening = opening
-        self._start_order = start_order
-        callers = (item for item in opening.extensions if isinstance(item, HostedCaller))
-        self._caller = next(callers, None)
+        self._caller = caller
         self._hosted: list[HostedParticipant] = []
-        self._reaper: Reaper | None = None
-        self._pid, self._thread_id = os.getpid(), threading.get_ident()
+        self._pid = os.getpid()
         self._handlers: dict[int, Any] = {}
 
     @contextlib.contextmanager
@@ -149,8 +136,8 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            logs = [BoundedLog(native_log)]
-            watch = Watch(self._current, self._opening.interrupt.is_set, logs)
+            is_interrupted = self._opening.interrupt.is_set
+            watch = Watch(self._current, is_interrupted, BoundedLog(native_log))
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory
@@ -167,8 +154,6 @@ class LocalRun(Strategy):
     def _end_all(self) -> None:
         for hosted in self._hosted:
             hosted.end()
-        if self._reaper is not None:
-            self._reaper.end()
 
     def leave(self) -> None:
         """Restore the process to what our caller knew."""
@@ -187,20 +172,10 @@ class LocalRun(Strategy):
         turn = self.hub.current
         return turn if isinstance(turn, HostedParticipant) else None
 
-    def _owner(self) -> HostedParticipant | None:
-        """Return whose code runs on this thread; None: that of no participant."""
-        if os.getpid() != self._pid:
-            return None
-        thread_id = threading.get_ident()
-        if thread_id == self._thread_id:
-            current = self._current()
-            return current if current is not None and current.is_running else None
-        return next((hosted for hosted in self._hosted if hosted.has_thread(thread_id)), None)
-
     def _before(self) -> None:
         """Note how far the run is, since the orchestrator has had the thread."""
         if os.getpid() != self._pid:
-            # A library in C has forked: this is a second orchestrator, with the same open files.
+            # A participant has forked: this is a second orchestrator, with the same open files.
             os.kill(os.getpid(), signal.SIGKILL)
         if self.state is None:
             return
@@ -217,7 +192,7 @@ class LocalRun(Strategy):
     # --- its participants -------------------------------------------------------------------
 
     def launch(self, run: RunView) -> None:
-        """Begin every participant, in the order of the options."""
+        """Begin every participant, in the order of the scenario."""
         scenario, specs = run.state.scenario, run.state.scenario.participants
         self.memory.begin(
             {
@@ -231,12 +206,11 @@ class LocalRun(Strategy):
             }
         )
         self.state = run.state
-        for name in self._start_order or [spec.name for spec in specs]:
-            spec = scenario.participant(name)
+        for spec in specs:
             hosted = self._host(spec, scenario, run.start_options(spec))
             self._hosted.append(hosted)
             run.started(ParticipantState(spec, hosted))
-            run.timing.event("spawn", name, f"in process {hosted.pid}")
+            run.timing.event("spawn", spec.name, f"in process {hosted.pid}")
 
     def _host(
         self, spec: ParticipantSpec, scenario: Scenario, options: dict[str, Any]
@@ -267,20 +241,12 @@ class LocalRun(Strategy):
                 words=self.memory.words,
                 number=number,
                 shown=shown,
-                rest=self.surroundings.keep,
-                reap=self.reap,
             )
         except OSError as exc:
             raise StartFailed(
                 f"{spec.name} could not be started: cannot open its log: {exc.strerror}",
                 participant=spec.name,
             ) from exc
-
-    def reap(self, group: int) -> None:
-        """Have a program that a participant has started killed when we end."""
-        if self._reaper is None:
-            self._reaper = Reaper()
-        self._reaper.watch(group)
 
 
 def count_steps(words: "memoryview[float]", place: int, data: bytes) -> None:
@@ -295,11 +261,6 @@ def _limits(deadlines: Deadlines) -> list[float]:
 
 
 def _take_part(spec: ParticipantSpec, folder: Path) -> int:
-    if not spec.participant:
-        command = start_command(spec, folder)
-        arguments = command[command.index("stepbus_bridge") + 1 :]
-        code: int = importlib.import_module("stepbus_bridge").take_part(arguments)
-        return code
     try:
         factory = import_participant(spec.participant, folder)
     except WiringError as exc:

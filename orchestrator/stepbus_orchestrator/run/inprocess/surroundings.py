@@ -9,7 +9,6 @@ from importlib.machinery import ModuleSpec, PathFinder
 from pathlib import Path
 from types import ModuleType
 
-from stepbus_orchestrator.run.inprocess.guard import Owner, guard, unguard
 from stepbus_participant import is_installed
 
 NATIVE_LOG = "native.log"
@@ -23,18 +22,15 @@ class Surroundings:
     the place of ours. What a run has loaded from there is known to the run, and forgotten with it:
     each run loads the files as they are then, and none gets what another folder calls alike.
 
-    folder: of the scenario. files: that are imported by their path. owner: returns whose code runs
-    on this thread, for the guard.
+    folder: of the scenario. files: that are imported by their path.
     """
 
-    def __init__(self, folder: Path, files: Iterable[str], owner: Owner) -> None:
+    def __init__(self, folder: Path, files: Iterable[str]) -> None:
         self._folder = str(folder)
-        self._owner = owner
         self._outside = self._inside = -1
         names = {Path(file).stem for file in files} - sys.stdlib_module_names
         self._own: dict[str, ModuleType | None] = dict.fromkeys(names)
         self._others: dict[str, ModuleType] = {}
-        self._all: dict[str, ModuleType] = {}
         self._path_outside = list(sys.path)
         self._path_inside = [self._folder, *sys.path]
 
@@ -58,7 +54,6 @@ class Surroundings:
         # The working directory may have no name any more.
         self._outside = os.open(".", os.O_PATH | os.O_DIRECTORY | os.O_CLOEXEC)
         os.fchdir(self._inside)
-        guard(self._owner)
         self._path_outside, sys.path[:] = list(sys.path), self._path_inside
         for name, own in self._own.items():
             other = sys.modules.pop(name, None)
@@ -67,24 +62,14 @@ class Surroundings:
             if own is not None:
                 sys.modules[name] = own
         sys.meta_path.insert(sys.meta_path.index(PathFinder), self)
-        self.keep()
-
-    def keep(self) -> None:
-        """Note what is loaded, and put back what a participant has removed: others need it."""
-        if len(sys.modules) < len(self._all):
-            sys.modules.update(self._all)
-        elif len(sys.modules) > len(self._all):
-            self._all = dict(sys.modules)
 
     def leave(self) -> None:
         """Put back what was there before."""
-        self.keep()
         sys.meta_path.remove(self)
         self._path_inside, sys.path[:] = list(sys.path), self._path_outside
         self._own = {name: sys.modules.pop(name, None) for name in self._own}
         sys.modules.update(self._others)
-        self._others, self._all = {}, {}
-        unguard(self._owner)
+        self._others = {}
         os.fchdir(self._outside)
         os.close(self._outside)
 

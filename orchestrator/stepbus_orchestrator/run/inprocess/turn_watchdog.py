@@ -19,13 +19,13 @@ if __name__ == "__main__":
 
 from stepbus_orchestrator.processes.activity import activity_of
 from stepbus_orchestrator.run.inprocess.turns import (
-    CODE,
     INTERRUPTED,
     LATE,
     PUBLISHED,
     PULSE,
     TURN,
     TURNS,
+    Kept,
     Stage,
     Turns,
 )
@@ -40,8 +40,7 @@ _MUTE_S = 1.0
 _TRACE_S = 0.3
 """Between the signal that writes the tracebacks and the one that ends the process [s]."""
 _LEAVE_S = 5.0
-_FAILED_LEAVE_S = 0.2
-"""How long a process may take to end; where a run has failed and left threads behind [s]."""
+"""How long a process may take to end after its run [s]."""
 _INTERRUPTED_S = 1.0
 _END_S = 5.0
 _PAUSE_S = 0.005
@@ -56,14 +55,11 @@ class TurnWatchdog:
     """Finds the participant that keeps the thread, or Python's lock, beyond its deadline.
 
     is_owner: the process does nothing but this run, so that any thread that keeps the lock is of
-    the run. held_s: how long the culprit has had it [s]. culprit: its number; 0: unknown.
-    is_stopped: whether a signal or a debugger has stopped the process meanwhile.
+    the run. kept: how long the culprit has had it.
     """
 
     def __init__(self, turns: Turns, pid: int, *, is_owner: bool) -> None:
-        self.held_s = 0.0
-        self.culprit = 0
-        self.is_stopped = False
+        self.kept = Kept()
         self._turns = turns
         self._pid = pid
         self._is_owner = is_owner
@@ -81,26 +77,26 @@ class TurnWatchdog:
         stage, turn = self._turns.stage, int(self._turns.words[TURN])
         state = self._progress(stage, turn)
         if state != self._state:
-            self._state, self._is_interrupted, self.held_s = state, False, 0.0
+            self._state, self._is_interrupted, self.kept.held_s = state, False, 0.0
             return False
-        self.held_s += elapsed_s
+        self.kept.held_s += elapsed_s
         is_watched = stage is not Stage.BEFORE and (self._is_owner or turn > 0)
         # To read the limits takes a while, and hardly any participant comes near them.
-        if not is_watched or self.held_s <= _LONGEST_TICK_S:
+        if not is_watched or self.kept.held_s <= _LONGEST_TICK_S:
             return False
         limit_s = self._limit_s(stage, turn)
-        if self.held_s <= limit_s:
+        if self.kept.held_s <= limit_s:
             return False
-        self.is_stopped = activity_of(self._pid).is_stopped
-        if not self._is_owner and self.is_stopped:
+        self.kept.is_stopped = activity_of(self._pid).is_stopped
+        if not self._is_owner and self.kept.is_stopped:
             # By Ctrl-Z, which does not reach us: that is no participant's.
-            self.held_s = 0.0
+            self.kept.held_s = 0.0
             return False
         if turn and not self._is_interrupted:
             self._is_interrupted = True
             self._interrupt()
             return False
-        return self.held_s > limit_s + (_PATIENCE_S if turn else 0.0) and self._is_stuck(turn)
+        return self.kept.held_s > limit_s + (_PATIENCE_S if turn else 0.0) and self._is_stuck(turn)
 
     def _progress(self, stage: Stage, turn: int) -> tuple[float, ...]:
         """Return what changes as long as the process gets on."""
@@ -118,30 +114,20 @@ class TurnWatchdog:
             limit_s = max((row[stage - 1] for row in some), default=math.inf)
             limit_s = min(limit_s, _INTERRUPTED_S) if words[INTERRUPTED] else limit_s
             return limit_s if turn else limit_s + _MUTE_S
-        if stage is Stage.OVER:
-            return _LEAVE_S + _MUTE_S
-        threads = self._turns.with_threads()
-        if threads and words[CODE]:
-            return _FAILED_LEAVE_S
-        own = [row[-1] for number in threads for row in rows[number - 1 : number]]
-        return min([_LEAVE_S, *own])
+        return _LEAVE_S
 
     def _interrupt(self) -> None:
         """Make the process write its tracebacks, and raise in what the participant executes."""
-        self._turns.words[LATE] = self.held_s
+        self._turns.words[LATE] = self.kept.held_s
         with contextlib.suppress(ProcessLookupError):
             os.kill(self._pid, TRACE_SIGNAL)
 
     def _is_stuck(self, turn: int) -> bool:
-        """Interrupt once more; return whether that was of no use, and find the culprit."""
+        """Interrupt once more; return whether that was of no use."""
         before, switches = self._turns.words[TURNS], self._switches()
         self._interrupt()
         time.sleep(_TRACE_S)
-        others = self._turns.with_threads()
-        # Whose turn it is may wait for Python's lock itself.
-        is_other = others and (not turn or self._switches() - switches > _SWITCHES)
-        # Whoever has stopped the process, it was no thread.
-        self.culprit = others[0] if is_other and not self.is_stopped else turn
+        self.kept.is_waiting = not turn or self._switches() - switches > _SWITCHES
         return (self._turns.stage, self._turns.words[TURNS]) == (self._state[0], before)
 
     def _switches(self) -> int:
@@ -164,7 +150,7 @@ def _watch(turns: Turns, pid: int) -> None:
             sys.path[:] = turns.will()["path"]
             from stepbus_orchestrator.run.inprocess.post_mortem import conclude  # noqa: PLC0415
 
-            _, text = conclude(turns, pid, watchdog.culprit, held_s=watchdog.held_s)
+            _, text = conclude(turns, pid, kept=watchdog.kept)
             sys.stderr.write(text)
             return
         time.sleep(TICK_S)

@@ -8,6 +8,7 @@ import fcntl
 import json
 import mmap
 import os
+from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
 
@@ -25,9 +26,9 @@ STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED, MUTE = range(8)
 participant), and how many turns there were; what counts while Python's lock is to be had; how
 long the participant has had the thread that is to be interrupted [s]; whether the user wants the
 run to end; whether the process has lost its stderr."""
-PUBLISHED, THREADS = MOST, 2 * MOST
+PUBLISHED = MOST
 """Where the numbers of the participants begin, which count from 1: how many steps each has
-published, and how many threads it has started."""
+published."""
 
 
 class Stage(IntEnum):
@@ -44,6 +45,19 @@ class Stage(IntEnum):
     def is_run(self) -> bool:
         """Return whether participants have turns."""
         return Stage.READY <= self <= Stage.STOP
+
+
+@dataclass
+class Kept:
+    """How long a process has not got on [s].
+
+    is_waiting: whether the thread of the run waits for Python's lock, which another one keeps.
+    is_stopped: whether a signal or a debugger has stopped the process.
+    """
+
+    held_s: float = 0.0
+    is_waiting: bool = False
+    is_stopped: bool = False
 
 
 def make_file() -> int:
@@ -90,7 +104,7 @@ class Turns:
         """Note how far the process is; code: with which it would end."""
         if stage is Stage.STEP:
             # What was published before was handshakes.
-            self.words[PUBLISHED:THREADS] = memoryview(bytes(8 * MOST)).cast("d")
+            self.words[PUBLISHED : 2 * MOST] = memoryview(bytes(8 * MOST)).cast("d")
         self.words[CODE] = code
         self.words[STAGE] = stage
 
@@ -107,10 +121,6 @@ class Turns:
     def stage(self) -> Stage:
         """Return how far the process is."""
         return Stage(int(self.words[STAGE]))
-
-    def with_threads(self) -> list[int]:
-        """Return the participants that have started threads."""
-        return [number for number in range(1, MOST) if self.words[THREADS + number]]
 
     def will(self) -> dict[str, Any]:
         """Return what was left; empty where nothing was."""

@@ -12,7 +12,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import FrameType
 
@@ -35,7 +35,7 @@ _handling: list["Watch"] = []
 class Watch:
     """Watches the participants of a run, from when it is made until it is closed.
 
-    current: returns who has the thread. is_interrupted: whether the user ends the run. logs: kept
+    current: returns who has the thread. is_interrupted: whether the user ends the run. log: kept
     short, whatever prints. memory: that another process watches: our parent, or else a child.
     """
 
@@ -43,11 +43,11 @@ class Watch:
         self,
         current: Callable[[], HostedParticipant | None],
         is_interrupted: Callable[[], bool],
-        logs: Iterable[BoundedLog],
+        log: BoundedLog,
     ) -> None:
         self._current = current
         self._is_interrupted = is_interrupted
-        self._logs = logs
+        self._log = log
         self._stack = contextlib.ExitStack()
         self._thread_id = threading.get_ident()
         self._is_main = threading.current_thread() is threading.main_thread()
@@ -89,8 +89,7 @@ class Watch:
 
     def _look(self) -> None:
         while not self._over.wait(_CHECK_S):
-            for log in self._logs:
-                log.limit()
+            self._log.limit()
             if self._is_interrupted():
                 self.memory.words[INTERRUPTED] = 1
             holder = self._current()
@@ -105,16 +104,12 @@ class Watch:
         holder = self._current()
         if self.memory.words[LATE] and holder is not None and holder.is_running:
             late = self._note(holder, frame)
-            raise Late(f"interrupted after {late.held_s:.1f} s {late.where and f'at {late.where}'}")
+            raise Late(f"interrupted after {late.held_s:.1f} s at {late.where}")
 
     def _note(self, holder: HostedParticipant, frame: FrameType | None) -> KeptThread:
-        """Note how a participant is late, and end the programs that it may wait for."""
+        """Note how a participant is late."""
         held_s, self.memory.words[LATE] = self.memory.words[LATE], 0.0
-        if holder.has_programs:
-            holder.late = KeptThread(held_s, "", holder.activity().is_stopped)
-            holder.kill_programs()
-        else:
-            holder.late = KeptThread(held_s, _where(frame))
+        holder.late = KeptThread(held_s, _where(frame))
         return holder.late
 
 

@@ -23,7 +23,7 @@ def check_start(state: RunState, elapsed_s: float) -> None:
         if participant.in_phase_s > participant.limit_s(PHASE_DEADLINES[participant.phase]):
             # One that publishes to a stopped process may be blocked by it, and hears of no other.
             sources = _sources(participant, participants)
-            near = (participant, *sources, *_readers(participant, participants))
+            near = (participant, *sources, *state.readers(participant.name))
             raise late_to_start(state, next(filter(_is_stopped, near), participant))
 
 
@@ -31,15 +31,6 @@ def _sources(participant: ParticipantState, others: Participants) -> list[Partic
     """Return what a participant waits for."""
     names = () if participant.waiting is None else participant.waiting.sources
     return [others[name] for name in names if name in others]
-
-
-def _readers(participant: ParticipantState, others: Participants) -> list[ParticipantState]:
-    """Return those that read what a participant publishes."""
-    return [
-        one
-        for one in others.values()
-        if any(item.source == participant.name for item in one.spec.inputs.values())
-    ]
 
 
 def _waits_for_others(participant: ParticipantState, others: Participants) -> bool:
@@ -65,15 +56,15 @@ def check_step(state: RunState, elapsed_s: float) -> None:
         participant.hold(state.owed_step(participant), elapsed_s)
     late = [one for one in held_by if one.holds_s > one.limit_s("step")]
     if late:
-        raise late_for_step(state, _stopped(late, participants) or late)
+        raise late_for_step(state, _stopped(state, late) or late)
 
 
-def _stopped(late: Sequence[ParticipantState], others: Participants) -> list[ParticipantState]:
+def _stopped(state: RunState, late: Sequence[ParticipantState]) -> list[ParticipantState]:
     """Return which of those that are late are stopped, or else a reader that may block one."""
     if stopped := [one for one in late if _is_stopped(one)]:
         return stopped
     for one in late:
-        for reader in filter(_is_stopped, _readers(one, others)):
+        for reader in filter(_is_stopped, state.readers(one.name)):
             reader.hold(one.held_step, one.holds_s)
             return [reader]
     return []

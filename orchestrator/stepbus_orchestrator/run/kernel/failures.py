@@ -138,15 +138,12 @@ def took_nothing(state: RunState, participant: ParticipantState) -> StepTimeout:
 def kept_thread(state: RunState, participant: ParticipantState, late: "KeptThread") -> RunFailure:
     """Return the failure of a participant that kept the thread it shares past its deadline."""
     is_ready = participant.phase == Phase.READY
-    held = f"has been computing for {late.held_s:.1f} s, at {late.where}"
-    if not late.where:
-        stopped = ", which has been stopped by a signal or a debugger" * late.is_stopped
-        held = f"has waited {late.held_s:.1f} s for its program{stopped}"
     return state.failure(
         StepTimeout if is_ready else StartFailed,
         participant,
         state.owed_step(participant),
-        f"{held}; deadline {participant.limit('step' if is_ready else 'ready')}; "
+        f"has been computing for {late.held_s:.1f} s, at {late.where}; deadline "
+        f"{participant.limit('step' if is_ready else 'ready')}; "
         f"{participant.where_it_prints()}",
     )
 

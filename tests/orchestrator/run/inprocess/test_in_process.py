@@ -53,12 +53,6 @@ def test_scenarios_that_ship_record_the_same_bytes(tmp_path, scenario, settings)
     assert runs[0].sha256 == runs[1].sha256
 
 
-def test_the_start_order_changes_nothing(tmp_path, separate):
-    order = ["mission", "controller", "plant"]
-    result = run_joints(tmp_path, host=InProcess(start_order=order))
-    assert (result.reason, result.sha256) == ("finished", separate.sha256)
-
-
 @pytest.mark.parametrize(
     ("kind", "code", "sentence"),
     [
@@ -230,7 +224,7 @@ def test_a_log_on_a_full_disk_fails_nobody_else():
     )  # fmt: skip
     hosted = HostedParticipant(
         hub, ticket, LoopbackBus(bus, hub.queue), Path("/dev/full"), leave,
-        words=turns.words, number=1, shown=False, rest=lambda: None, reap=lambda _group: None,
+        words=turns.words, number=1, shown=False,
     )  # fmt: skip
     assert hosted.wait(5)
     hosted.end()

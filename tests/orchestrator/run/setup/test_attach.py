@@ -220,7 +220,7 @@ def test_a_bridged_program_in_another_language_gives_the_bytes_of_a_child(
 ):
     needs("node")
     scenario = load(CHECKOUT / "examples/controllers/javascript/scenario.yaml", SHORT)
-    child = run(scenario, Options(out=tmp_path / "child", host=InProcess()))
+    child = run(scenario, Options(out=tmp_path / "child"))
     assert child.exit_code == 0, child.reason
     ticket = tmp_path / "c.ticket"
     elsewhere.join(ticket)
@@ -278,9 +278,9 @@ def test_in_a_container(tmp_path, elsewhere, as_child, what):
 
 def test_as_a_service(tmp_path, elsewhere, as_child):
     """It has no terminal, no environment and another folder, as under systemd."""
-    script = tmp_path / "out/join-controller.sh"
+    words = ["env", "-i", sys.executable, "-m", "stepbus_orchestrator.cli", "join"]
     result, _ = run_with_external(
-        tmp_path, invited=lambda: elsewhere.start("env", "-i", script, cwd="/")
+        tmp_path, invited=lambda: elsewhere.start(*words, tmp_path / TICKET, cwd="/")
     )
     assert (result.exit_code, result.sha256) == (0, as_child.sha256)
 
