@@ -7,13 +7,11 @@ import threading
 import traceback
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from stepbus_orchestrator.recording import mcap_file, recover
-from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording import McapFile, recover
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.kernel.state import RunState
@@ -189,10 +187,9 @@ class Execution:
     def run(self) -> None:
         """Run it until all processes have ended, or should have."""
         scenario(self.tape.scenario, self.tape.steps, self.tape.knobs)  # reads files
-        chunks = partial(MessageWriter, chunk_size=self.tape.knobs.chunk_bytes)
         with (
             contextlib.redirect_stderr(self.printed),
-            patch.object(mcap_file, "MessageWriter", chunks),
+            patch.object(McapFile, "chunk_bytes", self.tape.knobs.chunk_bytes),
             no_escapes(writes_files=self.writes_files),
             _real_time_limit(),
         ):

@@ -20,6 +20,7 @@ from stepbus_orchestrator.recording import (
     Sink,
     TimingRecorder,
     layout,
+    whole_file,
 )
 from stepbus_orchestrator.recording.layout import Source
 from stepbus_orchestrator.replay.prepare import Prepared, alone, prepare, shorten
@@ -208,17 +209,11 @@ def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> I
         raise OutputExists(
             f"{target} already exists; choose another name with {argument('--update')}"
         )
-    part = target.with_name(f".{target.name}.part")
-    file = McapFile(part)
-    try:
+    with whole_file(target) as file:
         _describe(file, old, prepared)
         reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
         reference.recorded_versions = layout.versions_of(old.metadata)
         yield reference
-        part.replace(target)
-    finally:
-        file.close()
-        part.unlink(missing_ok=True)
 
 
 def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:

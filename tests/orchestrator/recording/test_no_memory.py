@@ -42,7 +42,8 @@ def test_a_chunk_without_memory_to_compress_it_ends_the_recording(tmp_path, comp
     channel = file.add_channel("plant/a", "Event/1", {})
     with pytest.raises(RecordingFailed, match="no memory left"):
         fill(file, channel, size)
-    file.close()
+    with pytest.raises(RecordingFailed, match="no memory left"):
+        file.close()
     with Recording(file.path) as recording:
         steps = recording["plant/a"].steps.tolist()
     assert recording.damage == ""

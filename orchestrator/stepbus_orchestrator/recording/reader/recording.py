@@ -130,7 +130,7 @@ class Recording:
             holes = Holes(index.scenario)
             for channel, step, _, data in self._source.rows():
                 holes.add(index.channels[channel].topic, step, data)
-            self._holes = holes.end()
+            self._holes = holes.found
         return self._holes
 
     def flaws(self) -> list[str]:
