@@ -112,6 +112,12 @@ class Index:
                 self.metadata[record.name] = record.metadata
             case mcap.Header():
                 self.library = record.library
+                if layout.is_newer(self.library):
+                    raise RecordingFailed(
+                        f"{self.path} has layout {self.library!r}, which is newer than this "
+                        f"stepbus: it reads layouts up to {layout.LIBRARY!r}; update stepbus "
+                        "(docs/compatibility.md)"
+                    )
 
     def _not_ours(self, name: object) -> RecordingFailed:
         return RecordingFailed(
@@ -123,35 +129,22 @@ class Index:
 def read_summary(file: RecordFile) -> Index | None:
     """Return the index of a recording of ours; None where no summary says all of it."""
     try:
-        return _read_summary(file)
+        section, index = _section(file), Index(path=file.path)
+        if section is None:
+            return None
+        _add_at(file, len(MAGIC), index)
+        if not index.is_ours:
+            return None
+        for opcode, content in split(section):
+            if opcode == Opcode.CHUNK_INDEX:
+                index.blocks.append(_block(content, index.blocks))
+            for record in records_of(opcode, content):
+                if isinstance(record, mcap.AttachmentIndex | mcap.MetadataIndex):
+                    _add_at(file, record.offset, index)
+                else:
+                    index.add(record)
     except (DamagedRecord, ValueError, struct.error):
         return None
-
-
-def _read_summary(file: RecordFile) -> Index | None:
-    section, index = _section(file), Index(path=file.path)
-    if section is None:
-        return None
-    _add_at(file, len(MAGIC), index)
-    if not index.is_ours:
-        return None
-    statistics: mcap.Statistics | None = None
-    attached: list[int] = []
-    for opcode, content in split(section):
-        if opcode == Opcode.CHUNK_INDEX:
-            index.blocks.append(_block(content, index.blocks))
-        for record in records_of(opcode, content):
-            match record:
-                case mcap.Statistics():
-                    statistics = record
-                case mcap.AttachmentIndex() | mcap.MetadataIndex():
-                    attached.append(record.offset)
-                case _:
-                    index.add(record)
-    if statistics is None or not _lists_all(index, len(attached), statistics):
-        return None
-    for offset in attached:
-        _add_at(file, offset, index)
     index.ends_a_step = index.library == layout.LIBRARY
     return index
 
@@ -183,16 +176,3 @@ def _block(content: bytes, before: Sequence[Block]) -> Block:
     if before and channels == before[-1].channels:
         channels = before[-1].channels
     return Block(offset, length, channels, start_ns)
-
-
-def _lists_all(index: Index, attached: int, counted: mcap.Statistics) -> bool:
-    """Return whether a summary lists all that its statistics count."""
-    listed = (len(index.blocks), len(index.channels), attached)
-    expected = (
-        counted.chunk_count,
-        counted.channel_count,
-        counted.attachment_count + counted.metadata_count,
-    )
-    in_chunks = frozenset().union(*{block.channels for block in index.blocks})
-    with_messages = {channel for channel, n in counted.channel_message_counts.items() if n}
-    return listed == expected and in_chunks == with_messages

@@ -153,10 +153,6 @@ class Tail:
         """Return the newest step with a message; −1 without any."""
         return max((step for step, _ in self._newest.values()), default=-1)
 
-    def newest(self, topic: str) -> tuple[int, bytes] | None:
-        """Return (step, bytes) of the newest message of a port; None before the first."""
-        return self._newest.get(topic)
-
     @property
     def step_ns(self) -> int:
         """Return the length of a step [ns], as the recording has it; 0 before step 1."""
