@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
 from itertools import takewhile
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import msgspec
@@ -48,7 +49,7 @@ class Recorder(Sink):
     """Writes the outputs of a run, and the hash chains.
 
     order: the participants in schedule order. on_event: gets every Event that is written. types:
-    those of the scenario.
+    those of the scenario. versions: participant → library → version, of those that do not run.
     Its methods raise RecordingFailed when the disk is full or the recording is closed, and
     ParticipantFault when a message is not of its port's type.
     """
@@ -60,6 +61,8 @@ class Recorder(Sink):
         step_ns: int,
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
+        *,
+        versions: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
     ) -> None:
         super().__init__({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         self._types = types
@@ -68,6 +71,7 @@ class Recorder(Sink):
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
+        self._versions = versions
         self._chains = {
             spec.name: ThreadedChain() if _has_bulk(spec) else HashChain() for spec in order
         }
@@ -93,7 +97,8 @@ class Recorder(Sink):
         version.
         """
         for name in self._specs:
-            content = dict(sorted(versions.get(name, {}).items()))
+            own = versions.get(name, self._versions.get(name, {}))
+            content = dict(sorted(own.items()))
             self._file.add_metadata(layout.versions_metadata(name), content)
         for name, spec in self._specs.items():
             for port, output in spec.outputs.items():

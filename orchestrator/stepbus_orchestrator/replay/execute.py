@@ -3,7 +3,7 @@
 import contextlib
 import dataclasses
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from os import PathLike
 from pathlib import Path
 
@@ -13,7 +13,6 @@ from stepbus_orchestrator.errors import OutputExists, argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import (
-    Descriptions,
     McapFile,
     Recorder,
     Recording,
@@ -23,7 +22,7 @@ from stepbus_orchestrator.recording import (
     whole_file,
 )
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.prepare import Prepared, alone, prepare, shorten
+from stepbus_orchestrator.replay.prepare import Prepared, prepare, shorten
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
 from stepbus_orchestrator.replay.replayed import Replayed
 from stepbus_orchestrator.replay.trust import find_source, programs_of
@@ -115,7 +114,8 @@ def replay(
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence
-    copied = [] if is_copy or file is not None else _copy_notes(opened, participant)
+    here = Path.cwd()
+    copied = [] if is_copy or file is not None else _copy_note(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -126,26 +126,21 @@ def replay(
         ports=in_order(replayed.results()),
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
-        source="" if file is None else _shown(file),
+        source=""
+        if file is None
+        else str(file.relative_to(here) if file.is_relative_to(here) else file),
         changes=prepared.notes,
         notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
     )
 
 
-def _shown(path: Path) -> str:
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-def _copy_notes(recording: Recording, participant: str) -> list[str]:
-    """Return a sentence where the copy is tested of a program that the user may be working on."""
-    if not programs_of(recording, participant).files:
-        return []
+def _copy_note(recording: Recording, participant: str) -> list[str]:
+    """Return a note where the tested copy is of a program that the user may be working on."""
     note = (
         "testing the copy in the recording, as its scenario is not in the current folder; give its "
         f"folder with {argument('--source')}, or choose the copy with {argument('--recorded')}"
     )
-    return [note]
+    return [note] if programs_of(recording, participant).files else []
 
 
 def _run(
@@ -164,7 +159,8 @@ def _run(
     name, recording = replayed.spec.name, replayed.recording
     extensions = [replayed, Calls(recorded_calls(recording, name))]
     opening = Opening(
-        scenario=alone(scenario, name),
+        # For the links on the bus.
+        scenario=dataclasses.replace(scenario, participants=(scenario.participant(name),)),
         out=folder,
         logs=folder / LOGS_FOLDER,
         run=new_token(),
@@ -211,9 +207,8 @@ def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> I
         )
     with whole_file(target) as file:
         _describe(file, old, prepared)
-        reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
-        reference.recorded_versions = layout.versions_of(old.metadata)
-        yield reference
+        versions = layout.versions_of(old.metadata)
+        yield Recorder(file, order, scenario.step_ns, types=scenario.types, versions=versions)
 
 
 def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
@@ -230,15 +225,3 @@ def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
     for name, metadata in old.metadata.items():
         if name not in participants:
             file.add_metadata(name, metadata)
-
-
-class _Reference(Recorder):
-    """recorded_versions: what the participants that are played ran on."""
-
-    recorded_versions: Mapping[str, Mapping[str, str]] = {}
-
-    def open_channels(
-        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
-    ) -> None:
-        """Register the channels, also of participants that are played."""
-        super().open_channels(descriptions, {**self.recorded_versions, **versions})

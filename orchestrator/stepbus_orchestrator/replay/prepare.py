@@ -196,8 +196,3 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     bus = structs.replace(scenario.bus, low_latency=is_quick)
     batch = max(1, window // 2)
     return dataclasses.replace(scenario, steps=steps, window=window, batch=batch, bus=bus)
-
-
-def alone(scenario: Scenario, participant: str) -> Scenario:
-    """Return a scenario of one participant, for the links on the bus."""
-    return dataclasses.replace(scenario, participants=(scenario.participant(participant),))
