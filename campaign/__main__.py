@@ -1,18 +1,17 @@
-"""`python -m campaign`: strikes runs and recordings from outside, judges them, prints tables."""
+"""`python -m campaign`: strikes runs and sales from outside, judges them, prints tables."""
 
 from __future__ import annotations
 
 import argparse
 import sys
-import time
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from . import recordings, runs, store
-from .table import RECORDINGS, RUNS, SALES, Column, Table
+from . import runs, store
+from .table import RUNS, SALES, Column, Table
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -32,11 +31,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument(
         "--count", type=int, default=runs.WHOLE, help=f"number of runs (default: {runs.WHOLE})"
     )
-    parser.add_argument(
-        "--mutations", type=int, default=2000, help="number of mutated recordings (default: 2000)"
-    )
     parser.add_argument("--sales", type=int, default=64, help="number of sales (default: 64)")
-    parser.add_argument("--keep", type=Path, help="folder for the sales that broke a guarantee")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--only", default="", help="only faults whose name contains this")
     parser.add_argument("--on", default="", help="only scenarios whose name contains this")
@@ -46,9 +41,6 @@ def _arguments() -> argparse.Namespace:
         default=1.0,
         help="factor for all deadlines of the runs; above 1, only a run that hangs for two "
         "minutes is late, so that a slow machine does not matter (default: 1)",
-    )
-    parser.add_argument(
-        "--minutes", type=float, default=1e9, help="start no further case of a part after this time"
     )
     parser.add_argument("--table", type=Path, help="write the tables to this file, in Markdown")
     return parser.parse_args()
@@ -72,23 +64,13 @@ def _strike_runs(options: argparse.Namespace) -> Iterator[Outcome]:
         )
 
 
-def _mutate_recordings(options: argparse.Namespace) -> Iterator[Outcome]:
-    for outcome in recordings.mutate(options.mutations, options.seed):
-        yield Outcome(
-            case=f"#{outcome.number} {outcome.mutation} of {outcome.source}",
-            row=outcome.mutation,
-            cells=(1, outcome.calls, outcome.reported),
-            broken=outcome.broken,
-        )
-
-
 def _sell(options: argparse.Namespace) -> Iterator[Outcome]:
     rows = [
         case
         for case in store.cases(options.sales, options.seed)
         if options.only in case.family and options.on in case.scenario
     ]
-    for case, outcome in store.sell(rows, options.keep):
+    for case, outcome in store.sell(rows):
         is_sold = outcome.code == 0
         yield Outcome(
             case=f"{case}: {outcome.code} after {outcome.seconds:.0f} s",
@@ -106,7 +88,6 @@ _PARTS: Mapping[
     str, tuple[Callable[[argparse.Namespace], Iterator[Outcome]], Mapping[str, Column]]
 ] = {
     "runs": (_strike_runs, RUNS),
-    "recordings": (_mutate_recordings, RECORDINGS),
     "store": (_sell, SALES),
 }
 
@@ -114,14 +95,12 @@ _PARTS: Mapping[
 def _judged(name: str, options: argparse.Namespace) -> Table:
     """Run a part, print what each case came to, and return its table."""
     outcomes, columns = _PARTS[name]
-    table, give_up = Table(columns), time.monotonic() + 60 * options.minutes
+    table = Table(columns)
     for number, outcome in enumerate(outcomes(options), start=1):
         table.add(outcome.row, *outcome.cells, len(outcome.broken))
         _say(f"{number} {'BROKEN' if outcome.broken else 'ok'} {outcome.case}")
         for line in (*outcome.broken, *outcome.notes):
             _say(f"      {line}")
-        if time.monotonic() > give_up:
-            break
     return table
 
 

@@ -24,10 +24,6 @@ RUNS: Mapping[str, Column] = {
 }  # fmt: skip
 """Cases: those in which the fault struck. Missed: those whose run had ended before."""
 
-RECORDINGS: Mapping[str, Column] = {
-    "Recordings": len, "Calls": sum, "Damage reported": sum, "Broken": sum,
-}  # fmt: skip
-
 SALES: Mapping[str, Column] = {
     "Cases": len, "Sold": sum, "Stopped": sum, "Largest force [N]": most, "Too near": sum,
     "Broken": sum,

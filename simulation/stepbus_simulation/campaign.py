@@ -114,9 +114,9 @@ def _code(execution: Execution) -> str:
     return "refused" if execution.refusal is not None else "killed"
 
 
-def campaign(seed: int, runs: int, jobs: int, first: int = 0) -> Iterator[Count]:
-    """Yield what happened, chunk by chunk, in order. first: the number of the first run."""
-    chunks = [(number, min(CHUNK, runs - number)) for number in range(first, runs, CHUNK)]
+def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
+    """Yield what happened, chunk by chunk, in order."""
+    chunks = [(number, min(CHUNK, runs - number)) for number in range(0, runs, CHUNK)]
     with ProcessPoolExecutor(jobs) as pool:
         futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
         try:
