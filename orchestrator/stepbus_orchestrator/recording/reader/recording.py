@@ -1,6 +1,8 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -119,6 +121,13 @@ class Recording:
         Reads the recording once and holds one batch of about `most_bytes` in memory.
         """
         return batches(self._source, list(ports), most_bytes)
+
+    def steps_of(self, ports: Iterable[Port]) -> Iterator[tuple[int, dict[str, bytes]]]:
+        """Yield (step, bytes by the name of the port) of some ports of one participant."""
+        names = {number: port.name for port in ports for number in port.channels}
+        rows = self._source.rows(frozenset(names))
+        for step, group in groupby(rows, itemgetter(1)):
+            yield step, {names[row[0]]: row[3] for row in group}
 
     def holes(self) -> Sequence[str]:
         """Return a text for each gap in the recording; reads all messages.
