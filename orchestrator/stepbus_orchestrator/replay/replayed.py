@@ -1,6 +1,7 @@
 """All steps of a recording, in which one participant is started and all others are played."""
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,8 @@ class Replayed(Repetition):
         super().attach(run)
         run.descriptions = recorded_descriptions(self.recording)
         # No participant waits for it: only its outputs themselves show how far it has come.
-        run.session.bus.subscribe_content(f"out/{self.spec.name}", self._see)
-
-    def _see(self, outputs: bytes) -> None:
-        self._newest = outputs
+        see = partial(setattr, self, "_newest")
+        run.session.bus.subscribe_content(f"out/{self.spec.name}", see)
 
     def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
         """Return where the participant is started."""
