@@ -15,10 +15,10 @@ from mcap import records as mcap
 from stepbus_orchestrator.errors import OutputExists, RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes
+from stepbus_orchestrator.recording.index import Scanner
 from stepbus_orchestrator.recording.mcap_file import McapFile, whole_file
 from stepbus_orchestrator.recording.records import RecordFile
 from stepbus_orchestrator.recording.reserved_file import is_locked
-from stepbus_orchestrator.recording.scanner import Scanner
 from stepbus_participant import Disk, irregular, parse_duration
 from stepbus_schemas import StepbusError, reached
 

@@ -140,10 +140,10 @@ class Sink:
 
     # --- what is written ------------------------------------------------------------------
 
-    def write_below(self, end: int) -> None:
-        """Write all steps below `end`, up to the first that lacks bulk content."""
+    def write_below(self, step: int) -> None:
+        """Write all steps below `step`, up to the first that lacks bulk content."""
         waiting = list(self._waiting.items())
-        while self._next < end:
+        while self._next < step:
             for name, own in waiting:
                 head = own[0] if own else None
                 is_due = head and head.bulk and head.step == self._next

@@ -1,7 +1,7 @@
 """The recorded steps of a run: they are played to its participants, and compared.
 
 A branch repeats the steps below one, and is live from there on (`prefix.py`); a replay repeats all
-steps of one participant, and plays the others (`replayed.py`).
+steps of one participant, and plays the others (`execute.py`).
 """
 
 from collections import deque

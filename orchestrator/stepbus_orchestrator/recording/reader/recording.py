@@ -12,11 +12,10 @@ from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes, messages_sha256
-from stepbus_orchestrator.recording.reader.descriptions import description_of, recorded_types
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
-from .port import BATCH_BYTES, Batch, Port, batches
+from .port import BATCH_BYTES, Batch, Port, batches, description_of, recorded_types
 from .source import Source
 
 

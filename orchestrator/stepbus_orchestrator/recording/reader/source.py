@@ -13,7 +13,7 @@ import msgspec
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.index import Block, Index, read_summary
+from stepbus_orchestrator.recording.index import Block, Index, Scanner, read_summary
 from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -24,7 +24,6 @@ from stepbus_orchestrator.recording.records import (
     split,
 )
 from stepbus_orchestrator.recording.reserved_file import is_locked
-from stepbus_orchestrator.recording.scanner import Scanner
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1

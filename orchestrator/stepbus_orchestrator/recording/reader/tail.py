@@ -11,7 +11,7 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.recording.reader.descriptions import (
+from stepbus_orchestrator.recording.reader.port import (
     PortInfo,
     description_of,
     recorded_types,
