@@ -10,15 +10,13 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 import stepbus_orchestrator
 import stepbus_participant
 
-from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
+from .campaign import Count, Failure, campaign, commands, execute, fingerprint, shortest
 from .kinds import KINDS
 from .programs import SCENARIOS
-from .real import commands
 from .tape import Tape, load_tape
 
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
@@ -76,9 +74,10 @@ def _campaign(options: argparse.Namespace) -> int:
             total.add(count)
             progress.update(task, completed=total.runs)
     lasted_s = time.monotonic() - began
-    _print_table(total)
+    table = "\n".join(_markdown(total))
+    print(table)
     if options.table is not None:
-        options.table.write_text("\n".join(_markdown(total)) + "\n", encoding="utf-8")
+        options.table.write_text(table + "\n", encoding="utf-8")
     print(
         f"{total.runs} runs in {lasted_s:.0f} s: {total.runs / lasted_s * 3600:,.0f} an hour, "
         f"{total.simulated_s / lasted_s:.0f} simulated seconds a second"
@@ -115,13 +114,6 @@ def all_marks() -> set[str]:
     packages = (stepbus_orchestrator, stepbus_participant)
     files = (file for package in packages for file in Path(package.__path__[0]).rglob("*.py"))
     return {mark for file in files for mark in _MARK.findall(file.read_text(encoding="utf-8"))}
-
-
-def _print_table(total: Count) -> None:
-    table = Table("fault", "runs drawn", "took effect in")
-    for kind, count in sorted(total.drawn.items()):
-        table.add_row(kind, str(count), str(total.effective[kind]))
-    Console().print(table)
 
 
 def _markdown(total: Count) -> Iterator[str]:

@@ -61,7 +61,7 @@ class McapFile:
         self._summary = Summary()
         self._schemas: dict[str, int] = {}
         self._chunk = Chunk()
-        self._workers: Workers[Encoded] | None = None
+        self._workers: Workers[Encoded] = Workers(self._put)
         self._step = (0, 0)  # time and sequence of the newest message
         self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._refusal: RecordingFailed | None = None
@@ -85,7 +85,16 @@ class McapFile:
     def add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
         """Write an attachment or a metadata record."""
         with self._translated():
-            self._add_record(record)
+            self._workers.drain()
+            offset, data = self._file.position, bytes_of(record)
+            at, known = self._unfinished
+            if at == offset and known:
+                # Behind it stands again what it replaces: a kill loses nothing.
+                self._write(data, ahead=self._chunk.content()[:known] + _STEP_END)
+                self._unfinished = (self._file.position, known)
+            else:
+                self._write(data)
+            self._summary.add(record, offset, len(data))
 
     def add_channel(
         self,
@@ -111,10 +120,10 @@ class McapFile:
 
     def register(self, record: mcap.Schema | mcap.Channel) -> int:
         """Add a schema or a channel, under the next free number; return that."""
-        number, data = self._summary.register(record)
-        self._chunk.records.append(data)
-        self._chunk.size += len(data)
         with self._translated():
+            number, data = self._summary.register(record)
+            self._chunk.records.append(data)
+            self._chunk.size += len(data)
             if self._chunk.size > self.chunk_bytes:
                 self._end_chunk()
         return number
@@ -177,7 +186,7 @@ class McapFile:
         if self._refusal is not None:
             return
         try:
-            self._drain()
+            self._workers.drain()
             chunk, offset = self._chunk, self._file.position
             if not chunk.indexes:
                 return
@@ -206,7 +215,7 @@ class McapFile:
             try:
                 if self._chunk.is_big:
                     self._end_chunk()
-                self._drain()
+                self._workers.drain()
             except _FAILURES as exc:
                 self.refuse(exc)
         failure = self._refusal
@@ -214,7 +223,7 @@ class McapFile:
         try:
             if failure is not None:
                 self._chunk, last = Chunk(), None
-                self._end_workers()
+                self._workers.close()
             self._finish(last)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
@@ -228,10 +237,10 @@ class McapFile:
     def _finish(self, last: mcap.Metadata | None) -> None:
         """Write the last chunk, behind it a last record, and the index."""
         self._end_chunk()
-        self._drain()
-        self._end_workers()
+        self._workers.drain()
+        self._workers.close()
         if last is not None:
-            self._add_record(last)
+            self.add_record(last)
         self._write(bytes_of(mcap.DataEnd(self._crc)))
         self._write(self._summary.end(self._file.position) + MAGIC)
 
@@ -251,30 +260,9 @@ class McapFile:
 
     # --- how it is written ----------------------------------------------------------------
 
-    def _add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
-        self._drain()
-        offset, data = self._file.position, bytes_of(record)
-        at, known = self._unfinished
-        if at == offset and known:
-            # Behind it stands again what it replaces: a kill loses nothing.
-            self._write(data, ahead=self._chunk.content()[:known] + _STEP_END)
-            self._unfinished = (self._file.position, known)
-        else:
-            self._write(data)
-        self._summary.add(record, offset, len(data))
-
     def _write(self, data: bytes, ahead: bytes = b"") -> None:
         self._file.write([data], ahead)
         self._crc = crc32(data, self._crc)
-
-    def _drain(self) -> None:
-        if self._workers is not None:
-            self._workers.drain()
-
-    def _end_workers(self) -> None:
-        if self._workers is not None:
-            self._workers.close()
-            self._workers = None
 
     def _end_chunk(self) -> None:
         """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
@@ -284,11 +272,8 @@ class McapFile:
         chunk = self._chunk
         if not chunk.indexes:
             return
-        if chunk.is_big and self._workers is None:
-            self._workers = Workers(self._put)
-        workers = self._workers
-        if workers is not None and (chunk.is_big or workers.are_busy):
-            workers.give(partial(encode_chunk, chunk), chunk.size)
+        if chunk.is_big or self._workers.are_busy:
+            self._workers.give(partial(encode_chunk, chunk), chunk.size)
             self._chunk = Chunk()
         else:
             encoded = encode_chunk(chunk)
