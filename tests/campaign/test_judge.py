@@ -10,6 +10,7 @@ from collections import Counter
 
 import pytest
 from campaign import judge as judging
+from campaign.__main__ import RUNS, Table
 from campaign.faults import FAULTS, Fault
 from campaign.faults.fault import one_of
 from campaign.judge import judge
@@ -18,7 +19,6 @@ from campaign.recordings.mutations import message_changed, message_dropped
 from campaign.runs import WHOLE, Case, cases, has_struck, strike
 from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS, Scenario
-from campaign.table import RUNS, Table
 from mcap.writer import Writer
 from support.tools import needs_store
 
