@@ -12,7 +12,6 @@ from isal.isal_zlib import crc32
 from stepbus_orchestrator.recording.records import HEAD
 from stepbus_participant import Disk, make_file, write_at, write_parts_at
 
-_RESERVE_BYTES = 512 * 1024
 _END_BYTES = 256 * 1024
 """For the end of a file beside the index of its chunks: channels, schemas, statistics."""
 _MORE_BYTES = 256 * 1024
@@ -49,21 +48,18 @@ class ReservedFile:
             name = path.with_name(f".{path.name}.reserve")
             self._reserve = make_file(name, 0o600, disk)
             disk.unlink(name)
-            self._set_aside(_RESERVE_BYTES)
+            self.keep_room(0)
         except OSError:
             self._disk.close(self._file)
             self.release()
             raise
 
-    def _set_aside(self, size: int) -> None:
-        self._disk.posix_fallocate(self._reserve, self._reserved, size - self._reserved)
-        self._reserved = size
-
     def keep_room(self, size: int) -> None:
         """Keep room for an index of so many bytes."""
-        needed = _END_BYTES + size
-        if needed > self._reserved and self._reserve >= 0:
-            self._set_aside(needed + _MORE_BYTES)
+        if self._reserve >= 0 and _END_BYTES + size > self._reserved:
+            reserved = _END_BYTES + size + _MORE_BYTES
+            self._disk.posix_fallocate(self._reserve, self._reserved, reserved - self._reserved)
+            self._reserved = reserved
 
     def write(self, parts: Sequence[bytes], ahead: bytes = b"") -> None:
         """Append all parts, or nothing of them; ahead: what the next `write` replaces."""
