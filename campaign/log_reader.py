@@ -7,7 +7,6 @@ import json
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -39,20 +38,13 @@ class Log:
     """What a recording holds.
 
     steps: topic → sequence numbers in file order. holes: sentences. held: participant → the first
-    step that the orchestrator published on its behalf. sealed: whether the file has its end, so
-    that nothing was cut off.
+    step that the orchestrator published on its behalf.
     """
 
     steps: dict[str, list[int]] = field(default_factory=dict)
     holes: list[str] = field(default_factory=list)
     held: dict[str, int] = field(default_factory=dict)
-    sealed: bool = False
     sha256: str = ""
-
-    @property
-    def last_chain(self) -> int:
-        """Return the newest step that a hash chain covers; −1 where there is none."""
-        return max(self.steps.get(CHAIN, []), default=-1)
 
     @property
     def last_step(self) -> int:
@@ -74,7 +66,7 @@ def read(path: Path) -> Log:
         return log
     log.sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     chains = _Chains({})
-    for record, channel in _records(path, log):
+    for record, channel in _records(path):
         if isinstance(record, Attachment) and record.name == "scenario.yaml":
             chains = _Chains(_every(record.data))
         elif isinstance(record, Metadata) and record.name == "on_fault":
@@ -85,13 +77,10 @@ def read(path: Path) -> Log:
                 log.holes += chains.check(record)
             elif channel.topic != CALLS:
                 chains.add(channel, record)
-    for topic, steps in log.steps.items():
-        if topic not in {CHAIN, CALLS}:
-            log.holes += _holes(topic, steps, log.last_chain)
     return log
 
 
-def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
+def _records(path: Path) -> Iterator[tuple[object, Channel | None]]:
     channels: dict[int, Channel] = {}
     with path.open("rb") as file:
         try:
@@ -99,7 +88,6 @@ def _records(path: Path, log: Log) -> Iterator[tuple[object, Channel | None]]:
                 if isinstance(record, Channel):
                     channels[record.id] = record
                 yield record, channels[record.channel_id] if isinstance(record, Message) else None
-            log.sealed = True
         except DAMAGE:
             return
 
@@ -111,23 +99,6 @@ def _every(scenario: bytes) -> dict[str, int]:
         return {name: row.get("every", 1) for name, row in rows.items()}
     except (AttributeError, KeyError, TypeError, UnicodeDecodeError, yaml.YAMLError):
         return {}  # damaged
-
-
-def _holes(topic: str, steps: list[int], chained: int) -> list[str]:
-    """Return where steps are missing that no hash chain covers.
-
-    A participant fires at multiples of its `every`; a port that speaks only when it has news
-    (events, goals, plans) may leave any step out, which shows in its very first gaps: there, only
-    the chain can judge.
-    """
-    gaps = [b - a for a, b in pairwise(steps)]
-    regular = min(gaps, default=0)
-    if regular <= 0:
-        return [f"{topic}: step {steps[0]} twice or backwards"] if gaps else []
-    odd = [(a, a + gap) for a, gap in zip(steps, gaps, strict=False) if gap != regular]
-    dense = len(odd) < 0.05 * len(gaps)
-    unfilled = [f"{topic}: nothing between steps {a} and {b}" for a, b in odd if b > chained]
-    return unfilled if dense else []
 
 
 class _Chains:

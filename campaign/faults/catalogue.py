@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import signal
 
-from . import disks, limits, signals, strangers, streams
+from . import disks, signals, strangers, streams
 from .fault import ANY_END, Fault, in_turn
 
 START, MIDDLE, END, EARLY = ("start",), ("middle",), ("end",), ("start", "middle")
@@ -129,17 +129,17 @@ STREAMS = {
 }  # fmt: skip
 LIMITS = {
     "few files (ulimit -n)": Fault(
-        prepare=limits.few_files, codes=LIMITED, endless=False, when=START, blames="any",
+        prepare=disks.few_files, codes=LIMITED, endless=False, when=START, blames="any",
     ),
     "small files (ulimit -f)": Fault(
-        prepare=limits.small_files, codes=frozenset({0, 3, 4, 5, 8}), endless=False, when=START,
+        prepare=disks.small_files, codes=frozenset({0, 3, 4, 5, 8}), endless=False, when=START,
         blames="any",
     ),
     "little memory (ulimit -v)": Fault(
-        prepare=limits.little_memory, codes=LIMITED, endless=False, when=START, blames="any",
+        prepare=disks.little_memory, codes=LIMITED, endless=False, when=START, blames="any",
     ),
     "little processor time (ulimit -t)": Fault(
-        prepare=limits.little_time, codes=LIMITED | {-signal.SIGXCPU, -signal.SIGKILL}, when=START,
+        prepare=disks.little_time, codes=LIMITED | {-signal.SIGXCPU, -signal.SIGKILL}, when=START,
         blames="any", takes_s=40.0,
     ),
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Disks that are full, and files that another process removes, cuts or replaces."""
+"""Full disks, files that another process removes, cuts or replaces, and limits of `ulimit`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from pathlib import Path
 from campaign.sandbox import Sandbox
 
 from .fault import START_S, Missed, Strike
-from .limits import limit
 from .signals import stopped
 
 _LIMIT_BYTES = 1 << 20
@@ -148,3 +147,29 @@ def occupy_result(box: Sandbox, _chance: random.Random) -> None:
     """Make a folder where the run wants to write its result."""
     box.notes["blocked"] = True
     (box.out / "result.json").mkdir(parents=True)
+
+
+def few_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
+    """Limit each process to few open files (ulimit -n)."""
+    number = chance.choice((chance.randrange(5, 16), chance.randrange(16, 80)))
+    return limit(resource.RLIMIT_NOFILE, number)
+
+
+def small_files(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
+    """Limit each process to small files (ulimit -f)."""
+    return limit(resource.RLIMIT_FSIZE, 1024 * chance.randrange(1, 2000))
+
+
+def little_memory(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
+    """Give each process little address space (ulimit -v)."""
+    return limit(resource.RLIMIT_AS, chance.randrange(60, 2000) << 20)
+
+
+def little_time(_box: Sandbox, chance: random.Random) -> Callable[[], None]:
+    """Give each process little processor time (ulimit -t)."""
+    return limit(resource.RLIMIT_CPU, chance.randrange(1, 4))
+
+
+def limit(what: int, number: int) -> Callable[[], None]:
+    """Return what sets a limit of the process that calls it."""
+    return lambda: resource.setrlimit(what, (number, number))

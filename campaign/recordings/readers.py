@@ -7,8 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import os
-import subprocess
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,8 +22,6 @@ from stepbus_tools.columns import readable
 from stepbus_tools.conformance import material
 from stepbus_tools.report.curves import PortCurves, read_ports
 from stepbus_tools.report.summary import read_joints
-
-from ..sandbox import STEPBUS
 
 
 @dataclass(frozen=True)
@@ -55,19 +51,6 @@ def command(*words: object) -> Answer:
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
         code = execute([str(word) for word in words])
     return Answer(code, out.getvalue())
-
-
-def process(*words: object) -> Answer:
-    """Call a command in a process of its own."""
-    done = subprocess.run(
-        [STEPBUS, *map(str, words)],
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=1200,
-        env={**os.environ, "COLUMNS": "200"},
-    )
-    return Answer(done.returncode, done.stdout + done.stderr)
 
 
 def function(read: Callable[[Task], object]) -> Reader:
@@ -128,24 +111,16 @@ def _conformance(task: Task) -> None:
     material.read(scenario, name, task.path)
 
 
-def _recover(task: Task, call: Callable[..., Answer] = command) -> Answer:
-    return call("recover", task.path, "--out", task.folder / "whole.mcap")
+def _recover(task: Task) -> Answer:
+    return command("recover", task.path, "--out", task.folder / "whole.mcap")
 
 
-def _diff(task: Task, call: Callable[..., Answer] = command) -> Answer:
-    return call("diff", task.original, task.path)
+def _diff(task: Task) -> Answer:
+    return command("diff", task.original, task.path)
 
 
 def _diff_reversed(task: Task) -> Answer:
     return command("diff", task.path, task.original, "--json")
-
-
-def _replay(task: Task) -> Answer:
-    return process("replay", task.path, "--trust", "--participant", task.participant)
-
-
-def _rerun(task: Task) -> Answer:
-    return process("rerun", task.path, "--trust", "--out", task.folder / "again")
 
 
 READERS: Mapping[str, Reader] = {
@@ -159,12 +134,3 @@ READERS: Mapping[str, Reader] = {
     "rerun, without the run": function(_prepare_rerun),
     "conformance": function(_conformance),
 }
-"""On every recording."""
-
-PROCESSES: Mapping[str, Reader] = {
-    "recover, as a process": lambda task: _recover(task, process),
-    "diff, as a process": lambda task: _diff(task, process),
-    "replay": _replay,
-    "rerun": _rerun,
-}
-"""On some recordings: each takes seconds."""

@@ -1,4 +1,4 @@
-"""The third part: sales of the store among posts, people, moved goods and failures."""
+"""The second part: sales of the store among posts, people, moved goods and failures."""
 
 from .cases import Case, cases
 from .judge import judge

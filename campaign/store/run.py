@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
 import tempfile
 import time
@@ -38,15 +37,11 @@ class Outcome:
     excused: list[str] = field(default_factory=list)
 
 
-def sell(rows: Sequence[Case], keep: Path | None = None) -> Iterator[tuple[Case, Outcome]]:
-    """Run every case and yield what came of it; keep: a folder for runs that broke a promise."""
+def sell(rows: Sequence[Case]) -> Iterator[tuple[Case, Outcome]]:
+    """Run every case and yield what came of it."""
     for case in rows:
         with tempfile.TemporaryDirectory(prefix="sbs-") as folder:
-            out = Path(folder) / "run"
-            outcome = _sell(case, out)
-            if outcome.broken and keep is not None and out.exists():
-                shutil.copytree(out, keep / f"sale_{case.number}", dirs_exist_ok=True)
-            yield case, outcome
+            yield case, _sell(case, Path(folder) / "run")
 
 
 def _sell(case: Case, out: Path) -> Outcome:

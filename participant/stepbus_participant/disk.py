@@ -2,13 +2,12 @@
 
 import contextlib
 import errno
-import io
 import itertools
 import os
 import stat
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Protocol
 
 _FOLDER_MODE = 0o755
 _FILE_MODE = 0o644
@@ -136,37 +135,3 @@ def write_file(path: Path, data: bytes, mode: int = _FILE_MODE, disk: Disk = os)
         write_at(disk, fd, data, 0)
     finally:
         disk.close(fd)
-
-
-class NewFile(io.RawIOBase):
-    """A new file as a stream, in place of what had its name; put `io.BufferedWriter` around it."""
-
-    def __init__(self, path: Path, disk: Disk) -> None:
-        self._disk, self._fd = disk, -1
-        self._fd = make_file(path, disk=disk)
-        self._end = 0
-
-    def writable(self) -> bool:
-        """Return True."""
-        return True
-
-    def tell(self) -> int:
-        """Return how much has been written [bytes]."""
-        return self._end
-
-    def write(self, data: Any) -> int:
-        """Append bytes; return how many."""
-        count = self._disk.pwritev(self._fd, [data], self._end)
-        self._end += count
-        return count
-
-    def close(self) -> None:
-        """Bring the file to the medium and close it; harmless when repeated."""
-        if not self.closed:
-            super().close()
-            if self._fd < 0:
-                return
-            try:
-                self._disk.fsync(self._fd)
-            finally:
-                self._disk.close(self._fd)

@@ -10,21 +10,18 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 from rich.progress import Progress
-from rich.table import Table
 
 import stepbus_orchestrator
 import stepbus_participant
 
-from .campaign import Count, Failure, campaign, execute, fingerprint, shortest
+from .campaign import Count, Failure, campaign, commands, execute, fingerprint, shortest
 from .kinds import KINDS
 from .programs import SCENARIOS
-from .real import commands
 from .tape import Tape, load_tape
 
 _MARK = re.compile(r'\breached\("([^"]+)"\)')
 _EXAMPLES = """examples:
   python -m stepbus_simulation --runs 10000 --seed 1
-  python -m stepbus_simulation --runs 1000000 --count all.json  # interrupt and repeat it
   python -m stepbus_simulation tests/simulation/tapes/log_twice.json"""
 
 
@@ -44,23 +41,18 @@ def main() -> int:
     parser.add_argument("--jobs", type=int, default=2, help="processes in parallel (default: 2)")
     parser.add_argument("--keep", type=Path, help="folder for the shortest failing tapes")
     parser.add_argument("--table", type=Path, help="write the table to this file, in Markdown")
-    parser.add_argument(
-        "--count", type=Path, help="file for the counts; if it exists, the runs are added to it"
-    )
-    parser.add_argument("--until-first", action="store_true", help="stop at the first failure")
     options = parser.parse_args()
     try:
         tapes = [load_tape(path) for path in options.tapes]
-        total = _kept(options.count)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError) as exc:
-        parser.error(f"{exc}; tapes and the file of --count must be files written by this program")
+        parser.error(f"{exc}; a tape is a file that --keep has written")
     named = {fault.kind for tape in tapes for fault in tape.faults} - KINDS.keys()
     named |= {tape.scenario for tape in tapes} - SCENARIOS.keys()
     if named:
         parser.error(f"unknown kind of fault or scenario: {', '.join(sorted(named))}")
     if tapes:
         return max(map(_show, tapes))
-    return _campaign(options, total)
+    return _campaign(options)
 
 
 def _show(tape: Tape) -> int:
@@ -74,40 +66,23 @@ def _show(tape: Tape) -> int:
     return 1 if problems else 0
 
 
-def _campaign(options: argparse.Namespace, total: Count) -> int:
-    began = time.monotonic()
-    before = total.runs, total.simulated_s
+def _campaign(options: argparse.Namespace) -> int:
+    began, total = time.monotonic(), Count()
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task("simulated runs", total=options.runs)
-        for count in campaign(options.seed, options.runs, options.jobs, total.runs):
+        for count in campaign(options.seed, options.runs, options.jobs):
             total.add(count)
-            if options.count is not None:
-                _keep(options.count, total)
             progress.update(task, completed=total.runs)
-            if total.failures and options.until_first:
-                break
     lasted_s = time.monotonic() - began
-    runs, simulated_s = total.runs - before[0], total.simulated_s - before[1]
-    _print_table(total)
+    table = "\n".join(_markdown(total))
+    print(table)
     if options.table is not None:
-        options.table.write_text("\n".join(_markdown(total)) + "\n", encoding="utf-8")
+        options.table.write_text(table + "\n", encoding="utf-8")
     print(
-        f"{runs} runs in {lasted_s:.0f} s: {runs / lasted_s * 3600:,.0f} an hour, "
-        f"{simulated_s / lasted_s:.0f} simulated seconds a second; {total.runs} in all"
+        f"{total.runs} runs in {lasted_s:.0f} s: {total.runs / lasted_s * 3600:,.0f} an hour, "
+        f"{total.simulated_s / lasted_s:.0f} simulated seconds a second"
     )
     return _print_failures(total, options.keep)
-
-
-def _kept(path: Path | None) -> Count:
-    if path is None or not path.exists():
-        return Count()
-    return msgspec.json.decode(path.read_bytes(), type=Count)
-
-
-def _keep(path: Path, total: Count) -> None:
-    new = path.with_name(f".{path.name}.new")
-    new.write_bytes(msgspec.json.encode(total))
-    new.replace(path)
 
 
 def _print_failures(total: Count, keep: Path | None) -> int:
@@ -139,13 +114,6 @@ def all_marks() -> set[str]:
     packages = (stepbus_orchestrator, stepbus_participant)
     files = (file for package in packages for file in Path(package.__path__[0]).rglob("*.py"))
     return {mark for file in files for mark in _MARK.findall(file.read_text(encoding="utf-8"))}
-
-
-def _print_table(total: Count) -> None:
-    table = Table("fault", "runs drawn", "took effect in")
-    for kind, count in sorted(total.drawn.items()):
-        table.add_row(kind, str(count), str(total.effective[kind]))
-    Console().print(table)
 
 
 def _markdown(total: Count) -> Iterator[str]:

@@ -10,16 +10,17 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from stepbus_participant import format_duration
 from stepbus_schemas import reached_marks
 
 from .execution import Execution
 from .judge import judge
-from .kinds import arm
+from .kinds import KINDS, arm
 from .memo import memoized
 from .reference import FOLDER
 from .shrink import shrink
 from .swarm import draw_tape
-from .tape import Tape
+from .tape import Fault, Tape
 
 CHUNK = 250
 """Runs that a process does before it says how far it is."""
@@ -114,9 +115,9 @@ def _code(execution: Execution) -> str:
     return "refused" if execution.refusal is not None else "killed"
 
 
-def campaign(seed: int, runs: int, jobs: int, first: int = 0) -> Iterator[Count]:
-    """Yield what happened, chunk by chunk, in order. first: the number of the first run."""
-    chunks = [(number, min(CHUNK, runs - number)) for number in range(first, runs, CHUNK)]
+def campaign(seed: int, runs: int, jobs: int) -> Iterator[Count]:
+    """Yield what happened, chunk by chunk, in order."""
+    chunks = [(number, min(CHUNK, runs - number)) for number in range(0, runs, CHUNK)]
     with ProcessPoolExecutor(jobs) as pool:
         futures = [pool.submit(run_numbers, seed, *chunk) for chunk in chunks]
         try:
@@ -137,3 +138,25 @@ def shortest(failure: Failure) -> Failure:
     tape = shrink(failure.tape, fails)
     problems = [problem for problem in execute(tape)[1] if fingerprint(problem) == kind]
     return Failure(failure.number, tape, (problems or [failure.problem])[0])
+
+
+def real_fault(execution: Execution, fault: Fault) -> str:
+    """Return what strikes real processes like a fault of a tape; empty where nothing does."""
+    # `corrupt` damages the first byte.
+    if fault.kind == "garbage" and fault.amount:
+        return ""
+    template = KINDS[fault.kind].real
+    return template.format(
+        target=fault.target,
+        struck=execution.struck_at.get(fault, 0),
+        step=fault.at - fault.at % execution.every(fault.target) if "{step}" in template else 0,
+        lasting=f" for {format_duration(fault.amount)}" if fault.amount > 0 else "",
+        s=fault.amount / 1e9,
+    )
+
+
+def commands(execution: Execution) -> Iterator[str]:
+    """Yield what strikes real processes as the faults that took effect, as far as it can be had."""
+    for fault in execution.effective:
+        if text := real_fault(execution, fault):
+            yield text

@@ -30,10 +30,6 @@ class Draw:
             return self.preferred
         return self.random.choice(self.names)
 
-    def process(self) -> str:
-        """Return a process, the orchestrator among them."""
-        return self.random.choice([*self.names, ORCHESTRATOR])
-
     def link(self) -> str:
         """Return a link from one process to another."""
         one = self.name()

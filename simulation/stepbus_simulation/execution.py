@@ -7,13 +7,11 @@ import threading
 import traceback
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from functools import partial
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
 
-from stepbus_orchestrator.recording import mcap_file, recover
-from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording import McapFile
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.extensions.calls import Calls
 from stepbus_orchestrator.run.kernel.state import RunState
@@ -70,7 +68,7 @@ class Execution:
         self.late: list[str] = []
         self.effective: list[Fault] = []
         self.struck_at: dict[Fault, int] = {}
-        self.watch = _Watch(out / "run.mcap")
+        self.watch = _Watch()
         self.printed = io.StringIO()
         self.is_healed = False
         self.lasting_ns = 0
@@ -189,10 +187,9 @@ class Execution:
     def run(self) -> None:
         """Run it until all processes have ended, or should have."""
         scenario(self.tape.scenario, self.tape.steps, self.tape.knobs)  # reads files
-        chunks = partial(MessageWriter, chunk_size=self.tape.knobs.chunk_bytes)
         with (
             contextlib.redirect_stderr(self.printed),
-            patch.object(mcap_file, "MessageWriter", chunks),
+            patch.object(McapFile, "chunk_bytes", self.tape.knobs.chunk_bytes),
             no_escapes(writes_files=self.writes_files),
             _real_time_limit(),
         ):
@@ -266,26 +263,14 @@ def _real_time_limit() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def _recovered_while_written(path: Path) -> str:
-    """Return what recover says when it is to replace a recording that is being written."""
-    try:
-        recover(path, path, in_place=True)
-    except (StepbusError, Escape) as exc:
-        return str(exc)
-    return "has replaced it"
-
-
 class _Watch(RunExtension):
     """Sees how far a run is.
 
-    written: (time [ns], step) of each recorded step. live: what recover has said of the recording
-    while it was written.
+    written: (time [ns], step) of each recorded step.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self) -> None:
         self.is_recorded = False
-        self.live = ""
-        self._path = path
         self.written: list[tuple[int, int]] = []
         self._run: Run | None = None
 
@@ -311,11 +296,6 @@ class _Watch(RunExtension):
         return (0, 0) if self._run is None else self._run.safe_stop.replaced_steps
 
     @property
-    def first_held(self) -> int:
-        """Return the first step for which a participant was replaced; else one far away."""
-        return self.held[0] if self.replaced else 1 << 60
-
-    @property
     def step(self) -> int:
         """Return the step that is not complete yet."""
         return 0 if self._run is None else self._run.state.barrier.completed
@@ -325,13 +305,11 @@ class _Watch(RunExtension):
         assert isinstance(run, Run)
         self._run = run
         super().attach(run)
-        recorder, clock, path = run.recorder, run.clock, self._path
+        recorder, clock = run.recorder, run.clock
         write_below, finish = recorder.write_below, recorder.finish
 
         def watched_write_below(step: int) -> None:
             write_below(step)
-            if not self.written:
-                self.live = _recovered_while_written(path)
             self.written.append((clock.monotonic_ns(), step))
 
         def watched_finish(closing_step: int, closing: Any) -> None:

@@ -2,13 +2,12 @@
 
 import re
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from mcap.exceptions import McapError
 
-from stepbus_orchestrator.errors import ExitCode, OutputExists
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import layout, recover
 from stepbus_orchestrator.recording.recover import Recovery
 from stepbus_orchestrator.run.result import Result
@@ -142,7 +141,6 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
             return
         kept = rows_of(saved)
         incomplete = metadata_of(saved).get(layout.INCOMPLETE_METADATA, {})
-        yield from _judge_in_place(execution, path, saved)
         is_whole = rows is not None and not recovery.damage
         has_our_chunks = execution.tape.knobs.chunk_bytes == Knobs().chunk_bytes
         if is_whole and has_our_chunks and saved.read_bytes() != path.read_bytes():
@@ -155,19 +153,6 @@ def _judge_recording(execution: Execution) -> Iterator[str]:
     yield from _judge_safe_stop(execution, kept)
     if execution.tape.then and not execution.watch.replaced:
         yield from _judge_again(execution, kept)
-
-
-def _judge_in_place(execution: Execution, path: Path, saved: Path) -> Iterator[str]:
-    copied = saved.with_name("copied.mcap")
-    copied.write_bytes(path.read_bytes())
-    with suppress(OutputExists):
-        recover(copied, saved)
-        yield "recover has overwritten a file unasked"
-    recover(copied, copied, in_place=True)
-    if copied.read_bytes() != saved.read_bytes():
-        yield "recover has made something else in place"
-    if execution.watch.written and "is still being written" not in execution.watch.live:
-        yield f"while it was written, recover {execution.watch.live}"
 
 
 def _judge_recovery(

@@ -58,7 +58,8 @@ def _judge_rows(execution: Execution, rows: Sequence[Row]) -> Iterator[str]:
         elif result.messages_sha256 != hashlib.sha256(rows[-1].content).hexdigest():
             yield "the hash of the messages is not that of the last chain"
         return
-    first_held = execution.watch.first_held
+    watch = execution.watch
+    first_held = watch.held[0] if watch.replaced else tape.steps + 1
     ends_early = truth.rows[-1].step < tape.steps
     counts = dict.fromkeys(truth.by_topic, 0)
     before = (-1, -1)

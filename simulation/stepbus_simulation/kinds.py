@@ -10,7 +10,6 @@ from stepbus_orchestrator.run.run import LONGEST_TICK_S
 
 from .draw import Draw
 from .execution import Execution
-from .failing_disk import power, raising, short
 from .forged import (
     HELLOS,
     field,
@@ -40,8 +39,11 @@ from .strikes import (
     of_host,
     on_message,
     on_world,
+    power,
     raise_error,
+    raising,
     remove_folder,
+    short,
     sleep,
     wall,
 )

@@ -110,14 +110,6 @@ class Network:
             self.on_link(self.links[key])
         return self.links[key]
 
-    def cut(self, one: str, other: str) -> bool:
-        """Close the connection of two processes; return whether there was one."""
-        return self._connect(one, other, is_up=False)
-
-    def heal(self, one: str, other: str) -> None:
-        """Open the connection of two processes again."""
-        self._connect(one, other, is_up=True)
-
     def heal_all(self) -> None:
         """Open every connection, and let each message through from now on."""
         for one, other in list(self.links):
@@ -125,11 +117,12 @@ class Network:
             link.changes.clear()
             link.up_ns = 0
             if link.is_cut:
-                self.heal(one, other)
+                self.connect(one, other, is_up=True)
         self.alter = lambda _name, _key, data: [data]
         self.on_link = lambda _link: None
 
-    def _connect(self, one: str, other: str, *, is_up: bool) -> bool:
+    def connect(self, one: str, other: str, *, is_up: bool) -> bool:
+        """Open or close the connection of two processes; return whether there was one."""
         nodes = [self.nodes.get(name) for name in (one, other)]
         left, right = nodes
         if left is None or right is None or not (left.is_open and right.is_open):

@@ -10,17 +10,16 @@ from collections import Counter
 
 import pytest
 from campaign import judge as judging
+from campaign.__main__ import RUNS, Table
 from campaign.faults import FAULTS, Fault
 from campaign.faults.fault import one_of
 from campaign.judge import judge
-from campaign.log_reader import CHAIN, read
+from campaign.log_reader import read
 from campaign.recordings.mutations import message_changed, message_dropped
 from campaign.runs import WHOLE, Case, cases, has_struck, strike
 from campaign.sandbox import MARK, sandbox
 from campaign.scenarios import SCENARIOS, Scenario
-from campaign.table import RUNS, Table
 from mcap.writer import Writer
-from support.messages.recordings import rewrite
 from support.tools import needs_store
 
 from stepbus_orchestrator.scenario.load import load
@@ -174,18 +173,6 @@ def test_a_hole_is_found_by_the_hash_chain(two_link_recording, tmp_path, mutatio
     other.write_bytes(mutation(random.Random(1), two_link_recording.read_bytes()))
     assert read(two_link_recording).holes == []
     assert read(other).holes != []
-
-
-@pytest.mark.parametrize(("unchained", "count"), [(0, 4), (61, 3)])
-def test_a_pause_that_the_hash_chain_has_judged_is_not_judged_again(
-    two_link_recording, tmp_path, unchained, count
-):
-    def lacks(topic, step):
-        return step == 30 or (topic == CHAIN and step >= unchained)
-
-    holes = read(rewrite(two_link_recording, tmp_path / "run.mcap", 4096, lacks)).holes
-    assert len(holes) == count
-    assert ["hash chain" in hole for hole in holes] == [unchained > 0] * count
 
 
 def test_a_folder_in_place_of_the_recording_is_no_recording(tmp_path):

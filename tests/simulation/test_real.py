@@ -4,11 +4,10 @@ import os
 from random import Random
 
 import pytest
-from stepbus_simulation.campaign import execute
+from stepbus_simulation.campaign import commands, execute
 from stepbus_simulation.draw import Draw
 from stepbus_simulation.kinds import KINDS
 from stepbus_simulation.programs import SCENARIOS, as_data
-from stepbus_simulation.real import commands
 from stepbus_simulation.tape import Knobs, Tape
 from support.paths import CHECKOUT
 

@@ -44,7 +44,10 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
 
     def text(self) -> str:
         """Return the differences as text, with the first divergence first."""
-        return "\n".join([*self._headline(), *self._ports(), *self.notes])
+        lines = [*self._headline()]
+        for port in self.ports:
+            lines += port_lines(port, "first", "second", self.divergence)
+        return "\n".join([*lines, *self.notes])
 
     def _headline(self) -> Iterator[str]:
         count = sum(port.equal + port.within for port in self.ports)
@@ -57,10 +60,6 @@ class Diff(msgspec.Struct, frozen=True, kw_only=True):
         for side, topics in (("first", self.only_first), ("second", self.only_second)):
             if topics:
                 yield f"only in the {side}: {', '.join(topics)}"
-
-    def _ports(self) -> Iterator[str]:
-        for port in self.ports:
-            yield from port_lines(port, "first", "second", self.divergence)
 
 
 def diff(
@@ -85,7 +84,8 @@ def diff(
     tolerance.check(known)
     # Their chains sum up what the messages say, and differ wherever they do.
     topics = [topic for topic in one.ports if topic in other.ports and topic != CHAIN_TOPIC]
-    reach = _reach(one) if is_part else None
+    # The last step may be incomplete, and nothing is known behind a hole.
+    reach = (-1 if one.holes() else one.last_step) if is_part else None
     ports = in_order([_compare(topic, one, other, tolerance, reach) for topic in topics])
     only_first, only_second = _missing(one, other), _missing(other, one)
     if is_part and one.last_step < 0:
@@ -106,11 +106,6 @@ def diff(
 
 def _missing(one: Recording, other: Recording) -> list[str]:
     return [topic for topic in one.ports if topic not in other.ports and topic != CHAIN_TOPIC]
-
-
-def _reach(recording: Recording) -> int:
-    """Return the step up to which a recording has all messages; its last one may be incomplete."""
-    return -1 if recording.holes() else recording.last_step
 
 
 def _compare(

@@ -4,7 +4,7 @@ import math
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Literal
 
 import msgspec
@@ -47,25 +47,20 @@ class Divergence(msgspec.Struct, frozen=True, kw_only=True):
 
     def detail(self, first: str, second: str) -> str:
         """Return the divergence in words, without the step."""
-        where = self.topic
         match self.type:
             case "encoding":
-                return (
-                    f"{where}: same values, different bytes; use "
-                    f"{argument(f'--abs {self.topic}=0', 'tolerance')} to compare values"
-                )
+                option = argument(f"--abs {self.topic}=0", "tolerance")
+                what = f"same values, different bytes; use {option} to compare values"
             case "missing":
-                return f"{where}: the {first} has a message, the {second} has none"
+                what = f"the {first} has a message, the {second} has none"
             case "added":
-                return f"{where}: the {second} has a message, the {first} has none"
-        if not self.field:
-            return f"{where}: {first} {short(self.first)}, {second} {short(self.second)}"
-        gap = difference(self.first, self.second)
-        by = "" if gap is None else f" (difference {gap:.3g})"
-        return (
-            f"{where}: {_named(self.field, self.name)}: {first} {short(self.first)}, "
-            f"{second} {short(self.second)}{by}"
-        )
+                what = f"the {second} has a message, the {first} has none"
+            case "value":
+                gap = difference(self.first, self.second)
+                what = f"{_named(self.field, self.name)}: " if self.field else ""
+                what += f"{first} {short(self.first)}, {second} {short(self.second)}"
+                what += "" if gap is None else f" (difference {gap:.3g})"
+        return f"{self.topic}: {what}"
 
 
 class FieldCount(msgspec.Struct, kw_only=True):
@@ -131,25 +126,19 @@ def port_lines(
 
     first, second: names of the two sides. shown: a divergence that was shown already.
     """
-    yield f"{port.topic}: {', '.join(_parts(port, first, second))}"
+    total = port.equal + port.within + port.different
+    parts = {
+        f"{total} messages equal": total == port.equal,
+        f"{port.different} of {total} messages differ": total != port.equal,
+        f"{port.within} are within the tolerance": port.within,
+        f"{port.missing} only in the {first}": port.missing,
+        f"{port.added} only in the {second}": port.added,
+    }
+    yield f"{port.topic}: {', '.join(text for text, is_so in parts.items() if is_so)}"
     if port.divergence is not None and port.divergence is not shown:
         yield f"  {port.divergence.text(first, second)}"
     for count in port.fields:
         yield f"  {_field(count)}"
-
-
-def _parts(port: PortResult, first: str, second: str) -> Iterator[str]:
-    total = port.equal + port.within + port.different
-    if total == port.equal:
-        yield f"{total} messages equal"
-    else:
-        yield f"{port.different} of {total} messages differ"
-        if port.within:
-            yield f"{port.within} are within the tolerance"
-    if port.missing:
-        yield f"{port.missing} only in the {first}"
-    if port.added:
-        yield f"{port.added} only in the {second}"
 
 
 def _field(count: FieldCount) -> str:
@@ -234,29 +223,25 @@ class PortComparison:
     def _compare(self, step: int, first: bytes, second: bytes) -> Divergence | None:
         """Return the first field beyond its tolerance, None where there is none."""
         one, other = self.plain(first), self.plain(second)
+        differs = partial(Divergence, step=step, topic=self.topic)
         if not isinstance(one, dict) or not isinstance(other, dict):
-            return Divergence(step=step, topic=self.topic, type="value", first=one, second=other)
-        worst: Difference | None = None
+            return differs(type="value", first=one, second=other)
         is_explained = self._tolerance.concerns(self.topic)
+        beyond: list[Difference] = []
         for name in dict.fromkeys((*one, *other)):
             values = list(differences(name, one.get(name), other.get(name), self._allowed(name)))
             if values:
                 is_explained = True
-                self._counts.setdefault(name, FieldCount(field=name)).take(
-                    step, values, self._name_of
-                )
-                worst = worst or next((item for item in values if item.beyond), None)
-        if worst is not None:
-            return Divergence(
-                step=step,
-                topic=self.topic,
-                type="value",
-                field=worst.path,
-                name=self._name_of(worst.path),
-                first=worst.first,
-                second=worst.second,
+                count = self._counts.setdefault(name, FieldCount(field=name))
+                count.take(step, values, self._name_of)
+                beyond += [item for item in values if item.beyond]
+        if beyond:
+            path, first_value, second_value, _ = msgspec.structs.astuple(beyond[0])
+            name = self._name_of(path)
+            return differs(
+                type="value", field=path, name=name, first=first_value, second=second_value
             )
-        return None if is_explained else Divergence(step=step, topic=self.topic, type="encoding")
+        return None if is_explained else differs(type="encoding")
 
     def _name_of(self, path: str) -> str:
         """Return the name of the index in a path such as `values[1]`; nothing where it has none."""

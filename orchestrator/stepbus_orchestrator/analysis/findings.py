@@ -120,16 +120,17 @@ def _beyond(name: str, joint: Joint, count: Count) -> str:
 
 def findings(recording: Recording) -> list[str]:
     """Return what a recording shows to be at or beyond a limit, one sentence each."""
-    rows = _participants(recording)
+    rows = recording.scenario.get("participants")
     plants = {
         split_topic(port.topic)[0]: _joints(port.description)
         for port in recording.of_type(STATE)
         if port.description.limits
     }
-    watched = list(_watched(recording, rows, plants))
+    watched = list(_watched(recording, rows if isinstance(rows, dict) else {}, plants))
     for batch in recording.batches([row.port for row in watched]):
         for row in watched:
-            signal = read_signal(row.port, batch[row.port.topic], _quantities(row.port))
+            quantities = ("position",) if row.port.type == REFERENCE else ("mode", "values")
+            signal = read_signal(row.port, batch[row.port.topic], quantities)
             if signal is not None:
                 row.take(signal)
     return [
@@ -144,38 +145,22 @@ def _goal_lines(recording: Recording, plants: Iterable[Mapping[str, Joint]]) -> 
     # Goals name joints as the model does, without the prefix of one of two robots.
     joints = {name.rpartition("/")[2]: joint for name, joint in joints.items()} | joints
     counts: dict[tuple[str, str], Count] = {}
-    for topic, name, value in _goal_targets(recording):
-        if name in joints:
-            count = counts.setdefault((topic, name), Count())
-            count.take(np.array([value]), joints[name].lower, joints[name].upper)
+    for port in recording.of_type("Goal/1"):
+        topic = port.topic.replace("/", ".", 1)
+        goals = (goal for _, goal in port.messages() if isinstance(goal, Goal))
+        targets = (pair for goal in goals for pair in zip(goal.joints, goal.values, strict=False))
+        for name, value in targets:
+            if name in joints:
+                count = counts.setdefault((topic, name), Count())
+                count.take(np.array([value]), joints[name].lower, joints[name].upper)
     for (topic, name), count in counts.items():
         if count.cut:
             yield f"{topic}: {_beyond(name, joints[name], count)}"
 
 
-def _goal_targets(recording: Recording) -> Iterator[tuple[str, str, float]]:
-    """Yield port, joint and target of each joint that a goal moves [rad or m]."""
-    for port in recording.of_type("Goal/1"):
-        for _, goal in port.messages():
-            if isinstance(goal, Goal):
-                for joint, value in zip(goal.joints, goal.values, strict=False):
-                    yield port.topic.replace("/", ".", 1), joint, value
-
-
-def _quantities(port: Port) -> tuple[str, ...]:
-    return ("position",) if port.type == REFERENCE else ("mode", "values")
-
-
-def _participants(recording: Recording) -> dict[str, dict[str, Any]]:
-    rows = recording.scenario.get("participants")
-    return (
-        rows if isinstance(rows, dict) and all(isinstance(r, dict) for r in rows.values()) else {}
-    )
-
-
-def _sources(row: Mapping[str, Any]) -> set[str]:
+def _sources(row: Any) -> set[str]:
     """Return the topics that a participant reads."""
-    inputs = row.get("inputs")
+    inputs = row.get("inputs") if isinstance(row, dict) else None
     items = inputs.values() if isinstance(inputs, dict) else ()
     origins = (item.get("from", "") if isinstance(item, dict) else item for item in items)
     return {str(origin).replace(".", "/", 1) for origin in origins}
@@ -183,7 +168,7 @@ def _sources(row: Mapping[str, Any]) -> set[str]:
 
 def _watched(
     recording: Recording,
-    rows: Mapping[str, Mapping[str, Any]],
+    rows: Mapping[str, Any],
     plants: Mapping[str, Mapping[str, Joint]],
 ) -> Iterator[_Watched]:
     """Yield the ports with limits: commands with those of their plant, references with all.

@@ -233,21 +233,17 @@ class TrackingError:
     def take(self, piece: Tracking) -> None:
         """Take the next piece of a recording."""
         for joint in piece.joints:
-            error = piece.error(joint)[self._counts(piece, joint)]
+            state, reference = piece.state_of(joint), piece.reference_of(joint)
+            if state is None or reference is None or "position" not in state.fields:
+                continue
+            has_reference = ~np.isnan(reference.held_at(state.steps, "position", joint))
+            # A measured NaN counts.
+            error = piece.error(joint)[has_reference & (state.t >= self._after_s)]
             total, count = self._sums.get(joint, (0.0, 0))
             # A simulation that diverges leaves numbers whose squares are too large for any.
             with np.errstate(over="ignore"):
                 squares = float(np.sum(error**2))
             self._sums[joint] = (total + squares, count + len(error))
-
-    def _counts(self, piece: Tracking, joint: str) -> NDArray[np.bool_]:
-        """Return when a joint has a reference; a measured NaN counts."""
-        state, reference = piece.state_of(joint), piece.reference_of(joint)
-        if state is None or reference is None or "position" not in state.fields:
-            return np.zeros(len(piece.error(joint)), dtype=bool)
-        has_reference = ~np.isnan(reference.held_at(state.steps, "position", joint))
-        counts: NDArray[np.bool_] = has_reference & (state.t >= self._after_s)
-        return counts
 
     def rmse(self) -> dict[str, float]:
         """Return joint → root mean square [rad or m]; none for a joint without a reference."""

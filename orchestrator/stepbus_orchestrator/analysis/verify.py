@@ -145,55 +145,27 @@ def verify(
         raise RecordingFailed(
             f"cannot create folder {out}: {exc.strerror}; choose a new one with {argument('--out')}"
         ) from exc
+    verification = Verification(results=(), folder=folder)
     try:
-        verification = run_trials(
-            scenario,
-            trials,
-            folder,
-            seed=seed,
-            on_result=lambda result: on_result(result, len(trials)),
-            observer=observer,
-            interrupt=interrupt,
-            owns_descriptors=owns_descriptors,
-        )
+        for trial in trials:
+            delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
+            options = Options(
+                out=folder / str(trial.number),
+                host=InProcess(owns_descriptors=owns_descriptors)
+                if trial.in_process
+                else Processes(start_order=trial.start_order, around=delays.around),
+            )
+            result = run(_changed(scenario, trial), options, observer, interrupt)
+            done = TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))
+            on_result(done, len(trials))
+            verification = Verification(results=(*verification.results, done), folder=folder)
+            if verification.failed or verification.different:
+                return verification
     finally:
         with contextlib.suppress(OSError):
             folder.rmdir()
-    if out is None and not (verification.failed or verification.different):
+    if out is None:
         shutil.rmtree(folder)
-    return verification
-
-
-def run_trials(
-    scenario: Scenario,
-    trials: list[Trial],
-    folder: Path,
-    *,
-    seed: int,
-    on_result: Callable[[TrialResult], None],
-    observer: Observer | None = None,
-    interrupt: threading.Event | None = None,
-    owns_descriptors: bool = False,
-) -> Verification:
-    """Run trials until one fails or differs from the first.
-
-    folder: gets a folder for each run, named by its number. The others: as of `verify`.
-    """
-    verification = Verification(results=(), folder=folder)
-    for trial in trials:
-        delays = Delays(trial.start_order if trial.delayed else (), (seed, trial.number))
-        options = Options(
-            out=folder / str(trial.number),
-            host=InProcess(owns_descriptors=owns_descriptors)
-            if trial.in_process
-            else Processes(start_order=trial.start_order, around=delays.around),
-        )
-        result = run(_changed(scenario, trial), options, observer, interrupt)
-        done = TrialResult(trial=trial, result=result, delays=sum(delays.counts.values()))
-        on_result(done)
-        verification = Verification(results=(*verification.results, done), folder=folder)
-        if verification.failed or verification.different:
-            break
     return verification
 
 

@@ -5,7 +5,7 @@ What reads is imported when it is first used: a run only writes, and needs no Nu
 
 from typing import TYPE_CHECKING, Any
 
-from stepbus_orchestrator.recording.mcap_file import McapFile
+from stepbus_orchestrator.recording.mcap_file import McapFile, whole_file
 from stepbus_orchestrator.recording.recorder import Recorder
 from stepbus_orchestrator.recording.sink import Descriptions, Sink
 
@@ -35,6 +35,7 @@ __all__ = [
     "TimingRecorder",
     "raw_map",
     "recover",
+    "whole_file",
 ]
 
 

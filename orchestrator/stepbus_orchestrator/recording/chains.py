@@ -5,7 +5,6 @@ P13.2 and P13.3 of docs/protocol.md.
 
 import contextlib
 import hashlib
-import re
 from collections.abc import Collection, Iterable, Mapping
 from functools import partial
 from typing import Any
@@ -16,10 +15,6 @@ from stepbus_orchestrator.recording.workers import Workers
 from stepbus_schemas import CHAIN_EVERY, Chain, Decoder, MessageError
 
 _decode_chain = Decoder(Chain)
-_ROWS = "participants"
-_RARELY = re.compile("every ([0-9]+)")
-_REGULAR = 20
-"""Behind the last chain, a port that spoke so often without a pause was not silent: it lacks it."""
 
 
 class HashChain:
@@ -91,15 +86,16 @@ def messages_sha256(last_chain: bytes) -> str:
 
 
 class Holes:
-    """Finds what a recording lacks, from its messages in recorded order.
+    """Finds what a recording lacks, from its messages in recorded order: its hash chains break.
 
     scenario: the content of its `scenario.yaml`; without participants nothing can be missed.
     """
 
     def __init__(self, scenario: Mapping[str, Any]) -> None:
-        self._participants = {row[0]: _Participant(*row) for row in _every(scenario)}
+        self._links = {name: _Link(every) for name, every in _every(scenario).items()}
         self._last_chain = -1
-        self._gaps: list[str] = []
+        self.found: list[str] = []
+        """One sentence for each hole so far."""
 
     def add(self, topic: str, step: int, data: bytes) -> None:
         """Add one message."""
@@ -107,99 +103,57 @@ class Holes:
             self._check(step, data)
             return
         name, port = layout.split_topic(topic)
-        participant = self._participants.get(name)
-        if participant is not None and topic != layout.CALLS_TOPIC:
-            participant.add(port, step, data)
-
-    def end(self) -> list[str]:
-        """Return a sentence for each hole, once every message has been added."""
-        for participant in self._participants.values():
-            self._gaps += participant.silences(_REGULAR)
-        return self._gaps
+        if name in self._links and topic != layout.CALLS_TOPIC:
+            self._links[name].steps.setdefault(step, []).append((port, data))
 
     def _check(self, step: int, data: bytes) -> None:
         if step > self._last_chain + CHAIN_EVERY:
             gap = f"between steps {self._last_chain} and {step}"
-            self._gaps.append(f"{layout.CHAIN_TOPIC}: nothing {gap}")
+            self.found.append(f"{layout.CHAIN_TOPIC}: nothing {gap}")
         self._last_chain = step
         try:
             hashes = _decode_chain(data).hashes
         except MessageError as exc:
-            self._gaps.append(f"{layout.CHAIN_TOPIC}: step {step} is {exc}")
+            self.found.append(f"{layout.CHAIN_TOPIC}: step {step} is {exc}")
             return
         for name, expected in hashes.items():
-            participant = self._participants.get(name)
-            if participant is None:
-                continue
-            if not participant.reaches(step, expected):
-                self._gaps += participant.silences(0)
-                self._gaps.append(f"{name}: the hash chain breaks at or before step {step}")
-            participant.go_on(step, expected)
+            if name in self._links and not self._links[name].reaches(step, expected):
+                self.found.append(f"{name}: the hash chain breaks at or before step {step}")
 
 
-class _Participant:
-    """One participant: its hash chain, and what it published since that was last confirmed."""
+class _Link:
+    """The hash chain of one participant from its last recorded value on.
 
-    def __init__(self, name: str, every: int, ports: Mapping[str, int]) -> None:
-        self._name = name
+    steps: what it has published since that value.
+    """
+
+    def __init__(self, every: int) -> None:
+        self.steps: dict[int, list[tuple[str, bytes]]] = {}
         self._every = every
-        self._every_of = ports
         self._chain = HashChain()
         self._next = 0
-        self._steps: dict[int, list[tuple[str, bytes]]] = {}
-        self._ports: dict[str, tuple[int, int]] = {}
-        self._gaps: list[tuple[str, int, int, int]] = []
-
-    def add(self, port: str, step: int, data: bytes) -> None:
-        self._steps.setdefault(step, []).append((port, data))
-        every = self._every_of.get(port, self._every)
-        last, count = self._ports.get(port, (step - every, 0))
-        if step != last + every:
-            self._gaps.append((port, last, step, count))
-            count = 0
-        self._ports[port] = (step, count + 1)
 
     def reaches(self, last: int, expected: str) -> bool:
-        """Extend the chain up to a recorded value; in a run that failed it ends before `last`."""
-        while not self._stands_at(expected) and self._next <= last:
-            self._chain.extend(self._next, self._steps.pop(self._next, ()))
+        """Return whether the chain gets to a recorded value; go on from that, so or so.
+
+        In a run that failed it ends before `last`.
+        """
+        while not (is_equal := self._is_at(expected)) and self._next <= last:
+            self._chain.extend(self._next, self.steps.pop(self._next, ()))
             self._next += self._every
-        return self._stands_at(expected)
-
-    def _stands_at(self, expected: str) -> bool:
-        return not self._steps and self._chain.value.hex() == expected
-
-    def go_on(self, step: int, expected: str) -> None:
-        """Continue from a recorded value, so that each hole is found once."""
         with contextlib.suppress(ValueError):
             self._chain.value = bytes.fromhex(expected)
-        self._next = max(self._next, step // self._every * self._every + self._every)
-        self._steps.clear()
-        self._gaps.clear()
+        self._next = max(self._next, last // self._every * self._every + self._every)
+        self.steps.clear()
+        return is_equal
 
-    def silences(self, regular: int) -> list[str]:
-        """Return where ports did not speak that had spoken `regular` times without a pause."""
-        return [
-            f"{self._name}/{port}: nothing between steps {before} and {after}"
-            if after > before
-            else f"{self._name}/{port}: step {after} follows step {before}"
-            for port, before, after, count in self._gaps
-            if count >= regular or after <= before
-        ]
+    def _is_at(self, expected: str) -> bool:
+        return not self.steps and self._chain.value.hex() == expected
 
 
-def _every(scenario: Mapping[str, Any]) -> list[tuple[str, int, dict[str, int]]]:
-    """Return each participant with its `every`, and those of ports that are recorded more rarely.
-
-    As far as a resolved scenario says it.
-    """
+def _every(scenario: Mapping[str, Any]) -> dict[str, int]:
+    """Return participant → `every`, as far as a resolved scenario says it."""
     with contextlib.suppress(KeyError, TypeError, AttributeError, ValueError):
-        rows = {name: (row, int(row.get("every", 1))) for name, row in scenario[_ROWS].items()}
-        return [(name, max(1, every), _rarer(row, every)) for name, (row, every) in rows.items()]
-    return []
-
-
-def _rarer(row: Mapping[str, Any], every: int) -> dict[str, int]:
-    outputs = {k: v for k, v in row.get("outputs", {}).items() if isinstance(v, dict)}
-    found = ((port, _RARELY.fullmatch(str(o.get("record")))) for port, o in outputs.items())
-    return {port: every * int(match[1]) for port, match in found if match}
+        rows = scenario["participants"].items()
+        return {name: max(1, int(row.get("every", 1))) for name, row in rows}
+    return {}

@@ -1,13 +1,13 @@
 """What a recording holds and where, without its messages.
 
 A complete recording says so in its summary section: that is read at once, however large the file
-is. Any other file is scanned from its beginning (`scanner.py`).
+is. Any other file is scanned from its beginning.
 """
 
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,8 +20,10 @@ from mcap.opcode import Opcode
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.records import (
+    CRC_BYTES,
     HEAD,
     MAGIC,
+    STEP_END,
     DamagedRecord,
     RecordFile,
     records_of,
@@ -112,6 +114,12 @@ class Index:
                 self.metadata[record.name] = record.metadata
             case mcap.Header():
                 self.library = record.library
+                if layout.is_newer(self.library):
+                    raise RecordingFailed(
+                        f"{self.path} has layout {self.library!r}, which is newer than this "
+                        f"stepbus: it reads layouts up to {layout.LIBRARY!r}; update stepbus "
+                        "(docs/compatibility.md)"
+                    )
 
     def _not_ours(self, name: object) -> RecordingFailed:
         return RecordingFailed(
@@ -123,35 +131,22 @@ class Index:
 def read_summary(file: RecordFile) -> Index | None:
     """Return the index of a recording of ours; None where no summary says all of it."""
     try:
-        return _read_summary(file)
+        section, index = _section(file), Index(path=file.path)
+        if section is None:
+            return None
+        _add_at(file, len(MAGIC), index)
+        if not index.is_ours:
+            return None
+        for opcode, content in split(section):
+            if opcode == Opcode.CHUNK_INDEX:
+                index.blocks.append(_block(content, index.blocks))
+            for record in records_of(opcode, content):
+                if isinstance(record, mcap.AttachmentIndex | mcap.MetadataIndex):
+                    _add_at(file, record.offset, index)
+                else:
+                    index.add(record)
     except (DamagedRecord, ValueError, struct.error):
         return None
-
-
-def _read_summary(file: RecordFile) -> Index | None:
-    section, index = _section(file), Index(path=file.path)
-    if section is None:
-        return None
-    _add_at(file, len(MAGIC), index)
-    if not index.is_ours:
-        return None
-    statistics: mcap.Statistics | None = None
-    attached: list[int] = []
-    for opcode, content in split(section):
-        if opcode == Opcode.CHUNK_INDEX:
-            index.blocks.append(_block(content, index.blocks))
-        for record in records_of(opcode, content):
-            match record:
-                case mcap.Statistics():
-                    statistics = record
-                case mcap.AttachmentIndex() | mcap.MetadataIndex():
-                    attached.append(record.offset)
-                case _:
-                    index.add(record)
-    if statistics is None or not _lists_all(index, len(attached), statistics):
-        return None
-    for offset in attached:
-        _add_at(file, offset, index)
     index.ends_a_step = index.library == layout.LIBRARY
     return index
 
@@ -185,14 +180,116 @@ def _block(content: bytes, before: Sequence[Block]) -> Block:
     return Block(offset, length, channels, start_ns)
 
 
-def _lists_all(index: Index, attached: int, counted: mcap.Statistics) -> bool:
-    """Return whether a summary lists all that its statistics count."""
-    listed = (len(index.blocks), len(index.channels), attached)
-    expected = (
-        counted.chunk_count,
-        counted.channel_count,
-        counted.attachment_count + counted.metadata_count,
-    )
-    in_chunks = frozenset().union(*{block.channels for block in index.blocks})
-    with_messages = {channel for channel, n in counted.channel_message_counts.items() if n}
-    return listed == expected and in_chunks == with_messages
+class Scanner:
+    """One pass over a file that may be cut off or corrupt anywhere.
+
+    file: that it scans. index: what it holds, as far as it was scanned; what is wrong behind that
+    is its `damage`. That files of other programs end with a whole step is taken for granted. size:
+    of the file [bytes]. intact_bytes: up to the end of the last complete record, for a chunk with
+    all it contains. has_end: whether the end of the data was reached, so that at most the index is
+    missing.
+    """
+
+    def __init__(self, file: RecordFile) -> None:
+        self.index = Index(path=file.path)
+        self.size = file.size
+        self.intact_bytes = 0
+        self.has_end = False
+        self.file = file
+        self._crc = 0
+        self._done = 0
+        """No step below it comes any more: what has one was left by an earlier write."""
+
+    def records(self) -> Iterator[mcap.McapRecord]:
+        """Yield all records but those of the index, the messages of a chunk one by one.
+
+        Raises RecordingFailed when the file cannot be read or is no MCAP file.
+        """
+        start = self.file.read(0, len(MAGIC))
+        if start != MAGIC:
+            raise RecordingFailed(
+                f"{self.file.path} has {len(start)} bytes: there is nothing to recover"
+                if MAGIC.startswith(start)
+                else f"{self.file.path} is not an MCAP recording: it does not start with its magic "
+                "bytes"
+            )
+        self.intact_bytes, self._crc = len(MAGIC), crc32(MAGIC)
+        try:
+            opcode = 0
+            while opcode != Opcode.FOOTER:
+                opcode = yield from self._next()
+            if self.file.read(self.intact_bytes, len(MAGIC) + 1) == MAGIC:
+                self.intact_bytes = self.size
+            else:
+                self.index.damage = "the closing magic bytes are missing, or more follows them"
+        except DamagedRecord as exc:
+            self.index.damage = str(exc)
+
+    def _next(self) -> Generator[mcap.McapRecord, None, int]:
+        """Yield what is in the record behind the last intact one; return its opcode."""
+        offset, index = self.intact_bytes, self.index
+        if offset >= self.size:
+            raise DamagedRecord(
+                "the file ends before its end record: it was truncated between two records"
+            )
+        opcode, content = self.file.record(offset)
+        length = HEAD.size + len(content)
+        channels, times = set(), []
+        try:
+            for record in records_of(opcode, content, checked=index.is_ours):
+                if isinstance(record, mcap.Message):
+                    self._check_message(record)
+                    channels.add(record.channel_id)
+                    times.append(record.log_time)
+                else:
+                    index.add(record)
+                yield record
+        finally:
+            # A chunk may be damaged inside: what precedes it is complete.
+            if times:
+                index.blocks.append(Block(offset, length, frozenset(channels), min(times)))
+        if opcode == Opcode.CHUNK and index.library == layout.LIBRARY:
+            index.ends_a_step = True
+            self._done += 1
+        elif opcode == STEP_END:
+            index.ends_a_step = True
+        if opcode == Opcode.MESSAGE and index.loose_from is None:
+            index.loose_from = offset
+        self.has_end = self.has_end or opcode == Opcode.DATA_END
+        self.intact_bytes += length
+        self._take_checksum(opcode, content)
+        return opcode
+
+    def _check_message(self, message: mcap.Message) -> None:
+        """Raise DamagedRecord for a message of a channel that no record before it describes."""
+        channel = self.index.channels.get(message.channel_id)
+        if channel is None:
+            raise DamagedRecord(
+                f"a message is of channel {message.channel_id} that has no Channel record"
+            )
+        if self.index.is_ours:
+            if message.sequence < self._done:
+                raise DamagedRecord(
+                    f"a message of step {message.sequence} follows later ones: the write "
+                    "that should replace it was interrupted"
+                )
+            self._done = message.sequence
+            # Written last, it shows that nothing of its step is missing.
+            self.index.ends_a_step = channel.topic == layout.CHAIN_TOPIC
+
+    def _take_checksum(self, opcode: int, content: bytes) -> None:
+        """Add a record to the checksum of its section; raise DamagedRecord where that is wrong."""
+        record = HEAD.pack(opcode, len(content)) + content
+        if opcode == Opcode.DATA_END:
+            must = self.index.is_ours and self.index.library != layout.FIRST
+            record = b""
+        elif opcode == Opcode.FOOTER:
+            must = self.index.is_ours
+            record = record[:-CRC_BYTES]
+        self._crc = crc32(record, self._crc)
+        if opcode not in {Opcode.DATA_END, Opcode.FOOTER}:
+            return
+        expected = int.from_bytes(content[-CRC_BYTES:], "little")
+        if (expected or must) and expected != self._crc:
+            raise DamagedRecord("a checksum is wrong: the file has changed since it was written")
+        self._crc = 0

@@ -1,58 +1,100 @@
-"""The MCAP file of a run: MessagePack messages with JSON Schemas."""
+"""The MCAP file of a run: MessagePack messages with JSON Schemas, in chunks of whole steps."""
 
 import contextlib
 import errno
 import json
 import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import partial
 from pathlib import Path
+from struct import Struct
 from typing import Any
 
+from isal.isal_zlib import crc32, crc32_combine
 from mcap import records as mcap
+from mcap.opcode import Opcode
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording.chunk import BIG_BYTES, Chunk, Encoded, encode_chunk
+from stepbus_orchestrator.recording.records import HEAD, MAGIC, STEP_END
 from stepbus_orchestrator.recording.reserved_file import ReservedFile
-from stepbus_participant import Disk
+from stepbus_orchestrator.recording.summary import Summary, bytes_of
+from stepbus_orchestrator.recording.workers import Workers
+from stepbus_participant import Disk, open_regular
 from stepbus_schemas import json_schema, reached
 
 _FAILURES = (OSError, MemoryError)
 """What a write that failed raises."""
+_MESSAGE = Struct("<BQHIQQ")  # opcode, length, channel, sequence, log time, publish time
+_FIELDS_BYTES = _MESSAGE.size - HEAD.size
+_STEP_END = HEAD.pack(STEP_END, 0)
 
 
 class McapFile:
     """An MCAP file of MessagePack messages with JSON Schemas, and nothing that differs by run.
 
-    All methods but `close` raise RecordingFailed when the file cannot be written or is closed.
+    It has the bytes that `mcap.writer.Writer` writes, but that each chunk holds whole steps. Chunks
+    with big messages are compressed in threads, and written in their order a few chunks later.
+
+    All methods but `flush` raise RecordingFailed when the file cannot be written or is closed.
     After the first failed write nothing but the index is appended: a recording has no hole.
 
+    library, profile: of its header. written_as: the name of the file until it gets its own.
     closed: whether the file is complete; nothing can be added to it then.
     """
 
-    def __init__(self, path: Path, disk: Disk = os) -> None:
+    chunk_bytes = layout.CHUNK_BYTES
+
+    def __init__(
+        self,
+        path: Path,
+        disk: Disk = os,
+        *,
+        library: str = layout.LIBRARY,
+        profile: str = layout.PROFILE,
+        written_as: Path | None = None,
+    ) -> None:
         self.path = path
         self.closed = False
+        self._crc = 0
+        self._summary = Summary()
         self._schemas: dict[str, int] = {}
+        self._chunk = Chunk()
+        self._workers: Workers[Encoded] = Workers(self._put)
+        self._step = (0, 0)  # time and sequence of the newest message
+        self._unfinished = (0, 0)  # where the chunk will stand, and how much of it does
         self._refusal: RecordingFailed | None = None
         """Why nothing can be added: the first failure, or that the file is closed."""
-        self._unreported: RecordingFailed | None = None
         with self._translated():
-            self._file = ReservedFile(path, disk)
-            self._writer = MessageWriter(self._file, keep_room=self._file.keep_room)
+            self._file = ReservedFile(written_as or path, disk)
+            self._write(MAGIC + bytes_of(mcap.Header(profile, library)))
+
+    # --- what is added --------------------------------------------------------------------
 
     def attach(self, name: str, media_type: str, data: bytes) -> None:
         """Attach a file."""
-        attachment = mcap.Attachment(
-            create_time=0, log_time=0, name=name, media_type=media_type, data=data
+        self.add_record(
+            mcap.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=data)
         )
-        with self._translated():
-            self._writer.add(attachment)
 
     def add_metadata(self, name: str, content: Mapping[str, str]) -> None:
         """Write a metadata record."""
+        self.add_record(mcap.Metadata(name, dict(content)))
+
+    def add_record(self, record: mcap.Attachment | mcap.Metadata) -> None:
+        """Write an attachment or a metadata record."""
         with self._translated():
-            self._writer.add(mcap.Metadata(name, dict(content)))
+            self._workers.drain()
+            offset, data = self._file.position, bytes_of(record)
+            at, known = self._unfinished
+            if at == offset and known:
+                # Behind it stands again what it replaces: a kill loses nothing.
+                self._write(data, ahead=self._chunk.content()[:known] + _STEP_END)
+                self._unfinished = (self._file.position, known)
+            else:
+                self._write(data)
+            self._summary.add(record, offset, len(data))
 
     def add_channel(
         self,
@@ -62,27 +104,39 @@ class McapFile:
         schema_of: Callable[[str], Mapping[str, Any]] = json_schema,
     ) -> int:
         """Register a channel and, once, its type's JSON Schema; return the channel's number."""
+        if type_name not in self._schemas:
+            text = json.dumps(schema_of(type_name), sort_keys=True, ensure_ascii=False)
+            name, encoding = layout.schema_name(type_name), layout.SCHEMA_ENCODING
+            schema = mcap.Schema(id=0, name=name, encoding=encoding, data=text.encode())
+            self._schemas[type_name] = self.register(schema)
+        channel = mcap.Channel(
+            id=0,
+            topic=topic,
+            message_encoding=layout.MESSAGE_ENCODING,
+            metadata=dict(metadata),
+            schema_id=self._schemas[type_name],
+        )
+        return self.register(channel)
+
+    def register(self, record: mcap.Schema | mcap.Channel) -> int:
+        """Add a schema or a channel, under the next free number; return that."""
         with self._translated():
-            if type_name not in self._schemas:
-                text = json.dumps(schema_of(type_name), sort_keys=True, ensure_ascii=False)
-                name, encoding = layout.schema_name(type_name), layout.SCHEMA_ENCODING
-                schema = mcap.Schema(id=0, name=name, encoding=encoding, data=text.encode())
-                self._schemas[type_name] = self._writer.register(schema)
-            channel = mcap.Channel(
-                id=0,
-                topic=topic,
-                message_encoding=layout.MESSAGE_ENCODING,
-                metadata=dict(metadata),
-                schema_id=self._schemas[type_name],
-            )
-            return self._writer.register(channel)
+            number, data = self._summary.register(record)
+            self._chunk.records.append(data)
+            self._chunk.size += len(data)
+            if self._chunk.size > self.chunk_bytes:
+                self._end_chunk()
+        return number
 
     def add(self, channel: int, t_ns: int, data: bytes, sequence: int) -> None:
         """Write one message."""
         self.add_all([(channel, data)], t_ns, sequence)
 
     def add_all(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
-        """Write messages of one time, (channel, content) each, in their order."""
+        """Write messages of one time, (channel, content) each, in their order.
+
+        A chunk is full when it has `chunk_bytes` and the next message is of another step.
+        """
         if not messages:
             # No participant has published at this step: its time is no part of the chunk.
             return
@@ -90,59 +144,112 @@ class McapFile:
         if self._refusal is not None:
             raise self._refusal
         try:
-            self._writer.add_messages(messages, t_ns, t_ns, sequence)
+            if (t_ns, sequence) != self._step:
+                if self._chunk.size > self.chunk_bytes:
+                    self._end_chunk()
+                self._step = (t_ns, sequence)
+            self._fill(messages, t_ns, sequence)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
+
+    def _fill(self, messages: Sequence[tuple[int, bytes]], t_ns: int, sequence: int) -> None:
+        chunk, pack = self._chunk, _MESSAGE.pack
+        if not chunk.indexes:
+            chunk.earliest = chunk.latest = t_ns
+        elif t_ns > chunk.latest:
+            chunk.latest = t_ns
+        elif t_ns < chunk.earliest:
+            chunk.earliest = t_ns
+        records, indexes, size = chunk.records, chunk.indexes, chunk.size
+        for channel, data in messages:
+            index = indexes.get(channel)
+            if index is None:
+                index = indexes[channel] = []
+            index += (t_ns, size)
+            length = _FIELDS_BYTES + len(data)
+            head = pack(Opcode.MESSAGE, length, channel, sequence, t_ns, t_ns)
+            if length > BIG_BYTES:
+                chunk.is_big = True
+                records += (head, data)
+            else:
+                records.append(head + data)
+            size += HEAD.size + length
+        chunk.size = size
 
     def flush(self) -> None:
         """Write all messages, so that the file has them even after a kill; it raises nothing.
 
-        To be called between steps, whose end it marks. The bytes of the closed file stay the same.
+        To be called between steps, whose end it marks. What is new in the open chunk is written
+        behind the file's end, record by record and not compressed; the whole chunk replaces it. So
+        the bytes of the closed file stay the same.
         """
-        if self._refusal is None:
-            try:
-                self._writer.write_unfinished()
-            except _FAILURES as exc:
-                # Of a chunk that was being compressed: whatever comes next is refused.
-                self._unreported = self.refuse(exc)
+        if self._refusal is not None:
+            return
+        try:
+            self._workers.drain()
+            chunk, offset = self._chunk, self._file.position
+            if not chunk.indexes:
+                return
+            known = self._unfinished[1] if self._unfinished[0] == offset else 0
+            new = memoryview(chunk.content())[known:]
+            # Where there is no room now, the next try begins with what is missing: no hole stays.
+            if self._file.write_ahead(b"".join((new, _STEP_END))):
+                self._unfinished = (offset, chunk.size)
+        except _FAILURES as exc:
+            # Of a chunk that was being compressed: whatever comes next is refused.
+            self.refuse(exc)
 
-    def close(self, name: str = "", content: Mapping[str, str] | None = None) -> None:
+    # --- its end --------------------------------------------------------------------------
+
+    def close(self, last: mcap.Metadata | None = None) -> None:
         """Write what is left, a last metadata record and the index; harmless when repeated.
 
         The metadata record is written only where all messages are.
         On a full disk they go into the room that was set aside. Raises RecordingFailed when they
-        cannot be written all the same.
+        cannot be written all the same, or anything before could not.
         """
         if self.closed:
             return
         self.closed = True
         if self._refusal is None:
             try:
-                self._writer.settle()
+                if self._chunk.is_big:
+                    self._end_chunk()
+                self._workers.drain()
             except _FAILURES as exc:
-                self._unreported = self.refuse(exc)
+                self.refuse(exc)
+        failure = self._refusal
         self._file.release()
         try:
-            last = None if content is None else mcap.Metadata(name, dict(content))
-            if self._refusal is not None:
-                self._writer.drop_chunks()
-                last = None
-            self._writer.finish(last)
+            if failure is not None:
+                self._chunk, last = Chunk(), None
+                self._workers.close()
+            self._finish(last)
         except _FAILURES as exc:
             raise self.refuse(exc) from exc
         finally:
             self._file.close()
             closed = f"the recording {self.path} is closed; nothing can be added to it"
-            self._refusal = self._refusal or RecordingFailed(closed)
-        if self._unreported is not None:
-            raise self._unreported
+            self._refusal = failure or RecordingFailed(closed)
+        if failure is not None:
+            raise failure
+
+    def _finish(self, last: mcap.Metadata | None) -> None:
+        """Write the last chunk, behind it a last record, and the index."""
+        self._end_chunk()
+        self._workers.drain()
+        self._workers.close()
+        if last is not None:
+            self.add_record(last)
+        self._write(bytes_of(mcap.DataEnd(self._crc)))
+        self._write(self._summary.end(self._file.position) + MAGIC)
 
     def check(self) -> None:
         """Raise RecordingFailed when the closed file is not, byte for byte, what was written."""
         try:
-            changed = self._file.changed(self._writer.crc)
+            changed = self._file.changed(self._crc)
         except _FAILURES as exc:
-            raise self._failure(exc) from exc
+            raise _failure(self.path, exc) from exc
         if changed:
             reached("a recording was changed or removed")
             raise RecordingFailed(
@@ -150,6 +257,38 @@ class McapFile:
                 "the run; run again, and do not change the run's folder until the run "
                 "ends"
             )
+
+    # --- how it is written ----------------------------------------------------------------
+
+    def _write(self, data: bytes, ahead: bytes = b"") -> None:
+        self._file.write([data], ahead)
+        self._crc = crc32(data, self._crc)
+
+    def _end_chunk(self) -> None:
+        """Hand on the chunk, to be written; raises OSError where it, or one before, cannot be.
+
+        It is kept until it is encoded: that may raise MemoryError.
+        """
+        chunk = self._chunk
+        if not chunk.indexes:
+            return
+        if chunk.is_big or self._workers.are_busy:
+            self._workers.give(partial(encode_chunk, chunk), chunk.size)
+            self._chunk = Chunk()
+        else:
+            encoded = encode_chunk(chunk)
+            self._chunk = Chunk()
+            self._put(encoded)
+
+    def _put(self, encoded: Encoded) -> None:
+        """Write a chunk and its message indexes at once; raises OSError, and has lost them."""
+        start = self._file.position
+        self._file.keep_room(self._summary.chunk_index_bytes)
+        self._file.write(encoded.parts)
+        self._crc = crc32_combine(self._crc, encoded.crc, encoded.size)
+        self._summary.add_chunk(encoded, start)
+
+    # --- failures -------------------------------------------------------------------------
 
     @contextlib.contextmanager
     def _translated(self) -> Iterator[None]:
@@ -163,20 +302,57 @@ class McapFile:
     def refuse(self, exc: OSError | MemoryError) -> RecordingFailed:
         """Return the first failure, which refuses all that comes next."""
         reached("a recording cannot be written")
-        self._refusal = self._refusal or self._failure(exc)
+        self._refusal = self._refusal or _failure(self.path, exc)
         return self._refusal
 
-    def _failure(self, exc: OSError | MemoryError) -> RecordingFailed:
-        if isinstance(exc, MemoryError):
-            return RecordingFailed(
-                f"the recording {self.path} cannot be written: the orchestrator has no memory "
-                "left; free some memory or raise its limit (ulimit -v)"
-            )
-        remedy = (
-            "raise the file size limit (ulimit -f)"
-            if exc.errno == errno.EFBIG
-            else f"free some disk space or choose another folder with {argument('--out')}"
-        )
+
+def _failure(path: Path, exc: OSError | MemoryError) -> RecordingFailed:
+    """Return the error for a write that failed, with what the user can do."""
+    if isinstance(exc, MemoryError):
         return RecordingFailed(
-            f"the recording {self.path} cannot be written: {exc.strerror or exc}; {remedy}"
+            f"the recording {path} cannot be written: the orchestrator has no memory "
+            "left; free some memory or raise its limit (ulimit -v)"
         )
+    remedy = (
+        "raise the file size limit (ulimit -f)"
+        if exc.errno == errno.EFBIG
+        else f"free some disk space or choose another folder with {argument('--out')}"
+    )
+    return RecordingFailed(
+        f"the recording {path} cannot be written: {exc.strerror or exc}; {remedy}"
+    )
+
+
+@contextlib.contextmanager
+def whole_file(path: Path, disk: Disk = os, **header: str) -> Iterator[McapFile]:
+    """Yield a file that replaces `path` at the end, if nothing has failed; else nothing is left.
+
+    header: as of `McapFile`. Raises RecordingFailed when it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.part")
+    try:
+        file = McapFile(path, disk, written_as=part, **header)
+        try:
+            yield file
+            file.close()
+        finally:
+            with contextlib.suppress(RecordingFailed):
+                file.close()
+        try:
+            # It may replace the only copy there is.
+            _sync(part, disk)
+            disk.replace(part, path)
+        except OSError as exc:
+            raise _failure(path, exc) from exc
+    finally:
+        with contextlib.suppress(FileNotFoundError):
+            disk.unlink(part)
+
+
+def _sync(path: Path, disk: Disk) -> None:
+    """Bring a file to the medium."""
+    descriptor = open_regular(path)
+    try:
+        disk.fsync(descriptor)
+    finally:
+        os.close(descriptor)

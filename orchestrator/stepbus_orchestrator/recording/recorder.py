@@ -1,11 +1,14 @@
 """Writes the recording of a run: channels, outputs, calls and hash chains (P13)."""
 
-import contextlib
+from collections import deque
 from collections.abc import Callable, Collection, Mapping, Sequence
 from functools import partial
+from itertools import takewhile
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import msgspec
+from mcap.records import Metadata
 
 from stepbus_orchestrator.errors import ParticipantFault
 from stepbus_orchestrator.recording import layout
@@ -46,7 +49,7 @@ class Recorder(Sink):
     """Writes the outputs of a run, and the hash chains.
 
     order: the participants in schedule order. on_event: gets every Event that is written. types:
-    those of the scenario.
+    those of the scenario. versions: participant → library → version, of those that do not run.
     Its methods raise RecordingFailed when the disk is full or the recording is closed, and
     ParticipantFault when a message is not of its port's type.
     """
@@ -58,6 +61,8 @@ class Recorder(Sink):
         step_ns: int,
         on_event: OnEvent | None = None,
         types: Types = SHIPPED,
+        *,
+        versions: Mapping[str, Mapping[str, str]] = MappingProxyType({}),
     ) -> None:
         super().__init__({spec.name: spec.outputs for spec in order}, partly_recorded(order))
         self._types = types
@@ -66,6 +71,7 @@ class Recorder(Sink):
         self._specs = {spec.name: spec for spec in order}
         self._step_ns = step_ns
         self._on_event = on_event
+        self._versions = versions
         self._chains = {
             spec.name: ThreadedChain() if _has_bulk(spec) else HashChain() for spec in order
         }
@@ -80,6 +86,7 @@ class Recorder(Sink):
         self._chain_channel: int | None = None
         self._last_chain = b""
         self._calls_channel: int | None = None
+        self._is_aborting = False
 
     def open_channels(
         self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
@@ -90,7 +97,8 @@ class Recorder(Sink):
         version.
         """
         for name in self._specs:
-            content = dict(sorted(versions.get(name, {}).items()))
+            own = versions.get(name, self._versions.get(name, {}))
+            content = dict(sorted(own.items()))
             self._file.add_metadata(layout.versions_metadata(name), content)
         for name, spec in self._specs.items():
             for port, output in spec.outputs.items():
@@ -149,62 +157,57 @@ class Recorder(Sink):
         """Write whatever has arrived, without a hole, and what has not; close the file."""
         if self._file.closed:
             return
-        steps = self.whole_steps()
+        self._is_aborting = True
+        for name, own in self._waiting.items():
+            # Nothing follows something broken, or bulk content that is missing.
+            whole = takewhile(partial(self._has_bulk, name), own)
+            self._waiting[name] = deque() if self.has_broken(name) else deque(whole)
+        steps = [outputs.step for own in self._waiting.values() for outputs in own]
+        last = max(steps, default=-1)
         try:
             # A chain may be due at a step at which no participant publishes.
-            for step in range(min(self._next, *steps), steps[-1] + 1) if steps else ():
-                self._write(step, None, self._collect_what_is_valid, is_last=step == steps[-1])
+            for step in range(min([self._next, *steps]), last + 1):
+                self._write(step, None, is_last=step == last)
         finally:
             missing = {name: str(step) for name, step in self._missing.items()}
             has_begun = self._chain_channel is not None
-            self._close(layout.INCOMPLETE_METADATA, missing if has_begun else None)
+            self._close(Metadata(layout.INCOMPLETE_METADATA, missing) if has_begun else None)
 
-    def _close(self, name: str = "", last: Mapping[str, str] | None = None) -> None:
+    def _close(self, last: Metadata | None = None) -> None:
         """Close the file behind a last metadata record, and end all threads."""
         for chain in self._chains.values():
             chain.close()
-        self._file.close(name, last)
+        self._file.close(last)
 
     def write_step(self, step: int, closing: Collection[str] | None = None) -> None:
         """Write the outputs of a step, and the chain behind them where it is due."""
-        self._write(step, closing, self._collect, is_last=closing is not None)
+        self._write(step, closing, is_last=closing is not None)
 
-    def _write(
-        self,
-        step: int,
-        closing: Collection[str] | None,
-        collect: Callable[[Published, list[tuple[int, bytes]]], None],
-        *,
-        is_last: bool,
-    ) -> None:
+    def _write(self, step: int, closing: Collection[str] | None, *, is_last: bool) -> None:
         try:
-            self._write_outputs(step, closing, collect)
-            self._write_chain(step, is_last=is_last)
+            self._write_outputs(step, closing)
+            if self._chain_channel is not None and (is_last or layout.has_chain(step)):
+                hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
+                self._last_chain = encode(Chain(step=step, hashes=hashes))
+                self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
         except MemoryError as exc:
             # Outputs that were taken from the queue may be lost: nothing may follow them.
             raise self._file.refuse(exc) from exc
 
-    def _write_outputs(
-        self,
-        step: int,
-        closing: Collection[str] | None,
-        collect: Callable[[Published, list[tuple[int, bytes]]], None],
-    ) -> None:
+    def _write_outputs(self, step: int, closing: Collection[str] | None) -> None:
         """Write the outputs of one step, up to the first broken one; the chains have the same."""
         self._last_chain = b""
         messages: list[tuple[int, bytes]] = []
         try:
             for published in self.revised(step, closing):
-                collect(published, messages)
+                try:
+                    self._collect(published, messages)
+                except ParticipantFault:
+                    # A second broken message must not hide the first, which ended the run.
+                    if not self._is_aborting:
+                        raise
         finally:
             self._add(messages, step * self._step_ns, step)
-
-    def _collect_what_is_valid(
-        self, published: Published, messages: list[tuple[int, bytes]]
-    ) -> None:
-        # A second broken message must not hide the first, which ended the run.
-        with contextlib.suppress(ParticipantFault):
-            self._collect(published, messages)
 
     def _collect(self, published: Published, messages: list[tuple[int, bytes]]) -> None:
         """Check what one participant has published, and append it as (channel, content)."""
@@ -230,12 +233,6 @@ class Recorder(Sink):
         if published.fault is not None:
             raise published.fault
         self._missing[name] = published.step + self._specs[name].every
-
-    def _write_chain(self, step: int, *, is_last: bool) -> None:
-        if self._chain_channel is not None and (is_last or layout.has_chain(step)):
-            hashes = {name: chain.value.hex() for name, chain in self._chains.items()}
-            self._last_chain = encode(Chain(step=step, hashes=hashes))
-            self._add([(self._chain_channel, self._last_chain)], step * self._step_ns, step)
 
     def _undecodable(self, name: str, port: str, step: int, exc: Exception) -> ParticipantFault:
         error = Decoder(self._types[self._specs[name].outputs[port].type]).error(exc)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import struct
 import weakref
@@ -42,7 +43,6 @@ _TYPES: Mapping[int, Any] = {
     Opcode.CHUNK: mcap.Chunk,
     Opcode.ATTACHMENT: mcap.Attachment,
     Opcode.METADATA: mcap.Metadata,
-    Opcode.STATISTICS: mcap.Statistics,
     Opcode.ATTACHMENT_INDEX: mcap.AttachmentIndex,
     Opcode.METADATA_INDEX: mcap.MetadataIndex,
 }
@@ -114,11 +114,9 @@ def check_head(opcode: int, length: int, offset: int, size: int) -> None:
     """Raise DamagedRecord when no such record can stand at `offset` of `size` bytes."""
     if opcode not in _KNOWN and opcode < _FIRST_PRIVATE_OPCODE:
         raise DamagedRecord(f"byte {offset}: {opcode} is not a record type")
-    left = size - offset - HEAD.size
-    if length > left:
-        raise DamagedRecord(
-            f"the {type_of(opcode)} at byte {offset} is {length - left} bytes short"
-        )
+    missing = offset + HEAD.size + length - size
+    if missing > 0:
+        raise DamagedRecord(f"the {type_of(opcode)} at byte {offset} is {missing} bytes short")
 
 
 def split(data: bytes, allowed: Collection[int] | None = None) -> Iterator[tuple[int, bytes]]:
@@ -147,12 +145,8 @@ def records_of(opcode: int, content: bytes, *, checked: bool = False) -> Iterato
     contradicts itself.
     """
     if opcode == Opcode.CHUNK:
-        records = split(chunk_content(content, checked=checked), LOOSE)
-        try:
-            for inner, data in records:
-                yield from records_of(inner, data)
-        except DamagedRecord as exc:
-            raise DamagedRecord(f"inside a chunk: {exc}") from exc
+        for inner, data in split(chunk_content(content, checked=checked), LOOSE):
+            yield from records_of(inner, data)
     elif opcode == Opcode.MESSAGE:
         yield _message(content)
     elif opcode in _TYPES:
@@ -166,7 +160,7 @@ def chunk_content(content: bytes, *, checked: bool) -> bytes:
     """
     chunk = _parsed(Opcode.CHUNK, content)
     data: bytes = chunk.data
-    try:
+    with _translated(Opcode.CHUNK):
         if chunk.compression == "zstd":
             data = zstandard.decompress(data, max_output_size=chunk.uncompressed_size)
         elif chunk.compression:
@@ -174,25 +168,20 @@ def chunk_content(content: bytes, *, checked: bool) -> bytes:
         if len(data) != chunk.uncompressed_size:
             raise ValueError(f"it contains {len(data)} bytes, not {chunk.uncompressed_size}")
         _check_crc(data, chunk.uncompressed_crc, checked=checked)
-    except _PARSE_ERRORS as exc:
-        raise _corrupt(Opcode.CHUNK, exc) from exc
     return data
 
 
 def _parsed(opcode: int, content: bytes, *, checked: bool = False) -> Any:
-    try:
+    with _translated(opcode):
         if opcode == Opcode.ATTACHMENT:
             expected = int.from_bytes(content[-CRC_BYTES:], "little")
             _check_crc(content[:-CRC_BYTES], expected, checked=checked)
         return _TYPES[opcode].read(ReadDataStream(BytesIO(content)))
-    except _PARSE_ERRORS as exc:
-        raise _corrupt(opcode, exc) from exc
 
 
 def _message(content: bytes) -> mcap.Message:
     if len(content) < MESSAGE_HEAD.size:
-        needed = f"it has {len(content)} bytes, at least {MESSAGE_HEAD.size} are needed"
-        raise _corrupt(Opcode.MESSAGE, ValueError(needed))
+        raise DamagedRecord(f"a message is corrupt: it has {len(content)} bytes")
     channel, sequence, log_time, publish_time = MESSAGE_HEAD.unpack_from(content)
     return mcap.Message(channel, log_time, content[MESSAGE_HEAD.size :], publish_time, sequence)
 
@@ -203,5 +192,10 @@ def _check_crc(data: bytes, expected: int, *, checked: bool) -> None:
         raise ValueError("its checksum is wrong")
 
 
-def _corrupt(opcode: int, exc: BaseException) -> DamagedRecord:
-    return DamagedRecord(f"a {type_of(opcode)} is corrupt: {str(exc) or type(exc).__name__}")
+@contextlib.contextmanager
+def _translated(opcode: int) -> Iterator[None]:
+    try:
+        yield
+    except _PARSE_ERRORS as exc:
+        why = str(exc) or type(exc).__name__
+        raise DamagedRecord(f"a {type_of(opcode)} is corrupt: {why}") from exc

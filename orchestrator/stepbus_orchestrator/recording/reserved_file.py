@@ -12,7 +12,6 @@ from isal.isal_zlib import crc32
 from stepbus_orchestrator.recording.records import HEAD
 from stepbus_participant import Disk, make_file, write_at, write_parts_at
 
-_RESERVE_BYTES = 512 * 1024
 _END_BYTES = 256 * 1024
 """For the end of a file beside the index of its chunks: channels, schemas, statistics."""
 _MORE_BYTES = 256 * 1024
@@ -29,13 +28,13 @@ class ReservedFile:
     file without a name, so that it goes with the process, however that ends. Until it is closed, it
     is locked as one that is being written.
 
-    disk: of the run. All methods raise OSError.
+    disk: of the run. position: how much has been written [bytes]. All methods raise OSError.
     """
 
     def __init__(self, path: Path, disk: Disk = os) -> None:
         self._path = path
         self._disk = disk
-        self._position = 0
+        self.position = 0
         self._ahead = 0
         self._reserve = -1
         self._reserved = 0
@@ -49,50 +48,39 @@ class ReservedFile:
             name = path.with_name(f".{path.name}.reserve")
             self._reserve = make_file(name, 0o600, disk)
             disk.unlink(name)
-            self._set_aside(_RESERVE_BYTES)
+            self.keep_room(0)
         except OSError:
             self._disk.close(self._file)
             self.release()
             raise
 
-    def _set_aside(self, size: int) -> None:
-        self._disk.posix_fallocate(self._reserve, self._reserved, size - self._reserved)
-        self._reserved = size
-
     def keep_room(self, size: int) -> None:
         """Keep room for an index of so many bytes."""
-        needed = _END_BYTES + size
-        if needed > self._reserved and self._reserve >= 0:
-            self._set_aside(needed + _MORE_BYTES)
+        if self._reserve >= 0 and _END_BYTES + size > self._reserved:
+            reserved = _END_BYTES + size + _MORE_BYTES
+            self._disk.posix_fallocate(self._reserve, self._reserved, reserved - self._reserved)
+            self._reserved = reserved
 
-    def tell(self) -> int:
-        """Return how much has been written [bytes]."""
-        return self._position
-
-    def write(self, data: bytes, ahead: bytes = b"") -> None:
-        """Append all of `data`, or nothing of it; ahead: what the next `write` replaces."""
-        self.writelines([data], ahead)
-
-    def writelines(self, parts: Sequence[bytes], ahead: bytes = b"") -> None:
+    def write(self, parts: Sequence[bytes], ahead: bytes = b"") -> None:
         """Append all parts, or nothing of them; ahead: what the next `write` replaces."""
         size = sum(map(len, parts))
         over = self._ahead - size - len(ahead)
         # A process that is killed here leaves no rubbish behind them, but one private record.
         cover = HEAD.pack(_COVER, max(0, over - HEAD.size)) if over > 0 else b""
         try:
-            write_parts_at(self._disk, self._file, (*parts, ahead, cover), self._position)
+            write_parts_at(self._disk, self._file, (*parts, ahead, cover), self.position)
             if cover:
-                self._disk.ftruncate(self._file, self._position + size + len(ahead))
+                self._disk.ftruncate(self._file, self.position + size + len(ahead))
         except OSError:
             self._ahead = 0
-            self._disk.ftruncate(self._file, self._position)
+            self._disk.ftruncate(self._file, self.position)
             raise
         self._ahead = len(ahead)
-        self._position += size
+        self.position += size
 
     def write_ahead(self, data: bytes) -> bool:
         """Append bytes that the next `write` replaces; return whether there was room for them."""
-        end = self._position + self._ahead
+        end = self.position + self._ahead
         try:
             write_at(self._disk, self._file, data, end)
         except OSError:
@@ -114,8 +102,8 @@ class ReservedFile:
                 return "was replaced by another file"
             with self._path.open("rb") as file:
                 size = os.fstat(file.fileno()).st_size
-                if size != self._position:
-                    return f"has {size} bytes, not the {self._position} that were written"
+                if size != self.position:
+                    return f"has {size} bytes, not the {self.position} that were written"
                 found = 0
                 while block := file.read(_BLOCK_BYTES):
                     found = crc32(block, found)

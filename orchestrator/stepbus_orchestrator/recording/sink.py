@@ -5,8 +5,6 @@ That is by step, then participant, then port.
 
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from functools import partial
-from itertools import takewhile
 from types import MappingProxyType
 from typing import Protocol
 
@@ -104,24 +102,7 @@ class Sink:
 
     # --- in order -------------------------------------------------------------------------
 
-    def complete_below(self, end: int) -> Iterator[int]:
-        """Yield the next steps below `end`, up to the first that lacks bulk content."""
-        waiting = list(self._waiting.items())
-        while self._next < end:
-            for name, own in waiting:
-                head = own[0] if own else None
-                if (
-                    head
-                    and head.bulk
-                    and head.step == self._next
-                    and not self._has_bulk(name, head)
-                ):
-                    return
-            yield self._next
-            self._next += 1
-
-    def take(self, step: int) -> Iterator[Published]:
-        """Yield the outputs of one step, participant by participant, and forget them."""
+    def _take(self, step: int) -> Iterator[Published]:
         for name, own in self._waiting.items():
             while own and own[0].step == step:
                 yield self._published(name, own.popleft())
@@ -157,16 +138,19 @@ class Sink:
             rest = [o for o in own if name in closing and o.step <= closing_step]
             self._waiting[name] = deque(rest)
 
-    def steps(self) -> list[int]:
-        """Return the steps that wait, in order."""
-        return sorted({outputs.step for own in self._waiting.values() for outputs in own})
-
     # --- what is written ------------------------------------------------------------------
 
     def write_below(self, step: int) -> None:
         """Write all steps below `step`, up to the first that lacks bulk content."""
-        for complete in self.complete_below(step):
-            self.write_step(complete)
+        waiting = list(self._waiting.items())
+        while self._next < step:
+            for name, own in waiting:
+                head = own[0] if own else None
+                is_due = head and head.bulk and head.step == self._next
+                if head and is_due and not self._has_bulk(name, head):
+                    return
+            self.write_step(self._next)
+            self._next += 1
 
     def finish(self, closing_step: int, closing: Collection[str]) -> None:
         """Write what is left: up to `closing_step`, and at that the outputs of those named.
@@ -178,20 +162,7 @@ class Sink:
         self.write_step(closing_step, closing)
 
     def abort(self) -> None:
-        """Write whatever has arrived, in order; harmless when repeated."""
-        for step in self.steps():
-            self.write_step(step)
-
-    def whole_steps(self) -> list[int]:
-        """Return the steps that wait, once all is dropped that would come behind a hole.
-
-        That is what a participant has published after something broken, and from the first outputs
-        on whose bulk content is missing.
-        """
-        for name, own in self._waiting.items():
-            whole = takewhile(partial(self._has_bulk, name), own)
-            self._waiting[name] = deque() if name in self._broken else deque(whole)
-        return self.steps()
+        """Write whatever has arrived; harmless when repeated."""
 
     def broke(self, name: str) -> None:
         """Record no more of a participant: it has published something that cannot be recorded."""
@@ -211,9 +182,9 @@ class Sink:
     def revised(self, step: int, closing: Collection[str] | None = None) -> Iterable[Published]:
         """Return the outputs of a step that are to be written, and forget them."""
         if self.reviser is None:
-            return self.take(step)
+            return self._take(step)
         try:
-            return self.reviser.revise(step, list(self.take(step)), closing)
+            return self.reviser.revise(step, list(self._take(step)), closing)
         except RunFailure:
             # Nothing follows a step that is not there.
             self.drop_behind(-1, ())

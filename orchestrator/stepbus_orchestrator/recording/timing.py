@@ -4,7 +4,6 @@ import contextlib
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import msgspec
 
@@ -50,12 +49,6 @@ _TOPICS: Mapping[type[msgspec.Struct], str] = {
 }
 
 
-def _add_channel(file: McapFile, cls: type[msgspec.Struct], topic: str) -> int:
-    (_,), types = msgspec.json.schema_components([cls])
-    schema: dict[str, Any] = types[cls.__name__]
-    return file.add_channel(topic, f"{cls.__name__}/1", {}, lambda _name: schema)
-
-
 class TimingRecorder:
     """Appends to timing.mcap; its log times are nanoseconds since the epoch.
 
@@ -69,10 +62,12 @@ class TimingRecorder:
         self._channels: dict[type[msgspec.Struct], int] = {}
         if self._file is not None:
             for cls, topic in _TOPICS.items():
-                self._channels[cls] = _add_channel(self._file, cls, topic)
+                (_,), schemas = msgspec.json.schema_components([cls])
+                types = {f"{name}/1": schema for name, schema in schemas.items()}
+                name = f"{cls.__name__}/1"
+                self._channels[cls] = self._file.add_channel(topic, name, {}, types.__getitem__)
         self._sequence = 0
-        self._rows: dict[str, list[tuple[int, int, int]]] = {}
-        self._arrivals: dict[str, list[tuple[int, int]]] = {}
+        self._steps: dict[str, StepTiming] = {}
         self._triggers: list[tuple[int, int]] = []
 
     def event(self, event: str, participant: str = "", text: str = "") -> None:
@@ -81,25 +76,21 @@ class TimingRecorder:
 
     def steps(self, participant: str, rows: list[tuple[int, int, int]]) -> None:
         """Record that a log batch arrived now, and how long its steps took."""
-        held = self._rows.setdefault(participant, [])
-        held.extend(rows)
-        self._arrivals.setdefault(participant, []).append((rows[-1][0], self._clock.time_ns()))
-        if len(held) >= _ROWS:
-            self._write_steps(participant)
+        held = self._steps.get(participant)
+        if held is None:
+            held = StepTiming(participant=participant, rows=[], arrivals=[])
+            self._steps[participant] = held
+        held.rows.extend(rows)
+        held.arrivals.append((rows[-1][0], self._clock.time_ns()))
+        if len(held.rows) >= _ROWS:
+            self._add(self._steps.pop(participant))
 
     def trigger(self, step_limit: int) -> None:
         """Record that a trigger was sent now."""
         self._triggers.append((step_limit, self._clock.time_ns()))
         if len(self._triggers) >= _ROWS:
-            self._write_triggers()
-
-    def _write_steps(self, participant: str) -> None:
-        rows, arrivals = self._rows.pop(participant), self._arrivals.pop(participant)
-        self._add(StepTiming(participant=participant, rows=rows, arrivals=arrivals))
-
-    def _write_triggers(self) -> None:
-        self._add(TriggerTiming(rows=self._triggers))
-        self._triggers = []
+            self._add(TriggerTiming(rows=self._triggers))
+            self._triggers = []
 
     def _add(self, record: msgspec.Struct) -> None:
         self._sequence += 1
@@ -110,10 +101,11 @@ class TimingRecorder:
 
     def close(self) -> None:
         """Write the rest and complete the file, as far as the disk allows."""
-        for participant in list(self._rows):
-            self._write_steps(participant)
+        for held in self._steps.values():
+            self._add(held)
         if self._triggers:
-            self._write_triggers()
+            self._add(TriggerTiming(rows=self._triggers))
+        self._steps, self._triggers = {}, []
         if self._file is not None:
             with contextlib.suppress(RecordingFailed):
                 self._file.close()

@@ -6,7 +6,6 @@ import re
 import shlex
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from stepbus_orchestrator.errors import RecordingFailed, argument
 from stepbus_orchestrator.recording import Recording, layout
@@ -75,10 +74,16 @@ class Change:
 
     def _check_wiring(self) -> None:
         """Raise WiringError for a change of what decides who reads what at which step."""
-        was, now = _facts(self._recorded), _facts(self.scenario)
-        changed = [key for key in was if was[key] != now[key]]
-        if "participants" not in changed:
-            changed += [key for name in now["participants"] for key in self._differing(name, _KEPT)]
+        was, now = self._recorded, self.scenario
+        names = [spec.name for spec in was.participants]
+        facts = {
+            "step": was.step_ns == now.step_ns,
+            "seed": was.seed == now.seed,
+            "participants": names == [spec.name for spec in now.participants],
+        }
+        changed = [key for key, is_same in facts.items() if not is_same]
+        if facts["participants"]:
+            changed += [key for name in names for key in self._differing(name, _KEPT)]
         if changed:
             raise WiringError(
                 f"{', '.join(changed)}: a branch cannot change step, seed, ports or "
@@ -129,11 +134,6 @@ class Change:
             raise WiringError(f"{given}: no participant {name!r}{suggest(name, names)}")
         args = [parse_yaml(value, value) for value in values]
         return CallRecord(step=self.at, participant=name, method=method, args=args)
-
-
-def _facts(scenario: Scenario) -> dict[str, Any]:
-    names = [spec.name for spec in scenario.participants]
-    return {"step": scenario.step_ns, "seed": scenario.seed, "participants": names}
 
 
 _MOST = 100

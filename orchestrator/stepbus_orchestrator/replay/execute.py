@@ -4,46 +4,154 @@ import contextlib
 import dataclasses
 import threading
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 from os import PathLike
 from pathlib import Path
+from typing import Any
 
-from stepbus_orchestrator.analysis.divergence import fields_of, in_order
-from stepbus_orchestrator.analysis.tolerance import AnyTolerance, tolerance_of
-from stepbus_orchestrator.errors import OutputExists, argument
+from stepbus_orchestrator.analysis.divergence import Divergence, PortResult, fields_of, in_order
+from stepbus_orchestrator.analysis.tolerance import AnyTolerance, Tolerance, tolerance_of
+from stepbus_orchestrator.errors import OutputExists, ParticipantFault, argument
 from stepbus_orchestrator.processes.endpoints import new_token
 from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.recording import (
-    Descriptions,
     McapFile,
     Recorder,
     Recording,
     Sink,
     TimingRecorder,
     layout,
+    whole_file,
 )
 from stepbus_orchestrator.recording.layout import Source
-from stepbus_orchestrator.replay.prepare import Prepared, alone, prepare, shorten
+from stepbus_orchestrator.replay.prepare import Prepared, prepare, shorten
+from stepbus_orchestrator.replay.recorded import Ports, counts_from_of, recorded_descriptions
+from stepbus_orchestrator.replay.repetition import Repetition
 from stepbus_orchestrator.replay.replay_result import ReplayResult, inputs_of
-from stepbus_orchestrator.replay.replayed import Replayed
 from stepbus_orchestrator.replay.trust import find_source, programs_of
 from stepbus_orchestrator.run.bus import Session
+from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.extensions.calls import Calls, recorded_calls
 from stepbus_orchestrator.run.folder import LOGS_FOLDER, read_files, scratch_folder
 from stepbus_orchestrator.run.host import Opening
 from stepbus_orchestrator.run.hosts import Processes
+from stepbus_orchestrator.run.kernel.barrier import FAR
+from stepbus_orchestrator.run.kernel.participants import ParticipantState
+from stepbus_orchestrator.run.kernel.state import at
 from stepbus_orchestrator.run.phases import run_phases
 from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.run import Run
-from stepbus_orchestrator.scenario.model import Scenario, partly_recorded
+from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario, partly_recorded
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.program import replaced_program
 from stepbus_orchestrator.scenario.resolve import resolved
 from stepbus_orchestrator.scenario.schedule import Schedule
 from stepbus_participant import irregular, make_new_folder
-from stepbus_schemas import BridgeFormat
+from stepbus_schemas import BridgeFormat, Decoder, MessageError, Outputs
 
 WINDOW = 256
 """How many steps the peers are played ahead of the participant [steps]."""
+
+
+_decode_outputs = Decoder(Outputs)
+
+
+class Replayed(Repetition):
+    """Counts what one participant publishes otherwise than recorded, beyond a tolerance.
+
+    folder: where it is started; None: in the folder of the scenario. notes: what else differs.
+
+    Raises ParticipantFault for a message that is not of its port's type.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        scenario: Scenario,
+        participant: str,
+        tolerance: Tolerance,
+        folder: Path | None = None,
+    ) -> None:
+        others = (spec.name for spec in scenario.participants if spec.name != participant)
+        changed = counts_from_of(recording).get(participant, 0)
+        super().__init__(
+            recording,
+            starts_at=dict.fromkeys(others, FAR),
+            counts_from={participant: changed},
+            tolerance=tolerance,
+        )
+        self.spec = scenario.participant(participant)
+        self.notes: list[str] = []
+        if changed:
+            self.notes.append(
+                f"the recording is a branch: {participant} was changed at step {changed}, "
+                "and is compared from there on"
+            )
+        self.notes += [
+            f"{participant}/{port} is compared where it is recorded (`record: {output.record}`)"
+            for port, output in self.spec.outputs.items()
+            if output.record_every != 1
+        ]
+        self._folder = folder
+        self._next = changed
+        self._newest = b""
+
+    def attach(self, run: RunView) -> None:
+        """Give the run the recorded descriptions, and watch the participant."""
+        super().attach(run)
+        run.descriptions = recorded_descriptions(self.recording)
+        # No participant waits for it: only its outputs themselves show how far it has come.
+        see = partial(setattr, self, "_newest")
+        run.session.bus.subscribe_content(f"out/{self.spec.name}", see)
+
+    def start_options(self, spec: ParticipantSpec) -> Mapping[str, Any]:
+        """Return where the participant is started."""
+        return {} if self._folder is None else {"folder": self._folder}
+
+    def started(self, participant: ParticipantState) -> None:
+        """Watch which step the participant publishes: its failures name it."""
+        participant.newest = self._newest_step
+
+    def _newest_step(self) -> int:
+        try:
+            return _decode_outputs(self._newest).step if self._newest else -1
+        except MessageError:
+            return -1
+
+    def describes_otherwise(self, name: str, port: str) -> None:
+        """Note it."""
+        self.notes.append(f"{name}/{port}: its description (names, units, limits) has changed")
+
+    def compare_step(self, name: str, step: int, recorded: Ports, own: Ports) -> None:
+        """Compare what the participant has published at a step."""
+        super().compare_step(name, step, recorded, own)
+        self._next = step + self.spec.every
+
+    def differs(self, name: str, port: str, step: int, own: bytes | None) -> None:
+        """Raise ParticipantFault where the message is not of its port's type."""
+        try:
+            if own is not None:
+                self.comparisons[name][port].decode(own)
+        except MessageError as exc:
+            raise ParticipantFault(
+                f"{at(step, self._step_ns)}: {name}.{port} is {exc}", participant=name, step=step
+            ) from exc
+
+    def miss_below(self, end: int) -> None:
+        """Count all recorded outputs of steps below `end` that did not come as missing."""
+        name, every = self.spec.name, self.spec.every
+        for step in range(-(-self._next // every) * every, end, every):
+            self.compare_step(name, step, self.outputs.take(name, step), {})
+
+    @property
+    def divergence(self) -> Divergence | None:
+        """Return the first divergence, in the order of the ports within a step."""
+        divergences = (result.divergence for result in self.results())
+        return min((item for item in divergences if item), key=lambda item: item.step, default=None)
+
+    def results(self) -> list[PortResult]:
+        """Return what has become of each port."""
+        return [one.result() for one in self.comparisons[self.spec.name].values()]
 
 
 def replay(
@@ -114,7 +222,8 @@ def replay(
     if state.end is not None and state.end[0] < end:
         replayed.notes.append(f"the run ended after step {state.end[0] - 1}: {state.end[1]}")
     divergence = replayed.divergence
-    copied = [] if is_copy or file is not None else _copy_notes(opened, participant)
+    here = Path.cwd()
+    copied = [] if is_copy or file is not None else _copy_note(opened, participant)
     return ReplayResult(
         recording=str(opened.path),
         participant=participant,
@@ -125,26 +234,21 @@ def replay(
         ports=in_order(replayed.results()),
         wall_s=run.ended_at - state.started_at,
         updated=None if target is None else str(target),
-        source="" if file is None else _shown(file),
+        source=""
+        if file is None
+        else str(file.relative_to(here) if file.is_relative_to(here) else file),
         changes=prepared.notes,
         notes=[*(f"the recording {flaw}" for flaw in opened.flaws()), *replayed.notes, *copied],
     )
 
 
-def _shown(path: Path) -> str:
-    here = Path.cwd()
-    return str(path.relative_to(here) if path.is_relative_to(here) else path)
-
-
-def _copy_notes(recording: Recording, participant: str) -> list[str]:
-    """Return a sentence where the copy is tested of a program that the user may be working on."""
-    if not programs_of(recording, participant).files:
-        return []
+def _copy_note(recording: Recording, participant: str) -> list[str]:
+    """Return a note where the tested copy is of a program that the user may be working on."""
     note = (
         "testing the copy in the recording, as its scenario is not in the current folder; give its "
         f"folder with {argument('--source')}, or choose the copy with {argument('--recorded')}"
     )
-    return [note]
+    return [note] if programs_of(recording, participant).files else []
 
 
 def _run(
@@ -163,7 +267,8 @@ def _run(
     name, recording = replayed.spec.name, replayed.recording
     extensions = [replayed, Calls(recorded_calls(recording, name))]
     opening = Opening(
-        scenario=alone(scenario, name),
+        # For the links on the bus.
+        scenario=dataclasses.replace(scenario, participants=(scenario.participant(name),)),
         out=folder,
         logs=folder / LOGS_FOLDER,
         run=new_token(),
@@ -208,17 +313,10 @@ def _new_reference(target: Path | None, old: Recording, prepared: Prepared) -> I
         raise OutputExists(
             f"{target} already exists; choose another name with {argument('--update')}"
         )
-    part = target.with_name(f".{target.name}.part")
-    file = McapFile(part)
-    try:
+    with whole_file(target) as file:
         _describe(file, old, prepared)
-        reference = _Reference(file, order, scenario.step_ns, types=scenario.types)
-        reference.recorded_versions = layout.versions_of(old.metadata)
-        yield reference
-        part.replace(target)
-    finally:
-        file.close()
-        part.unlink(missing_ok=True)
+        versions = layout.versions_of(old.metadata)
+        yield Recorder(file, order, scenario.step_ns, types=scenario.types, versions=versions)
 
 
 def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
@@ -235,15 +333,3 @@ def _describe(file: McapFile, old: Recording, prepared: Prepared) -> None:
     for name, metadata in old.metadata.items():
         if name not in participants:
             file.add_metadata(name, metadata)
-
-
-class _Reference(Recorder):
-    """recorded_versions: what the participants that are played ran on."""
-
-    recorded_versions: Mapping[str, Mapping[str, str]] = {}
-
-    def open_channels(
-        self, descriptions: Descriptions, versions: Mapping[str, Mapping[str, str]]
-    ) -> None:
-        """Register the channels, also of participants that are played."""
-        super().open_channels(descriptions, {**self.recorded_versions, **versions})

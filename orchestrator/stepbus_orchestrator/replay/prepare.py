@@ -116,7 +116,7 @@ def _from_source(
     spec = structs.replace(old, **{key: getattr(new, key) for key in (*_TESTED, *timeouts)})
     specs = [spec if other is old else other for other in scenario.participants]
     today_files = find_files(today).paths
-    values = _changed_values(old, new)
+    values = list(_changed_values(old, new))
     return Prepared(
         scenario=dataclasses.replace(scenario, participants=tuple(specs), folder=source.parent),
         files=today_files,
@@ -140,21 +140,14 @@ def _changed_files(recorded: Mapping[str, bytes], today: Mapping[str, bytes]) ->
             yield f"{name} differs from the recorded one"
 
 
-def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> list[str]:
-    return [
-        f"{item.path} is {_shown(item.second)}, recorded {_shown(item.first)}"
-        for key in _TESTED
-        for item in differences(
-            f"{old.name}.{key}",
-            to_builtins(getattr(old, key)),
-            to_builtins(getattr(new, key)),
-            None,
-        )
-    ]
-
-
-def _shown(value: Any) -> str:
-    return "absent" if value is None else short(value)
+def _changed_values(old: ParticipantSpec, new: ParticipantSpec) -> Iterator[str]:
+    for key in _TESTED:
+        recorded, today = (to_builtins(getattr(spec, key)) for spec in (old, new))
+        for item in differences(f"{old.name}.{key}", recorded, today, None):
+            now, was = (
+                "absent" if value is None else short(value) for value in (item.second, item.first)
+            )
+            yield f"{item.path} is {now}, recorded {was}"
 
 
 def _rewired(
@@ -196,8 +189,3 @@ def shorten(scenario: Scenario, recording: Recording, participant: str, window: 
     bus = structs.replace(scenario.bus, low_latency=is_quick)
     batch = max(1, window // 2)
     return dataclasses.replace(scenario, steps=steps, window=window, batch=batch, bus=bus)
-
-
-def alone(scenario: Scenario, participant: str) -> Scenario:
-    """Return a scenario of one participant, for the links on the bus."""
-    return dataclasses.replace(scenario, participants=(scenario.participant(participant),))

@@ -15,6 +15,7 @@ from stepbus_orchestrator.recording.layout import (
     step_of,
     topic_of,
 )
+from stepbus_orchestrator.run.kernel.barrier import FAR
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
 from stepbus_schemas import Description, Outputs
 
@@ -22,32 +23,18 @@ Ports = dict[str, bytes]
 """Port → the bytes of its message, or of its bulk content."""
 
 
-class Track:
-    """The recorded messages of one port, taken in the order of their steps; none of no port."""
-
-    def __init__(self, recording: Recording, topic: str) -> None:
-        port = recording.ports.get(topic)
-        self._entries = iter(()) if port is None else port.entries()
-        self._next = next(self._entries, None)
-
-    def take(self, step: int) -> bytes | None:
-        """Return the message of a step, None where there is none; earlier ones are passed over."""
-        while self._next is not None and self._next.step <= step:
-            entry, self._next = self._next, next(self._entries, None)
-            if entry.step == step:
-                return entry.data
-        return None
-
-
 class RecordedOutputs:
     """The outputs of participants, read once and taken twice: to be published, and to compare."""
 
     def __init__(self, recording: Recording, specs: Iterable[ParticipantSpec]) -> None:
-        self._tracks: dict[str, dict[str, Track]] = {}
+        self._recorded: dict[str, Iterator[tuple[int, Ports]]] = {}
+        self._newest: dict[str, tuple[int, Ports]] = {}
         self._every: dict[str, int] = {}
         for spec in specs:
-            topics = {port: topic_of(spec.name, port) for port in spec.outputs}
-            self._tracks[spec.name] = {p: Track(recording, topic) for p, topic in topics.items()}
+            topics = [topic_of(spec.name, port) for port in spec.outputs]
+            ports = [recording.ports[topic] for topic in topics if topic in recording.ports]
+            self._recorded[spec.name] = recording.steps_of(ports)
+            self._newest[spec.name] = (-1, {})
             self._every[spec.name] = spec.every
         self._next = dict.fromkeys(self._every, 0)
         self._read: dict[str, deque[tuple[int, Ports]]] = {name: deque() for name in self._every}
@@ -57,15 +44,16 @@ class RecordedOutputs:
         while self._next[name] < end:
             step = self._next[name]
             self._next[name] += self._every[name]
-            messages = ((port, track.take(step)) for port, track in self._tracks[name].items())
-            read = step, {port: data for port, data in messages if data is not None}
+            while self._newest[name][0] < step:
+                self._newest[name] = next(self._recorded[name], (FAR, {}))
+            newest, ports = self._newest[name]
+            read = step, ports if newest == step else {}
             self._read[name].append(read)
             yield read
 
     def take(self, name: str, step: int) -> Ports:
         """Return the outputs of a step, in the order of steps, and forget them."""
-        for _ in self.ahead(name, step + 1):
-            pass
+        deque(self.ahead(name, step + 1), maxlen=0)
         read = self._read[name]
         while read and read[0][0] < step:
             read.popleft()

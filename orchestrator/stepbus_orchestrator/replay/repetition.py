@@ -1,7 +1,7 @@
 """The recorded steps of a run: they are played to its participants, and compared.
 
 A branch repeats the steps below one, and is live from there on (`prefix.py`); a replay repeats all
-steps of one participant, and plays the others (`replayed.py`).
+steps of one participant, and plays the others (`execute.py`).
 """
 
 from collections import deque
@@ -12,7 +12,7 @@ import msgspec
 
 from stepbus_orchestrator.analysis.divergence import PortComparison
 from stepbus_orchestrator.analysis.tolerance import Tolerance
-from stepbus_orchestrator.recording import Recording, Sink
+from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.recording.layout import topic_of
 from stepbus_orchestrator.recording.sink import Published
 from stepbus_orchestrator.replay.recorded import Ports, RecordedOutputs, outputs_of
@@ -65,12 +65,37 @@ class Repetition(RunExtension):
     def attach(self, run: RunView) -> None:
         """Set where each participant starts, and prepare what is played and compared."""
         super().attach(run)
-        state = run.state
+        state, recording = run.state, self.recording
         state.is_repeating = True
         for name, step in self.starts_at.items():
             state.barrier.start_at(name, step)
-        self.compare(run.recorder, state.scenario)
+        self._step_ns = state.scenario.step_ns
+        self._order = list(map(state.scenario.participant, Schedule(state.scenario).order))
+        self.outputs = RecordedOutputs(recording, state.scenario.participants)
+        self.comparisons = {
+            spec.name: {port: self._comparison(spec, port) for port in spec.outputs}
+            for spec in self._order
+            if self.starts_at.get(spec.name, 0) < FAR
+        }
+        # They are not made again: a checkpoint has what they changed, or the participant is played.
+        self._made: deque[CallRecord] = deque()
+        self._calls: deque[CallRecord] = deque()
+        for call in recorded_calls(recording):
+            is_made = call.step < self.starts_at.get(call.participant, 0)
+            (self._made if is_made else self._calls).append(call)
+        run.recorder.reviser = self
         self.player = Player(run.session, self.outputs, self.starts_at)
+
+    def _comparison(self, spec: ParticipantSpec, port: str) -> PortComparison:
+        topic = topic_of(spec.name, port)
+        recorded = self.recording.ports.get(topic)
+        return PortComparison(
+            topic,
+            spec.outputs[port].type,
+            self._tolerance,
+            self.recording.types,
+            names=() if recorded is None else recorded.names,
+        )
 
     def awaiting(self, participants: Iterable[ParticipantState]) -> None:
         """Prove the connection of those that are played, again and again."""
@@ -99,44 +124,12 @@ class Repetition(RunExtension):
 
     # --- comparing ------------------------------------------------------------------------
 
-    def _names(self, topic: str) -> Sequence[str]:
-        port = self.recording.ports.get(topic)
-        return () if port is None else port.names
-
-    def compare(self, sink: Sink, scenario: Scenario) -> None:
-        """Compare all that a sink writes from now on."""
-        self._sink = sink
-        self._step_ns = scenario.step_ns
-        self._order = [scenario.participant(name) for name in Schedule(scenario).order]
-        self.outputs = RecordedOutputs(self.recording, scenario.participants)
-        self.comparisons = {
-            spec.name: {
-                port: PortComparison(
-                    topic_of(spec.name, port),
-                    output.type,
-                    self._tolerance,
-                    self.recording.types,
-                    names=self._names(topic_of(spec.name, port)),
-                )
-                for port, output in spec.outputs.items()
-            }
-            for spec in self._order
-            if self.starts_at.get(spec.name, 0) < FAR
-        }
-        # They are not made again: a checkpoint has what they changed, or the participant is played.
-        self._made: deque[CallRecord] = deque()
-        self._calls: deque[CallRecord] = deque()
-        for call in recorded_calls(self.recording):
-            is_made = call.step < self.starts_at.get(call.participant, 0)
-            (self._made if is_made else self._calls).append(call)
-        sink.reviser = self
-
     def revise(
         self, step: int, published: Sequence[Published], closing: Collection[str] | None
     ) -> Sequence[Published]:
         """Compare the outputs of a step; return what is to be recorded of it."""
         while self._made and self._made[0].step <= step:
-            self._sink.write_call(self._made.popleft())
+            self.run.recorder.write_call(self._made.popleft())
         if step >= self.at:
             return published
         own = {item.participant: item for item in published}

@@ -1,7 +1,7 @@
 """Runs a recording's scenario again from nothing but the recording."""
 
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
@@ -23,7 +23,6 @@ from stepbus_orchestrator.run.reports import Observer
 from stepbus_orchestrator.run.result import Result, file_sha256
 from stepbus_orchestrator.run.run_scenario import Options, run
 from stepbus_orchestrator.scenario.load import load
-from stepbus_orchestrator.scenario.model import Scenario
 from stepbus_orchestrator.scenario.override import Overrides, override_texts
 from stepbus_orchestrator.scenario.resolve import resolved
 
@@ -84,12 +83,18 @@ class Preparation:
         sources = Sources.of(self._recording)
         self.scenario = load(unpack_into(out, sources), overrides)
         self._flaws = self._recording.flaws()
-        self.notes = [
-            *(f"the recording {flaw}" for flaw in self._flaws),
-            *_changes(sources, self.scenario, overrides),
-            *_open_end(self._recording, self.scenario),
-            *own_version_notes(self._recording),
-        ]
+        self.notes = [f"the recording {flaw}" for flaw in self._flaws]
+        if resolved(self.scenario).encode() != sources.scenario:
+            given = argument("--set", value=" ".join(overrides))
+            cause = given if overrides else "this version reads it differently"
+            self.notes.append(f"the scenario differs from the recorded one: {cause}")
+        if self.scenario.steps is None:
+            self.notes.append(
+                f"the scenario has no duration, the recording has {recorded_end(self._recording)} "
+                "steps; if no participant ends the run, end it with Ctrl-C or give it one with "
+                f"{argument('--set', value='duration=…')}"
+            )
+        self.notes += own_version_notes(self._recording)
 
     def run(
         self, observer: Observer | None = None, interrupt: threading.Event | None = None
@@ -139,19 +144,3 @@ def rerun(
     """
     preparation = Preparation(recording_file(recording), Path(out), override_texts(set))
     return preparation.run(observer, interrupt)
-
-
-def _changes(sources: Sources, scenario: Scenario, overrides: Sequence[str]) -> Iterator[str]:
-    if resolved(scenario).encode() != sources.scenario:
-        given = argument("--set", value=" ".join(overrides))
-        cause = given if overrides else "this version reads it differently"
-        yield f"the scenario differs from the recorded one: {cause}"
-
-
-def _open_end(recording: Recording, scenario: Scenario) -> Iterator[str]:
-    if scenario.steps is None:
-        yield (
-            f"the scenario has no duration, the recording has {recorded_end(recording)} steps; if "
-            "no participant ends the run, end it with Ctrl-C or give it one with "
-            f"{argument('--set', value='duration=…')}"
-        )

@@ -24,17 +24,14 @@ class Recorded(Protocol):
     @property
     def path(self) -> Path:
         """Return the file that stands for it."""
-        ...
 
     @property
     def attachments(self) -> Mapping[str, bytes]:
         """Return name → content; the scenario and its files are among them."""
-        ...
 
     @property
     def scenario(self) -> Mapping[str, Any]:
         """Return the scenario, as plain data."""
-        ...
 
 
 @dataclass(frozen=True)

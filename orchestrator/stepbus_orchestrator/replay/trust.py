@@ -3,6 +3,7 @@
 Those that installed packages declare start, and those that equal the programs of that scenario.
 """
 
+import contextlib
 import os
 import shlex
 import stat
@@ -111,7 +112,10 @@ class Programs:
         width = max(map(len, self.commands), default=0)
         commands = (f"{name:{width}}  {shlex.join(c)}" for name, c in self.commands.items())
         files = [f"its files: {', '.join(self.files)}"] if self.files else []
-        return [_harmless(line) for line in (*commands, *files, *self.notes())]
+        lines = (*commands, *files, *self.notes())
+        return [
+            "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in line) for line in lines
+        ]
 
     def notes(self) -> list[str]:
         """Return a sentence for each file that the user has edited since."""
@@ -138,7 +142,10 @@ def programs_of(
         if participant in {None, name}
     }
     commands = {name: command for name, command in words.items() if command}
-    home = _home(recording) if commands or files else None
+    home = None
+    if commands or files:
+        with contextlib.suppress(WiringError):
+            home = find_source(recording)
     has_all = not (commands or code)
     edited: Sequence[str] = ()
     if home is not None:
@@ -154,14 +161,6 @@ def programs_of(
         differing = [p for n, p in paths.items() if is_file(p) and not _has(p, files[n])]
         edited = [os.path.relpath(path) for path in differing]
     return Programs(commands=commands, files=list(code), is_yours=has_all, edited=edited)
-
-
-def _home(recording: Recorded) -> Path | None:
-    """Return the scenario of a recording that is the user's; None where there is none, or more."""
-    try:
-        return find_source(recording)
-    except WiringError:
-        return None
 
 
 def _participants(scenario: Mapping[str, Any]) -> dict[str, Any]:
@@ -204,7 +203,3 @@ def _has(path: Path, content: bytes) -> bool:
         return read_file(path) == content
     except OSError:
         return False
-
-
-def _harmless(text: str) -> str:
-    return "".join(c if c.isprintable() else f"\\x{ord(c):02x}" for c in text)

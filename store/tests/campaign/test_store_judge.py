@@ -1,11 +1,10 @@
 """The judge of the store's part of the campaign finds each promise that is broken."""
 
-import errno
 from unittest.mock import Mock
 
 import msgpack
 import pytest
-from campaign.store import Outcome, cases, judge, sell
+from campaign.store import cases, judge, sell
 from campaign.store.judge import largest_force
 from campaign.store.log import SaleLog, read
 from campaign.store.physics import excuses
@@ -44,21 +43,6 @@ def test_a_run_without_a_single_message_is_judged_too():
     found = SaleLog()
     found.messages["mission/events"] = [(9, {"text": TABLE})]
     assert judge(found, SOLD) == [lost]
-
-
-def test_a_sale_that_broke_a_promise_is_kept_on_any_disk(tmp_path, monkeypatch):
-    def sold(_case, out):
-        out.mkdir()
-        (out / "run.mcap").write_text("x")
-        return Outcome(0, 1.0, broken=["it lied"])
-
-    monkeypatch.setattr("campaign.store.run._sell", sold)
-    # Another file system: nothing can be renamed to there.
-    monkeypatch.setattr("os.rename", Mock(side_effect=OSError(errno.EXDEV, "another disk")))
-    rows = cases(1, 1)
-    for _ in range(2):
-        assert [case for case, _ in sell(rows, tmp_path / "kept")] == rows
-    assert (tmp_path / "kept/sale_0/run.mcap").read_text() == "x"
 
 
 def test_a_sale_that_keeps_all_promises_breaks_none():

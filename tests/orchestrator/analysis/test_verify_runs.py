@@ -4,8 +4,9 @@ import pytest
 from support.runs.joints import fault, write_scenario
 
 from stepbus_orchestrator import cli
-from stepbus_orchestrator.analysis.verify import plan, run_trials
+from stepbus_orchestrator.analysis.verify import verify
 from stepbus_orchestrator.errors import ExitCode
+from stepbus_orchestrator.processes import can_host
 from stepbus_orchestrator.scenario.load import load
 
 # Reads something that is another in each run: its own process id.
@@ -35,8 +36,13 @@ def racy(tmp_path):
 @pytest.mark.slow
 def test_two_link_gives_one_hash_whatever_the_circumstances(tmp_path):
     scenario, reported = load("two_link", [SHORT]), []
-    trials = plan(scenario, 3, 0, in_process=True)
-    found = run_trials(scenario, trials, tmp_path, seed=0, on_result=reported.append)
+    found = verify(
+        scenario,
+        runs=3,
+        out=tmp_path / "runs",
+        on_result=lambda trial, _count: reported.append(trial),
+        owns_descriptors=can_host(),
+    )
     assert len({trial.result.sha256 for trial in found.results}) == 1
     assert found.different is found.failed is None
     assert reported == list(found.results)

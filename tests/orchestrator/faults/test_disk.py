@@ -16,7 +16,6 @@ from support.messages.recordings import messages
 
 from stepbus_orchestrator.errors import ExitCode, RecordingFailed
 from stepbus_orchestrator.recording import McapFile, Recording, recover
-from stepbus_orchestrator.recording.message_writer import MessageWriter
 from stepbus_orchestrator.run.extensions.pace import Pace
 from stepbus_orchestrator.run.hosts import InProcess
 from stepbus_orchestrator.run.reports import Observer
@@ -53,13 +52,14 @@ def test_a_disk_that_fills_up_leaves_no_hole(small_disk, size):
 @pytest.mark.slow
 def test_a_full_disk_has_room_for_the_index_of_a_long_recording(small_disk, monkeypatch):
     # Of 64 KiB, the chunks of 10⁷ steps would have as large an index.
-    monkeypatch.setitem(MessageWriter.__init__.__kwdefaults__, "chunk_size", 100)
+    monkeypatch.setattr(McapFile, "chunk_bytes", 100)
     path = small_disk("6m") / "run.mcap"
     file = McapFile(path)
     channel = file.add_channel("plant/joint_state", "JointState/1", {})
     with pytest.raises(RecordingFailed, match="No space left"):
         fill(file, channel)
-    file.close()
+    with pytest.raises(RecordingFailed, match="No space left"):
+        file.close()
     with Recording(path) as recording:
         steps = recording["plant/joint_state"].steps
     assert recording.damage == ""

@@ -25,24 +25,23 @@ class Compressor:
         return zstandard.ZstdCompressor().compress(data)
 
 
-@pytest.fixture
-def compressor(monkeypatch):
-    made = Compressor(refuses=3)
-    monkeypatch.setattr(chunk, "_compressor", lambda *, is_big: made)
-
-
 def fill(file, channel, size):
     for step in range(3000):
         file.add(channel, step, bytes(size), step)
 
 
-@pytest.mark.parametrize("size", [100, 70_000])
-def test_a_chunk_without_memory_to_compress_it_ends_the_recording(tmp_path, compressor, size):
+@pytest.mark.parametrize(("size", "refuses"), [(100, 3), (70_000, 40)])
+def test_a_chunk_without_memory_to_compress_it_ends_the_recording(
+    tmp_path, monkeypatch, size, refuses
+):
+    made = Compressor(refuses)
+    monkeypatch.setattr(chunk, "_compressor", lambda *, is_big: made)
     file = McapFile(tmp_path / "run.mcap")
     channel = file.add_channel("plant/a", "Event/1", {})
     with pytest.raises(RecordingFailed, match="no memory left"):
         fill(file, channel, size)
-    file.close()
+    with pytest.raises(RecordingFailed, match="no memory left"):
+        file.close()
     with Recording(file.path) as recording:
         steps = recording["plant/a"].steps.tolist()
     assert recording.damage == ""

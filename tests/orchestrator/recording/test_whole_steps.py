@@ -137,7 +137,8 @@ def test_a_disk_that_refuses_a_chunk_ends_the_recording_with_a_whole_step(
         patch.setattr("os.pwritev", refuse)
         with pytest.raises(RecordingFailed, match="No space left"):
             go_on()
-    file.close()
+    with pytest.raises(RecordingFailed, match="No space left"):
+        file.close()
     with path.open("rb") as stream:
         found = list(make_reader(stream, validate_crcs=True).iter_messages())
     counted = Counter(message.sequence for _, _, message in found)

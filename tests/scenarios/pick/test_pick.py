@@ -9,7 +9,7 @@ import pytest
 from support.tools import needs_pybullet
 
 from stepbus.testing import Bench, assert_replays, scenario_config
-from stepbus_orchestrator.analysis.verify import plan, run_trials
+from stepbus_orchestrator.analysis.verify import verify
 from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.recording import Recording
 from stepbus_orchestrator.replay.branch import branch
@@ -131,11 +131,9 @@ def test_a_mission_restored_at_any_stage_goes_on_as_if_it_had_not_been(recording
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_two_runs_in_processes_are_the_same(tmp_path):
-    scenario, done = load("pick"), []
-    trials = plan(scenario, 2, 0)
-    verification = run_trials(scenario, trials, tmp_path, seed=0, on_result=done.append)
+    verification = verify(load("pick"), runs=2, out=tmp_path / "runs")
     assert verification.different is verification.failed is None
-    assert len(done) == 2
+    assert len(verification.results) == 2
 
 
 @pytest.mark.slow

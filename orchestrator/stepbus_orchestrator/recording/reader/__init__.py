@@ -2,8 +2,7 @@
 
 from stepbus_orchestrator.recording.reader.columns import raw_map
 
-from .descriptions import PortInfo
-from .port import BATCH_BYTES, Batch, Port
+from .port import BATCH_BYTES, Batch, Port, PortInfo
 from .recording import Recording
 from .source import Entry
 from .tail import Tail

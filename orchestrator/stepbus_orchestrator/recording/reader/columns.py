@@ -27,7 +27,8 @@ def array_of(*pieces: Column) -> NDArray[Any] | None:
     read = [piece for piece in pieces if isinstance(piece, np.ndarray)]
     if read and len(read) == len(pieces) and len({piece.shape[1:] for piece in read}) == 1:
         return np.concatenate(read)
-    values = [value for piece in pieces for value in _listed(piece)]
+    lists = (piece.tolist() if isinstance(piece, np.ndarray) else piece for piece in pieces)
+    values = [value for piece in lists for value in piece]
     if values and all(value is None for value in values):
         return None
     if not values or any(_is_numeric(value) for value in values):
@@ -42,10 +43,6 @@ def array_of(*pieces: Column) -> NDArray[Any] | None:
     objects = np.empty(len(values), dtype=object)
     objects[:] = values
     return objects
-
-
-def _listed(piece: Column) -> list[Any]:
-    return piece.tolist() if isinstance(piece, np.ndarray) else piece
 
 
 def _is_numeric(value: Any) -> bool:

@@ -1,20 +1,20 @@
 """A recording, read lazily; also one that is cut off anywhere."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import groupby
+from operator import itemgetter
 from os import PathLike
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Self
 
 from stepbus_orchestrator.errors import RecordingFailed
 from stepbus_orchestrator.plugins import Plot, view
 from stepbus_orchestrator.recording import layout
 from stepbus_orchestrator.recording.chains import Holes, messages_sha256
-from stepbus_orchestrator.recording.reader.descriptions import description_of, recorded_types
 from stepbus_participant import suggest
 from stepbus_schemas import Description, Message, WiringError
 
-from .port import BATCH_BYTES, Batch, Port, batches
+from .port import BATCH_BYTES, Batch, Port, batches, description_of, recorded_types
 from .source import Source
 
 
@@ -120,6 +120,13 @@ class Recording:
         """
         return batches(self._source, list(ports), most_bytes)
 
+    def steps_of(self, ports: Iterable[Port]) -> Iterator[tuple[int, dict[str, bytes]]]:
+        """Yield (step, bytes by the name of the port) of some ports of one participant."""
+        names = {number: port.name for port in ports for number in port.channels}
+        rows = self._source.rows(frozenset(names))
+        for step, group in groupby(rows, itemgetter(1)):
+            yield step, {names[row[0]]: row[3] for row in group}
+
     def holes(self) -> Sequence[str]:
         """Return a text for each gap in the recording; reads all messages.
 
@@ -130,7 +137,7 @@ class Recording:
             holes = Holes(index.scenario)
             for channel, step, _, data in self._source.rows():
                 holes.add(index.channels[channel].topic, step, data)
-            self._holes = holes.end()
+            self._holes = holes.found
         return self._holes
 
     def flaws(self) -> list[str]:
@@ -173,12 +180,7 @@ class Recording:
         """Return the recording."""
         return self
 
-    def __exit__(
-        self,
-        error_type: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_error: object) -> None:
         """Close the file."""
         self.close()
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 from bisect import bisect_right
+from collections import deque
 from collections.abc import Iterator
 from operator import attrgetter
 from pathlib import Path
@@ -12,7 +13,7 @@ import msgspec
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording import layout
-from stepbus_orchestrator.recording.index import Block, Index, read_summary
+from stepbus_orchestrator.recording.index import Block, Index, Scanner, read_summary
 from stepbus_orchestrator.recording.records import (
     HEAD,
     MESSAGE_HEAD,
@@ -23,7 +24,6 @@ from stepbus_orchestrator.recording.records import (
     split,
 )
 from stepbus_orchestrator.recording.reserved_file import is_locked
-from stepbus_orchestrator.recording.scanner import Scanner
 
 _CACHE_BYTES = 8 * 1024 * 1024
 LATEST_NS = 2**63 - 1
@@ -75,7 +75,11 @@ class Source:
     def _read_index(self) -> Index:
         """Read the index, and with it what a run that goes on may replace any moment."""
         while True:
-            index = read_summary(self._file) or _scanned(self._file)
+            index = read_summary(self._file)
+            if index is None:
+                scanner = Scanner(self._file)
+                deque(scanner.records(), maxlen=0)
+                index = scanner.index
             start = index.loose_from if self.is_live else None
             if start is None:
                 return index
@@ -156,10 +160,8 @@ class Source:
         while self._cached_bytes > _CACHE_BYTES:
             self._cached_bytes -= len(self._cache.pop(next(iter(self._cache))))
         rows = _messages(data, channels)
-        return rows if self._end_step == _ENDLESS else self._below_the_end(rows)
-
-    def _below_the_end(self, rows: Iterator[Row]) -> Iterator[Row]:
-        return (row for row in rows if row[1] < self._end_step)
+        end = self._end_step
+        return rows if end == _ENDLESS else (row for row in rows if row[1] < end)
 
     def _read(self, block: Block) -> bytes:
         """Return the records of a block; raises DamagedRecord."""
@@ -174,13 +176,6 @@ class Source:
         if opcode == Opcode.CHUNK:
             return chunk_content(content, checked=self.index.is_ours)
         return HEAD.pack(opcode, len(content)) + content
-
-
-def _scanned(file: RecordFile) -> Index:
-    scanner = Scanner(file)
-    for _ in scanner.records():
-        pass
-    return scanner.index
 
 
 def _messages(data: bytes, channels: frozenset[int]) -> Iterator[Row]:

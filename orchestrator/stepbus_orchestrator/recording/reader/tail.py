@@ -11,7 +11,7 @@ from mcap import records as mcap
 from mcap.opcode import Opcode
 
 from stepbus_orchestrator.recording.index import Index
-from stepbus_orchestrator.recording.reader.descriptions import (
+from stepbus_orchestrator.recording.reader.port import (
     PortInfo,
     description_of,
     recorded_types,
@@ -96,7 +96,10 @@ class Tail:
         opcode, length = HEAD.unpack(head)
         end = start + HEAD.size + length
         if opcode in LOOSE:
-            records = _whole(self._file.read(start, size - start))
+            records: list[mcap.McapRecord] = []
+            with contextlib.suppress(DamagedRecord):
+                for inner, data in split(self._file.read(start, size - start)):
+                    records += records_of(inner, data)
             # The chunk may have come in their place in the meantime.
             if self._file.read(start, HEAD.size) == head:
                 self._taken = max(self._taken, self._add(records))
@@ -119,43 +122,35 @@ class Tail:
 
     def _add(self, records: Iterable[mcap.McapRecord]) -> int:
         """Take records, and the messages among them that are new; return how many these all are."""
-        count = 0
+        count, channels = 0, self._index.channels
         for record in records:
             if isinstance(record, mcap.Message):
                 count += 1
-                if count > self._taken and record.channel_id in self._index.channels:
-                    self._add_message(record)
-            elif not isinstance(record, mcap.Channel):
-                self._index.add(record)
-                if isinstance(record, mcap.Schema):
-                    self.types = recorded_types(self._index.schema_texts)
-            elif record.id not in self._index.channels:
-                self._index.add(record)
+                channel = channels.get(record.channel_id)
+                if count > self._taken and channel is not None:
+                    self._newest[channel.topic] = (record.sequence, record.data)
+                    self.t_ns = max(self.t_ns, record.log_time)
+                    if channel.topic in self._kept:
+                        self._kept[channel.topic].append((record.sequence, record.data))
+                continue
+            is_known = isinstance(record, mcap.Channel) and record.id in channels
+            self._index.add(record)
+            if isinstance(record, mcap.Schema):
+                self.types = recorded_types(self._index.schema_texts)
+            elif isinstance(record, mcap.Channel) and not is_known:
                 self._add_port(record)
         return count
 
-    def _add_message(self, message: mcap.Message) -> None:
-        topic = self._index.channels[message.channel_id].topic
-        self._newest[topic] = (message.sequence, message.data)
-        self.t_ns = max(self.t_ns, message.log_time)
-        if topic in self._kept:
-            self._kept[topic].append((message.sequence, message.data))
-
     def _add_port(self, channel: mcap.Channel) -> None:
-        try:
+        self._descriptions[channel.topic] = Description()
+        with contextlib.suppress(ValueError):
             self._descriptions[channel.topic] = description_of(channel)
-        except ValueError:
-            self._descriptions[channel.topic] = Description()
         self.ports[channel.topic] = PortInfo(self._index, channel, self._descriptions)
 
     @property
     def last_step(self) -> int:
         """Return the newest step with a message; −1 without any."""
         return max((step for step, _ in self._newest.values()), default=-1)
-
-    def newest(self, topic: str) -> tuple[int, bytes] | None:
-        """Return (step, bytes) of the newest message of a port; None before the first."""
-        return self._newest.get(topic)
 
     @property
     def step_ns(self) -> int:
@@ -174,12 +169,3 @@ class Tail:
             return Decoder(self.types[self.ports[topic].type])(data)
         except (MessageError, StepbusError, KeyError):
             return None
-
-
-def _whole(data: bytes) -> list[mcap.McapRecord]:
-    """Return the records at a file's end, up to the first that is not whole."""
-    records: list[mcap.McapRecord] = []
-    with contextlib.suppress(DamagedRecord):
-        for opcode, content in split(data):
-            records += records_of(opcode, content)
-    return records

@@ -37,21 +37,14 @@ def recording(path):
         yield recording
 
 
-def test_a_field_of_a_port_is_an_array_of_messages_and_joints(recording):
-    joints = recording["plant.joints"]
+def test_a_port_has_arrays_of_messages_and_joints_steps_times_names_and_units(recording):
+    joints = recording["plant/joints"]
     assert joints.position.shape == (6, 2)
     assert joints.position[:, 0] == pytest.approx(0.1 * np.arange(6))
-
-
-def test_a_port_has_steps_times_names_and_units(recording):
-    joints = recording["plant/joints"]
     assert joints.steps.tolist() == list(range(6))
     assert joints.t == pytest.approx(0.01 * np.arange(6))
     assert (joints.names, joints.units, len(joints)) == (["a", "b"], {"x": "m"}, 6)
-
-
-def test_infinite_limits_come_back(recording):
-    assert recording["plant.joints"].description.limits == {"lower": [-math.inf, 0.0]}
+    assert joints.description.limits == {"lower": [-math.inf, 0.0]}
 
 
 def test_numbers_and_texts_are_arrays_of_one_value_a_message(recording):
@@ -68,19 +61,13 @@ def test_a_folder_of_a_run_stands_for_its_recording(path):
     assert "plant.joints" in Recording(path.parent)
 
 
-def test_an_unknown_port_is_named_with_the_nearest_one(recording):
+def test_an_unknown_port_or_field_is_named_with_the_nearest_one(recording):
     with pytest.raises(KeyError) as caught:
         recording["plant.joint"]
     assert str(caught.value).endswith("did you mean 'plant/joints'?")
     assert isinstance(caught.value, WiringError)
-
-
-def test_an_unknown_port_far_from_all_others_lists_them(recording):
     with pytest.raises(WiringError, match="plant/camera, plant/events"):
         recording.messages("x/y/z")
-
-
-def test_an_unknown_field_is_named_with_the_nearest_one(recording):
     with pytest.raises(WiringError, match="did you mean 'position'"):
         recording["plant.joints"]["positions"]
     assert not hasattr(recording["plant.joints"], "positions")

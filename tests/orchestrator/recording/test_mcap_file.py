@@ -4,10 +4,10 @@ import random
 from io import BytesIO
 
 import pytest
-from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.records import Channel, Schema
 from mcap.writer import CompressionType, Writer
 
-from stepbus_orchestrator.recording.message_writer import MessageWriter
+from stepbus_orchestrator.recording import McapFile
 
 
 def by_the_package(given, chunk_size=2000):
@@ -27,18 +27,23 @@ def by_the_package(given, chunk_size=2000):
     return stream.getvalue()
 
 
-def by_us(given, chunk_size=2000):
-    """Return what we write."""
-    stream = BytesIO()
-    writer = MessageWriter(stream, library="stepbus", chunk_size=chunk_size)
-    schema = writer.register(Schema(id=0, data=b"{}", encoding="jsonschema", name="s"))
-    channels = [writer.register(channel(f"topic{n}", schema)) for n in range(3)]
-    writer.add(Attachment(create_time=0, log_time=0, name="a", media_type="text/plain", data=b"x"))
-    writer.add(Metadata("m", {"key": "value"}))
-    for number, log_time, data in given:
-        writer.add_messages([(channels[number], data)], log_time, log_time, log_time % 7)
-    writer.finish()
-    return stream.getvalue()
+@pytest.fixture
+def by_us(tmp_path, monkeypatch):
+    """Return a function that returns what we write."""
+    monkeypatch.setattr(McapFile, "chunk_bytes", 2000)
+
+    def write(given):
+        file = McapFile(tmp_path / "run.mcap", library="stepbus")
+        schema = file.register(Schema(id=0, data=b"{}", encoding="jsonschema", name="s"))
+        channels = [file.register(channel(f"topic{n}", schema)) for n in range(3)]
+        file.attach("a", "text/plain", b"x")
+        file.add_metadata("m", {"key": "value"})
+        for number, log_time, data in given:
+            file.add(channels[number], log_time, data, log_time % 7)
+        file.close()
+        return file.path.read_bytes()
+
+    return write
 
 
 def channel(topic, schema):
@@ -54,11 +59,11 @@ def messages(seed, count):
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 50, 500])
-def test_the_bytes_are_those_of_the_mcap_package(count):
+def test_the_bytes_are_those_of_the_mcap_package(by_us, count):
     given = messages(count, count)
     assert by_us(given) == by_the_package(given)
 
 
-def test_a_message_larger_than_a_chunk_is_written_as_the_package_does():
+def test_a_message_larger_than_a_chunk_is_written_as_the_package_does(by_us):
     given = [(0, 5, b"x" * 10_000), (1, 6, b""), (0, 7, b"y")]
     assert by_us(given) == by_the_package(given)

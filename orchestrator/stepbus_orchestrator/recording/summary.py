@@ -1,0 +1,116 @@
+"""The summary section of an MCAP file: what the file holds, and where."""
+
+import dataclasses
+import zlib
+from collections import Counter
+from typing import Any
+
+from isal.isal_zlib import crc32
+from mcap import records as mcap
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from stepbus_orchestrator.recording.chunk import Encoded
+from stepbus_orchestrator.recording.records import CRC_BYTES
+
+_GROUPS = (
+    Opcode.SCHEMA,
+    Opcode.CHANNEL,
+    Opcode.STATISTICS,
+    Opcode.CHUNK_INDEX,
+    Opcode.ATTACHMENT_INDEX,
+    Opcode.METADATA_INDEX,
+)
+"""What the summary section consists of, in its order."""
+
+
+class Summary:
+    """Collects the summary section while a file is written.
+
+    chunk_index_bytes: size of the index of all chunks so far [bytes].
+    """
+
+    def __init__(self) -> None:
+        self._records = {opcode: bytearray() for opcode in _GROUPS}
+        self._counts: Counter[Opcode] = Counter()
+        # The index records of all chunks are packed: the memory of a run must not grow with it.
+        self._index_packer = zlib.compressobj(1)
+        self.chunk_index_bytes = 0
+        self._message_counts: Counter[int] = Counter()
+        self._earliest = self._latest = 0
+
+    def register(self, record: mcap.Schema | mcap.Channel) -> tuple[int, bytes]:
+        """Add a schema or channel under the next free number; return that, and its record."""
+        opcode = Opcode.SCHEMA if isinstance(record, mcap.Schema) else Opcode.CHANNEL
+        number = self._counts[opcode] + 1
+        data = bytes_of(dataclasses.replace(record, id=number))
+        self._add(opcode, data)
+        return number, data
+
+    def add(self, record: mcap.Attachment | mcap.Metadata, offset: int, length: int) -> None:
+        """Add an attachment or a metadata record. offset, length: of its record [bytes]."""
+        if isinstance(record, mcap.Metadata):
+            metadata = mcap.MetadataIndex(offset, length, record.name)
+            self._add(Opcode.METADATA_INDEX, bytes_of(metadata))
+            return
+        attachment = mcap.AttachmentIndex(
+            offset=offset,
+            length=length,
+            log_time=record.log_time,
+            create_time=record.create_time,
+            data_size=len(record.data),
+            name=record.name,
+            media_type=record.media_type,
+        )
+        self._add(Opcode.ATTACHMENT_INDEX, bytes_of(attachment))
+
+    def _add(self, opcode: Opcode, data: bytes) -> None:
+        self._records[opcode] += data
+        self._counts[opcode] += 1
+
+    def add_chunk(self, encoded: Encoded, start: int) -> None:
+        """Add a chunk that is in the file; start: where it begins [bytes]."""
+        chunk, index = encoded.chunk, encoded.row(start)
+        is_first = not self._counts[Opcode.CHUNK_INDEX]
+        self._earliest = chunk.earliest if is_first else min(self._earliest, chunk.earliest)
+        self._latest = max(self._latest, chunk.latest)
+        for channel, entries in chunk.indexes.items():
+            self._message_counts[channel] += len(entries) // 2
+        self.chunk_index_bytes += len(index)
+        self._add(Opcode.CHUNK_INDEX, self._index_packer.compress(index))
+
+    def end(self, start: int) -> bytes:
+        """Return the section and its footer; to be called once. start: where it begins [bytes]."""
+        self._records[Opcode.STATISTICS] += bytes_of(self._statistics())
+        packed = self._records[Opcode.CHUNK_INDEX] + self._index_packer.flush()
+        self._records[Opcode.CHUNK_INDEX] = bytearray(zlib.decompress(packed))
+        offsets, end = [], start
+        for opcode, records in self._records.items():
+            offsets.append(mcap.SummaryOffset(opcode, end, len(records)))
+            end += len(records)
+        section = b"".join((*self._records.values(), bytes_of(*offsets)))
+        footer = mcap.Footer(summary_start=start, summary_offset_start=end, summary_crc=0)
+        footer.summary_crc = crc32(bytes_of(footer)[:-CRC_BYTES], crc32(section))
+        return section + bytes_of(footer)
+
+    def _statistics(self) -> mcap.Statistics:
+        return mcap.Statistics(
+            attachment_count=self._counts[Opcode.ATTACHMENT_INDEX],
+            channel_count=self._counts[Opcode.CHANNEL],
+            channel_message_counts=self._message_counts,
+            chunk_count=self._counts[Opcode.CHUNK_INDEX],
+            message_count=self._message_counts.total(),
+            message_end_time=self._latest,
+            message_start_time=self._earliest,
+            metadata_count=self._counts[Opcode.METADATA_INDEX],
+            schema_count=self._counts[Opcode.SCHEMA],
+        )
+
+
+def bytes_of(*records: mcap.McapRecord) -> bytes:
+    """Return records as they stand in a file."""
+    builder: Any = RecordBuilder()
+    for record in records:
+        record.write(builder)
+    data: bytes = builder.end()
+    return data
