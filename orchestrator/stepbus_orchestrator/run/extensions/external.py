@@ -72,7 +72,7 @@ class External(RunExtension):
         """Write and tell the command that starts a participant."""
         if participant.external is None:
             return
-        arguments = ["join", str(participant.external.ticket.path)]
+        arguments = ["join", str(participant.external.ticket)]
         command = shlex.join([sys.executable, "-P", "-m", "stepbus_orchestrator.cli", *arguments])
         script = self.run.out / f"join-{participant.name}.sh"
         text = _SCRIPT.format(name=participant.name, command=command)
@@ -102,7 +102,7 @@ class External(RunExtension):
             elif participant.phase is Phase.SPAWNED:
                 left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
-                path = participant.external.ticket.path
+                path = participant.external.ticket
                 self._tell(participant, f"has not joined yet ({wait}): stepbus join {path}")
 
     def stopping(self) -> None:

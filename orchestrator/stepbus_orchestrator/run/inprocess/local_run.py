@@ -15,7 +15,6 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import StartFailed, argument
-from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.processes.launcher import Reaper
 from stepbus_orchestrator.run.extension import RunExtension, RunView
 from stepbus_orchestrator.run.host import Opening, Strategy
@@ -149,7 +148,7 @@ class LocalRun(Strategy):
                     "one process works in the scenario's folder and logs to the run's "
                     "folder"
                 ) from exc
-            logs = [BoundedLog(native_log)]
+            logs = [native_log]
             watch = Watch(self._current, self._opening.interrupt.is_set, logs)
             stack.callback(watch.close)
             stack.callback(self._end_all)
