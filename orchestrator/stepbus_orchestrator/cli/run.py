@@ -20,7 +20,7 @@ from stepbus_orchestrator.cli.parameters import (
     number,
     step_or_time,
 )
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.signals import REPORT_THREAD, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
@@ -233,7 +233,9 @@ def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) 
         return [_NO_REPORT]
     lines: list[str] = []
     # A thread can be left alone; an exception might be swallowed, as in a destructor.
-    thread = threading.Thread(target=_call_after_run, args=(result, has_plots, lines), daemon=True)
+    thread = threading.Thread(
+        target=_call_after_run, args=(result, has_plots, lines), name=REPORT_THREAD, daemon=True
+    )
     thread.start()
     with interruptible() as interrupt:
         while thread.is_alive() and not interrupt.is_set():

@@ -189,10 +189,6 @@ def close_range() -> None:
     os.closerange(3, 1000)
 
 
-def close_range_in_c() -> None:
-    ctypes.CDLL(None).close_range(3, 1000, 0)
-
-
 def misbehave(moment: str) -> None:
     """Do it, if it is time."""
     if moment == MOMENT:
