@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -26,7 +25,7 @@ from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
-from stepbus_orchestrator.processes.limits import check_limits, is_memory_limited
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
@@ -167,9 +166,6 @@ def run_command(
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
     """
-    if is_memory_limited():
-        # NumPy ends this process where memory is short: rather now than behind a run.
-        import_module("numpy")
     # Else it would be the scenario that cannot be read.
     check_limits(1)
     loaded = changes.load(scenario)

@@ -55,7 +55,7 @@ class _Parent:
             stack.callback(self._channel.close)
             self._process = subprocess.Popen(
                 [*_COMMAND, WARM + _ROOM, *names],
-                stdin=theirs,
+                stdin=theirs.fileno(),
                 stdout=subprocess.DEVNULL,
                 stderr=subprocess.DEVNULL,
                 env=self._environment,
