@@ -59,7 +59,11 @@ def _execute(arguments: Sequence[str], loaded: Callable[[], None] = lambda: None
         from .commands import execute  # noqa: PLC0415  (loads everything)
 
         return execute(arguments, loaded)
-    except ImportError as exc:
+    except (ImportError, MemoryError) as exc:
+        if isinstance(exc, MemoryError) or ".so" in str(exc):
+            reason = str(exc) or "out of memory"
+            sys.stderr.write(f"stepbus: {reason}; check the memory limit (ulimit -v)\n")
+            return _INTERNAL
         from stepbus_participant import extra_hint, lacks  # noqa: PLC0415  (see the top)
 
         if not extra_hint(exc.name or ""):

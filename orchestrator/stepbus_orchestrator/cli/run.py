@@ -243,8 +243,8 @@ def _call_after_run(result: Result, has_plots: bool, lines: list[str]) -> None:
     try:
         for call in _load_after_run():
             lines += call(result.recording, has_plots=has_plots)
-    except (StepbusError, OSError) as exc:
-        lines.append(f"no report {exc}")
+    except (StepbusError, OSError, MemoryError) as exc:
+        lines.append(f"no report {str(exc) or 'out of memory'}")
 
 
 def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:
