@@ -11,11 +11,9 @@ import gc
 import mmap
 import os
 import re
-import select
 import signal
 import warnings
 from collections.abc import Callable, Collection, Iterator
-from pathlib import Path
 from typing import Any
 
 from stepbus_schemas import RunError
@@ -23,20 +21,13 @@ from stepbus_schemas import RunError
 # Python 3.12 and later warn of a fork beside other threads: the copy has none of them, and waits
 # without end for a lock that one of them held. The copy takes no lock of ours: it has neither
 # signals nor finalizers, computes, writes into shared memory, and leaves by _exit. Memory is the C
-# library's, which is whole after a fork. One that stands still all the same is given up, below.
+# library's, which is whole after a fork. A step's deadline bounds one that stands still.
 warnings.filterwarnings(
     "ignore", r".*multi-threaded, use of fork\(\)", DeprecationWarning, re.escape(__name__)
 )
 
 _PR_SET_PDEATHSIG = 1
 _ALL = 2**31 - 1
-_LOOK_MS = 250
-_LOOKS = 8
-"""A copy that has been seen so often in a row without having worked is given up: 2 s in all.
-
-Counting looks, not time, tolerates a machine that slept (P12.1). The deadline of a step
-is 3 s, so a participant that waits too long for a copy reports that itself.
-"""
 _TEXT = 1000
 _DONE, _FAILED = 1, 2
 
@@ -61,12 +52,6 @@ class Copy:
             self.pid = os.fork()
             if self.pid == 0:
                 self._work(work, parent, cores)
-        try:
-            self._handle = os.pidfd_open(self.pid)
-        except OSError:
-            os.kill(self.pid, signal.SIGKILL)
-            os.waitpid(self.pid, 0)  # no time-out: it was killed
-            raise
 
     def _work(self, work: Callable[[], bytes], parent: int, cores: Collection[int]) -> None:
         """Work, and end without any clean-up: what there is to clean up belongs to the parent."""
@@ -90,48 +75,26 @@ class Copy:
             os._exit(0)
 
     def result(self) -> bytes:
-        """Wait for the bytes, and end the copy; raises RunError where there will be none."""
-        try:
-            self._wait()
-            return self._take()
-        finally:
-            self.end()
-
-    def _wait(self) -> None:
-        poll = select.poll()
-        poll.register(self._handle, select.POLLIN)
-        seen, looks = (0, ""), 0
-        # no time-out: each look waits for one, and a copy that works is bounded by who waits
-        while not poll.poll(_LOOK_MS):
-            before, seen = seen, _activity(self.pid)
-            looks = 0 if seen[0] != before[0] or seen[1] in "RD" else looks + 1
-            if looks == _LOOKS:
-                state = "is stopped" if seen[1] == "T" else "makes no progress"
-                raise RunError(f"{self._what}: process {self.pid}, which computes it, {state}")
-
-    def _take(self) -> bytes:
-        if self._memory[0] == _DONE:
-            return self._memory[1 : 1 + self._size]
-        if self._memory[0] == _FAILED:
-            text = self._memory[1 : 1 + _TEXT].partition(b"\0")[0].decode(errors="replace")
+        """Wait for the bytes; raises RunError where there will be none."""
+        code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])  # no time-out: of the step
+        pid, self.pid = self.pid, 0
+        state, data = self._memory[0], self._memory[1:]
+        self._memory.close()
+        if state == _DONE:
+            return data[: self._size]
+        if state == _FAILED:
+            text = data[:_TEXT].partition(b"\0")[0].decode(errors="replace")
             raise RunError(f"{self._what}: {text}")
-        code = 0
-        with contextlib.suppress(ChildProcessError):
-            code = os.waitstatus_to_exitcode(os.waitpid(self.pid, os.WNOHANG)[1])
         how = f"was killed by {signal.Signals(-code).name}" if code < 0 else "has ended"
-        raise RunError(f"{self._what}: process {self.pid}, which computed it, {how}")
+        raise RunError(f"{self._what}: process {pid}, which computed it, {how}")
 
     def end(self) -> None:
-        """Kill the copy, unless it has ended; harmless when repeated."""
-        if self._handle < 0:
-            return
-        handle, self._handle = self._handle, -1
-        with contextlib.suppress(ProcessLookupError):
-            signal.pidfd_send_signal(handle, signal.SIGKILL)
-        with contextlib.suppress(ChildProcessError):
+        """Kill the copy, unless its result was taken; harmless when repeated."""
+        if self.pid:
+            os.kill(self.pid, signal.SIGKILL)
             os.waitpid(self.pid, 0)  # no time-out: it was killed
-        os.close(handle)
-        self._memory.close()
+            self.pid = 0
+            self._memory.close()
 
 
 @contextlib.contextmanager
@@ -142,12 +105,3 @@ def _no_signals() -> Iterator[None]:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _activity(pid: int) -> tuple[int, str]:
-    """Return how long a process has worked [ticks], and its state, as of proc_pid_stat(5)."""
-    try:
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-    except OSError:
-        return 0, ""
-    return int(fields[11]) + int(fields[12]), fields[0]

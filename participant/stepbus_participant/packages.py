@@ -129,20 +129,6 @@ def installed_version(package: str) -> str:
     return version(package)
 
 
-def forget_listings() -> None:
-    """Let imports find modules that were written since their folders were last listed.
-
-    As `importlib.invalidate_caches`, which from Python 3.12 on loads `importlib.metadata`: at each
-    start, 15 ms more.
-    """
-    for folder, finder in list(sys.path_importer_cache.items()):
-        if finder is None or not os.path.isabs(folder):  # noqa: PTH117  (pathlib is slower)
-            # The working directory may be another one.
-            del sys.path_importer_cache[folder]
-        elif hasattr(finder, "invalidate_caches"):
-            finder.invalidate_caches()
-
-
 def imported_later(package: str, modules: Mapping[str, str]) -> Callable[[str], Any]:
     """Return the `__getattr__` of a package; modules: name → module below the package."""
 

@@ -13,7 +13,6 @@ from stepbus_schemas import WiringError, error_text, suggest
 
 from .config import Config
 from .files import read_file
-from .packages import forget_listings
 from .parameters.read import read
 from .parameters.settings import Settings
 from .participant import Participant
@@ -155,7 +154,6 @@ def _import(module_name: str, folder: Path) -> Any:
     """Import a file, or a module with `folder` searched first, and only for this import."""
     sys.path.insert(0, str(folder))
     try:
-        forget_listings()
         return import_source(module_name, folder)
     except ModuleNotFoundError as exc:
         text = f"module {exc.name!r} is neither in {folder} nor installed"

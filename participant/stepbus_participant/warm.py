@@ -19,7 +19,6 @@ import msgspec
 from .bus.ticket import TICKET_VARIABLE
 
 WARM = "--warm"
-REFUSED = -1
 _PR_SET_PDEATHSIG = 1
 _LONGEST = 1 << 16
 _ARGUMENTS, _ENVIRONMENT = 47, 49
@@ -38,16 +37,10 @@ def become_participants(names: list[str]) -> str:
     """Return in a new process for each participant that is wanted, its class; else never.
 
     names: of modules and classes, which are loaded before. The first process ends with its parent,
-    or with the socket.
+    with the socket, and where a module has started a thread: it must not fork then.
     """
     process = ctypes.CDLL(None)
     process.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL)
-    # What else our parent has open is not meant for it.
-    for number in map(int, os.listdir("/proc/self/fd")):  # noqa: PTH208  (pathlib is slower)
-        if number > 2:
-            # That of the list itself is closed already.
-            with contextlib.suppress(OSError):
-                os.close(number)
     gc.disable()
     for name in names:
         # Those that need it say what is wrong.
@@ -60,7 +53,7 @@ def become_participants(names: list[str]) -> str:
     with socket.socket(fileno=os.dup(0)) as channel:
         while True:
             data, files, _, _ = socket.recv_fds(channel, _LONGEST, 1)
-            if not data:
+            if not data or len(os.listdir("/proc/self/task")) > 1:  # noqa: PTH208  (pathlib is slower)
                 os._exit(0)
             pid = _fork()
             if pid == 0:
@@ -74,12 +67,10 @@ def become_participants(names: list[str]) -> str:
 
 
 def _fork() -> int:
-    """Return 0 in a new process, and here its process id, or REFUSED: a thread forbids it.
+    """Return 0 in a new process, and here its process id.
 
     Its parent has ended, so it is a child of the subreaper above us, the orchestrator.
     """
-    if len(os.listdir("/proc/self/task")) > 1:  # noqa: PTH208  (pathlib is slower)
-        return REFUSED
     source, sink = os.pipe()
     if (between := os.fork()) == 0:
         if (pid := os.fork()) > 0:
@@ -90,8 +81,8 @@ def _fork() -> int:
         return 0
     os.close(sink)
     os.waitpid(between, 0)  # no time-out: it does nothing but fork
-    with open(source, "rb") as file:  # noqa: PTH123  (no path, but a descriptor)
-        return int(file.read() or REFUSED)
+    with os.fdopen(source) as file:
+        return int(file.read())
 
 
 def _settle(birth: Birth, log: int) -> None:
@@ -117,13 +108,15 @@ def _show(birth: Birth) -> None:
     Both take the room that the command and the environment of the first process have.
     """
     stat = Path("/proc/self/stat").read_text(encoding="utf-8").rpartition(")")[2].split()
-    first, end = (int(stat[_ARGUMENTS - 2 + more]) for more in (0, 1))
-    _write(first, end - first, b"\0".join(word.encode() for word in birth.words))
-    first, end = (int(stat[_ENVIRONMENT - 2 + more]) for more in (0, 1))
-    variables = b"\0" + ctypes.string_at(first, end - first)
+    shown = []
+    for field in (_ARGUMENTS - 2, _ENVIRONMENT - 2):
+        first, end = int(stat[field]), int(stat[field + 1])
+        shown.append((first, ctypes.string_at(first, end - first)))
+    (arguments, words), (variables, content) = shown
+    _write(arguments, len(words), b"\0".join(word.encode() for word in birth.words))
     name = f"\0{TICKET_VARIABLE}=".encode()
-    at = variables.index(name) + len(name)
-    _write(first + at - 1, variables.index(b"\0", at) - at, birth.ticket.encode())
+    at = (b"\0" + content).index(name) + len(name) - 1
+    _write(variables + at, content.index(b"\0", at) - at, birth.ticket.encode())
 
 
 def _write(address: int, room: int, text: bytes) -> None:

@@ -54,13 +54,6 @@ class SimulatedParticipant(RunProcess):
         """Return the last line that it printed."""
         return (self.errors.strip().splitlines() or [""])[-1]
 
-    def log_problem(self) -> str:
-        """Return nothing: its log is in memory."""
-        return ""
-
-    def limit_log(self) -> None:
-        """Do nothing."""
-
     def activity(self) -> Activity:
         """Return whether it is stopped."""
         return Activity(is_stopped=self.process.is_frozen and not self.process.is_dead)

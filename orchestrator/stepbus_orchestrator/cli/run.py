@@ -5,7 +5,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from functools import cache
-from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
@@ -20,13 +19,13 @@ from stepbus_orchestrator.cli.parameters import (
     number,
     step_or_time,
 )
-from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.signals import REPORT_THREAD, interruptible
 from stepbus_orchestrator.cli.terminal.keys import controlled, has_terminal
 from stepbus_orchestrator.cli.terminal.live import displayed
 from stepbus_orchestrator.cli.terminal.output import Answer
 from stepbus_orchestrator.cli.viewer import viewed
 from stepbus_orchestrator.plugins import AFTER_RUN, points
-from stepbus_orchestrator.processes.limits import check_limits, is_memory_limited
+from stepbus_orchestrator.processes.limits import check_limits
 from stepbus_orchestrator.run.extension import RunExtension
 from stepbus_orchestrator.run.extensions import load_extension
 from stepbus_orchestrator.run.extensions.debug import Debug, without_deadlines
@@ -167,9 +166,6 @@ def run_command(
     $ stepbus run two_link --external controller
     $ stepbus run two_link --external controller=/tmp/c.ticket
     """
-    if is_memory_limited():
-        # NumPy ends this process where memory is short: rather now than behind a run.
-        import_module("numpy")
     # Else it would be the scenario that cannot be read.
     check_limits(1)
     loaded = changes.load(scenario)
@@ -233,7 +229,9 @@ def after_run(result: Result, *, has_plots: bool, is_interrupted: bool = False) 
         return [_NO_REPORT]
     lines: list[str] = []
     # A thread can be left alone; an exception might be swallowed, as in a destructor.
-    thread = threading.Thread(target=_call_after_run, args=(result, has_plots, lines), daemon=True)
+    thread = threading.Thread(
+        target=_call_after_run, args=(result, has_plots, lines), name=REPORT_THREAD, daemon=True
+    )
     thread.start()
     with interruptible() as interrupt:
         while thread.is_alive() and not interrupt.is_set():
@@ -245,8 +243,8 @@ def _call_after_run(result: Result, has_plots: bool, lines: list[str]) -> None:
     try:
         for call in _load_after_run():
             lines += call(result.recording, has_plots=has_plots)
-    except (StepbusError, OSError) as exc:
-        lines.append(f"no report {exc}")
+    except (StepbusError, OSError, MemoryError) as exc:
+        lines.append(f"no report {str(exc) or 'out of memory'}")
 
 
 def _summary(result: Result, lines: Sequence[str]) -> Iterator[str]:

@@ -20,7 +20,6 @@ from stepbus_orchestrator.run.inprocess.turn_watchdog import TICK_S, TurnWatchdo
 from stepbus_orchestrator.run.inprocess.turns import (
     CODE,
     INTERRUPTED,
-    MUTE,
     PULSE,
     TURN,
     Stage,
@@ -63,13 +62,9 @@ def _beat(memory: Turns) -> None:
         time.sleep(TICK_S)
 
 
-def settle(code: int, *, is_mute: bool) -> None:
-    """Tell the parent that nothing is left to do, but to end with this code.
-
-    is_mute: whether stderr did not take what was to be printed.
-    """
+def settle(code: int) -> None:
+    """Tell the parent that nothing is left to do, but to end with this code."""
     if turns.own is not None:
-        turns.own.words[MUTE] = is_mute
         turns.own.enter(Stage.LEAVING, code)
 
 
@@ -148,17 +143,15 @@ def _concluded(memory: Turns, pid: int, code: int, killer: TurnWatchdog | None) 
     stage, turn = memory.stage, int(memory.words[TURN])
     if killer is not None and stage is Stage.LEAVING and memory.words[CODE]:
         return int(memory.words[CODE])
-    if killer is not None or (stage.is_run and turn) or (code and memory.words[MUTE]):
+    if killer is not None or (stage.is_run and turn):
         from stepbus_orchestrator.run.inprocess import post_mortem  # noqa: PLC0415
 
         from .terminal.output import write  # noqa: PLC0415
 
         if killer is not None:
             code, text = post_mortem.conclude(memory, pid, kept=killer.kept)
-        elif stage.is_run:
-            code, text = post_mortem.conclude(memory, pid, code=code)
         else:
-            text = post_mortem.last_words(memory)
+            code, text = post_mortem.conclude(memory, pid, code=code)
         write(sys.stderr, text)
         return code
     if code < 0:

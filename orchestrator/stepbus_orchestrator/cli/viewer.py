@@ -37,7 +37,18 @@ def viewed(
     viewers: list[subprocess.Popen[str]] = []
     try:
         # At once: each takes a second to load.
-        viewers.extend(_started([*_COMMAND, *more, *options]) for options in views)
+        viewers.extend(
+            subprocess.Popen(
+                [*_COMMAND, *more, *options],
+                env=environment(),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.PIPE,
+                encoding="utf-8",
+                errors="replace",
+            )
+            for options in views
+        )
         give_up = time.monotonic() + _START_S
         for viewer in viewers:
             _announce(viewer, interrupt, give_up)
@@ -50,19 +61,12 @@ def viewed(
         for viewer in viewers:
             viewer.terminate()
         for viewer in viewers:
-            _end(viewer)
-
-
-def _started(command: Sequence[str]) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        command,
-        env=environment(),
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        encoding="utf-8",
-        errors="replace",
-    )
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                viewer.wait(_END_S)
+            viewer.kill()
+            viewer.wait()  # no time-out: it has ended, or was killed
+            if viewer.stdout is not None:
+                viewer.stdout.close()
 
 
 def _announce(viewer: subprocess.Popen[str], interrupt: threading.Event, give_up: float) -> None:
@@ -98,14 +102,3 @@ def pass_on(stream: IO[str]) -> None:
             text = line.rstrip().removeprefix(_PREFIX)
             if text != _INTERRUPTED:
                 print_error(text)
-
-
-def _end(viewer: subprocess.Popen[str]) -> None:
-    """Wait until a view, which was told to, has ended; kill it where it does not."""
-    try:
-        viewer.wait(_END_S)
-    except subprocess.TimeoutExpired:
-        viewer.kill()
-        viewer.wait()  # no time-out: it was killed
-    if viewer.stdout is not None:
-        viewer.stdout.close()

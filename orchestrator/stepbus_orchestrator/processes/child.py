@@ -3,10 +3,8 @@
 import contextlib
 import errno
 import os
-import resource
 import signal
 import subprocess
-import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -18,60 +16,23 @@ from stepbus_orchestrator.processes.place import Place, core_of, place_threads
 from stepbus_orchestrator.processes.warm import fork
 from stepbus_participant import append_to, last_lines
 
-_LARGEST = 8 * 1024 * 1024
-_HEAD = _TAIL = 1024 * 1024
-_CATCH_UPS = 20
-_FULL = (errno.ENOSPC, errno.EDQUOT)
-_PROBE = bytes(8192)
+_LARGEST = 8 << 20
+_KEPT = 1 << 20
+_OMITTED = b"\n[stepbus: output omitted here]\n"
 
 
-class BoundedLog:
-    """A log file that a process appends to: past 8 MiB, its first and its last MiB are kept.
+def limit_log(path: Path) -> None:
+    """Cut a log of more than 8 MiB to its first and its last MiB; harmless when it is gone.
 
-    The process must have opened it for appending. What it prints during a cut counts as cut.
+    A process must have opened it for appending. What it prints during the cut is cut as well.
     """
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self._cut = 0
-        self._mark = b""
-
-    def limit(self) -> None:
-        """Cut the file if it has become too large; harmless when it is gone."""
-        with contextlib.suppress(OSError):
-            if self._path.stat().st_size > _LARGEST:
-                file = os.open(self._path, os.O_RDWR | os.O_APPEND | os.O_CLOEXEC)
-                try:
-                    self._shorten(file)
-                finally:
-                    os.close(file)
-
-    def problem(self) -> str:
-        """Return why nothing more can be printed into the file; empty where it can."""
-        try:
-            with tempfile.TemporaryFile(dir=self._path.parent, buffering=0) as probe:
-                probe.write(_PROBE)
-            largest, _ = resource.getrlimit(resource.RLIMIT_FSIZE)
-            is_largest = largest not in {resource.RLIM_INFINITY, 0}
-            if is_largest and self._path.stat().st_size >= largest:
-                return os.strerror(errno.EFBIG)
-        except OSError as exc:
-            return os.strerror(exc.errno) if exc.errno in _FULL else ""
-        return ""
-
-    def _shorten(self, file: int) -> None:
-        end = os.fstat(file).st_size
-        tail = os.pread(file, _TAIL, end - _TAIL)
-        for _ in range(_CATCH_UPS):
-            # It may have printed meanwhile, perhaps its last words.
-            more = os.pread(file, _TAIL, end)
-            tail, end = (tail + more)[-_TAIL:], end + len(more)
-            if not more:
-                break
-        self._cut += end - _HEAD - len(self._mark) - len(tail)
-        self._mark = f"\n[stepbus: {self._cut} bytes omitted]\n".encode()
-        os.ftruncate(file, _HEAD)
-        os.write(file, self._mark + tail)
+    with contextlib.suppress(OSError), path.open("rb+", 0) as file:
+        if (size := file.seek(0, os.SEEK_END)) > _LARGEST:
+            file.seek(size - _KEPT)
+            tail = file.read()
+            file.truncate(_KEPT)
+            file.seek(_KEPT)
+            file.write(_OMITTED + tail)
 
 
 TERM_GRACE_S = 1.0
@@ -96,7 +57,6 @@ class Process:
         self.log = log
         self.pid = 0
         self.late: KeptThread | None = None
-        self._bounded_log = BoundedLog(log)
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs."""
@@ -113,14 +73,6 @@ class Process:
     def last_output(self) -> str:
         """Return the last lines that it printed; empty: none."""
         return last_lines(self.log)
-
-    def log_problem(self) -> str:
-        """Return why its log may lack its last words, such as a full disk; empty: it has them."""
-        return self._bounded_log.problem()
-
-    def limit_log(self) -> None:
-        """Keep the head and the tail of its log, once that has become large."""
-        self._bounded_log.limit()
 
     def activity(self) -> Activity:
         """Return what it, and all it has started, is doing."""
@@ -167,21 +119,25 @@ class Child(Process):
         super().__init__(log)
         self.name = name
         self._lock = threading.Lock()
+        self._code: int | None = None
+        self._process: subprocess.Popen[bytes] | None = None
         self._is_terminated = False
         try:
             with os.fdopen(append_to(log), "ab") as file:
                 if has_terminal:
                     file.write(b"its output went to the terminal (--debug)\n")
                 forked = None if has_terminal else fork(command, cwd, environment, file.fileno())
-                self._process = forked or subprocess.Popen(
-                    command,
-                    cwd=cwd,
-                    env=environment,
-                    stdin=None if has_terminal else subprocess.DEVNULL,
-                    stdout=None if has_terminal else file,
-                    stderr=None if has_terminal else subprocess.STDOUT,
-                    start_new_session=True,
-                )
+                if forked is None:
+                    self._process = subprocess.Popen(
+                        command,
+                        cwd=cwd,
+                        env=environment,
+                        stdin=None if has_terminal else subprocess.DEVNULL,
+                        stdout=None if has_terminal else file,
+                        stderr=None if has_terminal else subprocess.STDOUT,
+                        start_new_session=True,
+                    )
+                    forked = self._process.pid
         except OSError as exc:
             is_script = exc.errno == errno.ENOEXEC
             hint = "; a script needs a first line with #! and its interpreter" if is_script else ""
@@ -190,7 +146,7 @@ class Child(Process):
                 f"(participants.{name}.exec)",
                 participant=name,
             ) from exc
-        self.pid = self._process.pid
+        self.pid = forked
 
     def exit_code(self) -> int | None:
         """Return its exit code, negative for a signal; None while it runs.
@@ -199,8 +155,8 @@ class Child(Process):
         its own, and no signal to the group can reach another process.
         """
         with self._lock:
-            if self._process.returncode is not None:
-                return self._process.returncode
+            if self._code is not None:
+                return self._code
             ended = os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)
         if ended is None:
             return None
@@ -218,7 +174,6 @@ class Child(Process):
         """Return whether it has ended within a time [s]."""
         deadline, pause_s = time.monotonic() + timeout_s, _FIRST_PAUSE_S
         while self.exit_code() is None:
-            self.limit_log()
             left_s = deadline - time.monotonic()
             if left_s <= 0:
                 return False
@@ -239,14 +194,22 @@ class Child(Process):
         self.terminate()
         self.wait(grace_s)
         self.signal(signal.SIGKILL)
-        with self._lock, contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_KILL_S)
-        self.limit_log()
+        if self.wait(_KILL_S):
+            self._reap()
+        limit_log(self.log)
+
+    def _reap(self) -> None:
+        """Take the exit code; harmless when repeated."""
+        with self._lock:
+            if self._code is None and self._process is not None:
+                self._code = self._process.wait()  # no time-out: it has ended
+            elif self._code is None:
+                self._code = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])  # no time-out
 
     def signal(self, number: int) -> None:
         """Send a signal to it and all it has started; nothing once it has been reaped."""
         with self._lock, contextlib.suppress(ProcessLookupError, PermissionError):
-            if self._process.returncode is None:
+            if self._code is None:
                 os.killpg(self.pid, number)
 
     def activity(self) -> Activity:

@@ -106,7 +106,7 @@ def make_mesh(
     else:
         ports = _ports(scenario.bus.port, len(listening), held)
         addresses = [f"tls/127.0.0.1:{port}" for port in ports]
-        settings = _certificates(names, folder)
+        settings = certificates(names, folder)
         if run is not None:
             access = _access_control(run, listening[1:], "cert_common_names")
     users = passwords(names)
@@ -178,27 +178,24 @@ def passwords(names: Iterable[str]) -> dict[str, str]:
     return {name: secrets.token_hex(16) for name in names}
 
 
-def _certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
-    try:
-        return certificates(names, folder)
-    except OSError as exc:
-        raise BusFailed(
-            f"cannot write the certificates of the run: {exc.strerror or exc}; set TMPDIR to a "
-            "folder with free space"
-        ) from exc
-
-
 def certificates(names: Iterable[str], folder: Path) -> dict[str, dict[str, Any]]:
     """Write a certificate for each name, and return the Zenoh settings that use it.
 
-    folder: private; it gets the files, which are of no use once the run is over.
+    folder: private; it gets the files, which are of no use once the run is over. Raises BusFailed
+    when it has no space.
     """
     import trustme  # noqa: PLC0415  (only TCP needs it, and it loads all of cryptography)
 
     authority = trustme.CA()
     root = folder / "authority.pem"
-    authority.cert_pem.write_to_path(root)
-    return {name: _certificate(authority, name, folder, root) for name in names}
+    try:
+        authority.cert_pem.write_to_path(root)
+        return {name: _certificate(authority, name, folder, root) for name in names}
+    except OSError as exc:
+        raise BusFailed(
+            f"cannot write the certificates of the run: {exc.strerror or exc}; set TMPDIR to a "
+            "folder with free space"
+        ) from exc
 
 
 def _certificate(authority: "CA", name: str, folder: Path, root: Path) -> dict[str, Any]:

@@ -1,18 +1,16 @@
 """A participant that the user has started: its ticket, its process, its links to us.
 
-The orchestrator holds a lock (flock) on the ticket while it lives, however it ends. So a
-ticket shows whether its run has ended, and `stepbus join` waits until a stale one is replaced.
+The reaper removes the ticket with the run, however that ends. So a ticket that is there belongs to
+a live run, and `stepbus join` waits until there is one.
 """
 
 import contextlib
-import fcntl
 import os
 import secrets
 import socket
-import stat
 import struct
 import time
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any, Literal
 
@@ -21,11 +19,10 @@ import msgspec
 from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes.activity import NOTHING, Activity, activity_of
 from stepbus_orchestrator.processes.child import Child, Process
-from stepbus_participant import TICKET_VARIABLE, Ticket
+from stepbus_participant import TICKET_VARIABLE, Ticket, open_regular
 from stepbus_schemas import UNDECODABLE, BridgeFormat, WiringError, explained
 
 _POLL_S = 0.1
-_MOST_BYTES = 1 << 20
 _UNIX = "unixsock-stream/"
 _CREDENTIALS = struct.Struct("3i")
 
@@ -43,135 +40,68 @@ class JoinTicket(Ticket, frozen=True, kw_only=True):
     describe: dict[str, Any]
 
 
-class SharedTicket:
-    """A ticket at a path that others know, for as long as its run lasts.
+def publish(ticket: JoinTicket, path: Path) -> None:
+    """Write a ticket to a path that the user knows, whole from its first moment.
 
-    path: absolute. Raises StartFailed where it cannot be written, where it would replace something
-    else than the ticket of a run that has ended.
+    Raises StartFailed where it cannot be written, or where the path is taken.
     """
-
-    def __init__(self, ticket: JoinTicket, path: Path) -> None:
-        self.path = path.absolute()
-        _check_replaceable(self.path, ticket.name)
-        try:
-            self._file = _publish(msgspec.json.encode(ticket), self.path)
-        except OSError as exc:
-            raise StartFailed(
-                f"{ticket.name}: its ticket {path} cannot be written: {exc.strerror}",
-                participant=ticket.name,
-            ) from exc
-
-    def is_named_by(self, value: str) -> bool:
-        """Return whether a path, as a process knows it, leads to this file."""
-        try:
-            return os.path.samestat(Path(value).stat(), os.fstat(self._file))
-        except (OSError, ValueError):
-            return False
-
-    def close(self) -> None:
-        """Remove the file, unless another process has put something else there."""
-        with contextlib.suppress(OSError):
-            if self.is_named_by(str(self.path)):
-                self.path.unlink()
-        os.close(self._file)
-
-
-def _publish(content: bytes, path: Path) -> int:
-    """Write a file with a lock on it, then give it its name; return its descriptor."""
     hidden = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    flags = os.O_RDWR | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    file = os.open(hidden, flags, 0o600)
     try:
-        os.write(file, content)
-        # Some file systems have no locks; there, any ticket counts as one of a run that lasts.
-        with contextlib.suppress(OSError):
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if os.path.lexists(path):
+            raise FileExistsError(
+                "it exists, perhaps as the ticket of another run; remove it, or choose another path"
+            )
+        ticket.save(hidden)
         hidden.rename(path)
-    except BaseException:
-        os.close(file)
+    except OSError as exc:
         hidden.unlink(missing_ok=True)
-        raise
-    return file
-
-
-def _check_replaceable(path: Path, name: str) -> None:
-    """Raise StartFailed where a path holds anything but the ticket of a run that has ended."""
-    try:
-        _, lasts = _read(path)
-    except FileNotFoundError:
-        return
-    except (OSError, WiringError) as exc:
         raise StartFailed(
-            f"{name}: {path} exists and is not a ticket ({exc}); choose another path",
-            participant=name,
+            f"{ticket.name}: its ticket {path} cannot be written: {exc.strerror or exc}",
+            participant=ticket.name,
         ) from exc
-    if lasts:
-        raise StartFailed(
-            f"{name}: {path} is the ticket of another live run; choose another path",
-            participant=name,
-        )
 
 
 def await_ticket(path: Path, wait_s: float, notify: Callable[[str], None]) -> JoinTicket:
     """Return the ticket at a path once its run is there.
 
-    wait_s: how long to wait for it [s]. notify: is called with a sentence when it starts to wait,
-    and when the reason changes.
+    wait_s: how long to wait for it [s]. notify: is called with a sentence when it starts to wait.
 
     Raises WiringError when there is none in time, when what is there is none, or is of another
     user.
     """
-    deadline, known = time.monotonic() + wait_s, ""
+    deadline, has_notified = time.monotonic() + wait_s, False
     while True:
         try:
-            ticket, lasts = _read(path)
-            if lasts:
-                return ticket
-            reason = "the ticket there is of a run that has ended"
+            return _read(path)
         except FileNotFoundError:
-            reason = "no ticket there"
+            pass
         except OSError as exc:
             raise WiringError(f"{path}: {exc.strerror}") from exc
         if time.monotonic() >= deadline:
             raise WiringError(
-                f"{path}: {reason}, after {wait_s:g} s; start the run with "
+                f"{path}: no ticket there after {wait_s:g} s; start the run with "
                 "`stepbus run SCENARIO --external NAME=TICKET`, or wait longer with --wait"
             )
-        if reason != known:
-            known = reason
-            notify(f"{path}: {reason}; waiting up to {wait_s:g} s for its run")
+        if not has_notified:
+            has_notified = True
+            notify(f"{path}: no ticket there; waiting up to {wait_s:g} s for its run")
         time.sleep(_POLL_S)
 
 
-def _read(path: Path) -> tuple[JoinTicket, bool]:
-    """Return a ticket, and whether its run lasts; raises OSError, WiringError."""
-    # A pipe of that name must not keep us waiting.
-    file = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-    try:
-        status = os.fstat(file)
-        if not stat.S_ISREG(status.st_mode):
-            raise WiringError(f"{path}: not a file; give the path of a ticket")
-        if status.st_uid != os.geteuid():
+def _read(path: Path) -> JoinTicket:
+    """Return the ticket in a file; raises OSError, and WiringError where it is none of ours."""
+    with os.fdopen(open_regular(path), "rb") as file:
+        owner = os.fstat(file.fileno()).st_uid
+        if owner != os.geteuid():
+            # It names a program to start.
             raise WiringError(
-                f"{path}: owned by user {status.st_uid}, but you are user {os.geteuid()}; "
-                f"in a container, run as that user (docker run --user {status.st_uid})"
+                f"{path}: owned by user {owner}, but you are user {os.geteuid()}; "
+                f"in a container, run as that user (docker run --user {owner})"
             )
-        content = os.read(file, _MOST_BYTES)
         try:
-            return msgspec.json.decode(content, type=JoinTicket), _lasts(file)
+            return msgspec.json.decode(file.read(), type=JoinTicket)
         except UNDECODABLE as exc:
             raise WiringError(f"{path}: not a ticket: it {explained(exc)}") from exc
-    finally:
-        os.close(file)
-
-
-def _lasts(file: int) -> bool:
-    """Return whether a process holds the lock; True where that cannot be told."""
-    try:
-        fcntl.flock(file, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError:
-        return True
-    return False
 
 
 class External(Process):
@@ -180,13 +110,11 @@ class External(Process):
     It is known by its place on the bus and, where it is a process of this user in our own
     namespace, by its process id. It is never sent a signal: the user who started it ends it.
 
-    ticket: that it has been given. log: where a child's output would go. address: where we listen.
-    children: our own processes.
+    ticket: path of that it has been given. log: where a child's output would go. address: where we
+    listen. children: our own processes.
     """
 
-    def __init__(
-        self, ticket: SharedTicket, log: Path, address: str, children: Collection[Child]
-    ) -> None:
+    def __init__(self, ticket: Path, log: Path, address: str, children: Collection[Child]) -> None:
         super().__init__(log)
         self.ticket = ticket
         self._address = address
@@ -195,11 +123,11 @@ class External(Process):
 
     def joined(self, pid: int) -> None:
         """Take the process id that it gives itself, if that is a process with our ticket."""
-        prefix = f"{TICKET_VARIABLE}=".encode()
+        prefix = f"{TICKET_VARIABLE}="
         with contextlib.suppress(OSError):
-            variables = Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
-            own = [os.fsdecode(v[len(prefix) :]) for v in variables if v.startswith(prefix)]
-            if any(self.ticket.is_named_by(value) for value in own):
+            variables = os.fsdecode(Path(f"/proc/{pid}/environ").read_bytes()).split("\0")
+            own = [v.removeprefix(prefix) for v in variables if v.startswith(prefix)]
+            if own and self.ticket.samefile(own[0]):
                 self.pid = pid
 
     def left(self) -> None:
@@ -216,10 +144,6 @@ class External(Process):
 
     def last_output(self) -> str:
         """Return nothing: it prints where it was started."""
-        return ""
-
-    def log_problem(self) -> str:
-        """Return nothing: it has no log here."""
         return ""
 
     def activity(self) -> Activity:
@@ -253,52 +177,30 @@ def cut_links(address: str, pid: int, children: Collection[int]) -> None:
     address: where it listens. pid: of the one whose links are cut; 0: unknown, then of all that
     are no children, as far as the kernel tells. children: their process ids; each leads a session.
     """
-    for link in _accepted(address):
-        with link:
-            peer = _peer(link)
-            is_another = bool(peer) and (peer != pid if pid else _session(peer) in children)
-            if not is_another:
+    for path in filter(Path.is_socket, list(Path("/proc/self/fd").iterdir())):
+        # It may have been closed meanwhile, or not be connected.
+        with contextlib.suppress(OSError), socket.socket(fileno=os.dup(int(path.name))) as link:
+            if _is_accepted(link, address) and not _is_of_another(link, pid, children):
                 link.shutdown(socket.SHUT_RDWR)
-
-
-def _accepted(address: str) -> Iterator[socket.socket]:
-    """Yield a copy of each connected socket that was accepted at an address."""
-    for path in list(Path("/proc/self/fd").iterdir()):
-        try:
-            if not path.is_socket():
-                continue
-            copy = socket.socket(fileno=os.dup(int(path.name)))
-        except OSError:
-            continue
-        if _is_accepted(copy, address):
-            yield copy
-        else:
-            copy.close()
 
 
 def _is_accepted(link: socket.socket, address: str) -> bool:
     """Return whether a socket is connected at our address, as Zenoh writes that."""
-    try:
-        own = link.getsockname()
-        link.getpeername()
-    except OSError:
-        return False
+    own, _ = link.getsockname(), link.getpeername()
     if link.family == socket.AF_UNIX:
         return address == f"{_UNIX}{own}"
     return link.family == socket.AF_INET and address == f"tls/{own[0]}:{own[1]}"
 
 
-def _peer(link: socket.socket) -> int:
-    """Return the process id of a link's opener; 0: the kernel does not tell."""
+def _is_of_another(link: socket.socket, pid: int, children: Collection[int]) -> bool:
+    """Return whether another process than that of `cut_links` has opened a link."""
     if link.family != socket.AF_UNIX:
-        return 0
-    size = _CREDENTIALS.size
-    pid: int = _CREDENTIALS.unpack(link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, size))[0]
-    return pid
-
-
-def _session(pid: int) -> int:
-    try:
-        return os.getsid(pid)
-    except OSError:
-        return 0
+        return False
+    credentials = link.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
+    peer, _, _ = _CREDENTIALS.unpack(credentials)
+    if not peer:
+        # Of another namespace.
+        return False
+    with contextlib.suppress(ProcessLookupError):
+        return peer != pid if pid else os.getsid(peer) in children
+    return False

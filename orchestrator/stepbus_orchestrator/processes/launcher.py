@@ -1,7 +1,6 @@
 """Starts and ends the processes of a run, and lets others start some."""
 
 import contextlib
-import shutil
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -14,7 +13,7 @@ from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import reaper
 from stepbus_orchestrator.processes.child import Child
 from stepbus_orchestrator.processes.endpoints import private_folder
-from stepbus_orchestrator.processes.external import External, JoinTicket, SharedTicket
+from stepbus_orchestrator.processes.external import External, JoinTicket, publish
 from stepbus_orchestrator.processes.warm import participant_environment
 from stepbus_orchestrator.scenario.model import ParticipantSpec
 from stepbus_participant import Endpoint, Ticket, environment
@@ -58,16 +57,13 @@ class Reaper:
                 env=environment(),
                 start_new_session=True,
             )
-        except BaseException as exc:
+        except OSError as exc:
             # It is empty. To remove it takes no file descriptor, of which there may be none left.
-            with contextlib.suppress(OSError):
-                self.folder.rmdir()
-            if isinstance(exc, OSError):
-                raise StartFailed(
-                    "cannot start the reaper, which cleans up after a run: "
-                    f"{exc.strerror}; check ulimit -n and ulimit -u"
-                ) from exc
-            raise
+            self.folder.rmdir()
+            raise StartFailed(
+                "cannot start the reaper, which cleans up after a run: "
+                f"{exc.strerror}; check ulimit -n and ulimit -u"
+            ) from exc
 
     def watch(self, group: int) -> None:
         """Have it kill a process group when the orchestrator is gone."""
@@ -77,16 +73,14 @@ class Reaper:
         """Have it spare a process group from now on."""
         self._notify(f"-{group}")
 
-    def remove_too(self, folder: Path) -> None:
-        """Have it remove another folder with the private one."""
-        self._others.append(folder)
-        self._notify(str(folder))
+    def remove_too(self, path: Path) -> None:
+        """Have it remove a file, or another folder, with the private one."""
+        self._others.append(path)
+        self._notify(str(path))
 
     def _notify(self, line: str) -> None:
-        if self._process.stdin is not None:
-            with contextlib.suppress(BrokenPipeError):
-                self._process.stdin.write(line + "\n")
-                self._process.stdin.flush()
+        with contextlib.suppress(BrokenPipeError):
+            print(line, file=self._process.stdin, flush=True)
 
     def end(self) -> list[LeftBehind]:
         """End it, and remove the private folder; return the processes that it had to end."""
@@ -98,8 +92,8 @@ class Reaper:
             except subprocess.TimeoutExpired:
                 self._process.kill()
         # It may have been killed, or stopped, by another process.
-        for folder in (self.folder, *self._others):
-            shutil.rmtree(folder, ignore_errors=True)
+        for path in (self.folder, *self._others):
+            reaper.remove(str(path))
         return [LeftBehind(*line.split(" ", 2)) for line in said.splitlines()]
 
 
@@ -117,7 +111,6 @@ class Launcher:
         self._run = run
         self._token = token
         self._logs = logs
-        self._shared: list[SharedTicket] = []
 
     def start(
         self,
@@ -178,11 +171,12 @@ class Launcher:
             bridge="" if spec.bridge is None else spec.bridge.format,
             describe={} if spec.bridge is None else spec.bridge.describe,
         )
-        shared = SharedTicket(content, ticket)
-        self._shared.append(shared)
+        path = ticket.absolute()
+        publish(content, path)
+        self._reaper.remove_too(path)
         # The first that a participant connects to is the orchestrator.
         return External(
-            shared, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
+            path, self._logs / f"{spec.name}.log", endpoint.connect[0], self.children.values()
         )
 
     def remove_too(self, folder: Path) -> None:
@@ -204,8 +198,6 @@ class Launcher:
 
         Return what participants have left behind in sessions of their own.
         """
-        for shared in self._shared:
-            shared.close()
         for child in self.children.values():
             child.end()
             self._reaper.forget(child.pid)

@@ -1,10 +1,9 @@
 """Ends what a run leaves behind, whatever has become of its orchestrator: processes, and a folder.
 
 The orchestrator starts it as a separate process, with nothing but the standard library. It reads
-`+<process group>`, `-<process group>` and paths of further folders from its standard input; when
-that closes, however the orchestrator ended, it kills the remaining groups, and every process that a
-participant has started and that is still there, names those on its standard output, and removes the
-folders.
+`+<process group>`, `-<process group>` and further paths from its standard input; when that closes,
+however the orchestrator ended, it kills the remaining groups, and every process that a participant
+has started and that is still there, names those on its standard output, and removes the paths.
 
 A process that has left the session of its participant, and whose parent has ended, is known by its
 environment: it has the participant's ticket. Nothing else of it leads back to the run: its parent
@@ -29,22 +28,18 @@ def watch(folder: str) -> None:
     """Keep the list until the orchestrator has ended, then clean up."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
-    groups: list[int] = []
-    folders = [folder]
+    groups: set[int] = set()
+    paths = [folder]
     for line in sys.stdin:
-        if line.startswith("/"):
-            folders.append(line.rstrip("\n"))
-            continue
-        group = int(line[1:])
-        if line[0] == "+":
-            groups.append(group)
-        elif group in groups:
-            groups.remove(group)
+        if line[0] == "/":
+            paths.append(line.rstrip("\n"))
+        else:
+            (groups.add if line[0] == "+" else groups.discard)(int(line[1:]))
     for group in groups:
         _try(os.killpg, group, signal.SIGKILL)
     left = _end_left(folder)
-    for path in folders:
-        _remove(path)
+    for path in paths:
+        remove(path)
     # No process reads it where the orchestrator was killed.
     _try(os.write, sys.stdout.fileno(), "".join(f"{line}\n" for line in left).encode())
 
@@ -58,13 +53,15 @@ def _try(call: Callable[..., object], *arguments: object) -> bool:
     return True
 
 
-def _remove(folder: str) -> None:
-    """Remove a folder of ours; `shutil` too takes longer to load than all else here."""
-    for place, folders, files in os.walk(folder, topdown=False):
-        for name in (*folders, *files):
-            path = f"{place}/{name}"
-            _try(os.rmdir, path) or _try(os.unlink, path)
-    _try(os.rmdir, folder)
+def remove(path: str) -> None:
+    """Remove a file or a folder; `shutil` takes longer to load than all else here."""
+    inside = (
+        f"{place}/{name}"
+        for place, folders, files in os.walk(path, topdown=False)
+        for name in (*folders, *files)
+    )
+    for one in (*inside, path):
+        _try(os.rmdir, one) or _try(os.unlink, one)
 
 
 def _end_left(folder: str) -> list[str]:

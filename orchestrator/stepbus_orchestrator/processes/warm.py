@@ -8,54 +8,30 @@ environment, one in a debugger.
 import contextlib
 import ctypes
 import os
-import signal
 import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import msgspec
 
+from stepbus_orchestrator.errors import StartFailed
 from stepbus_orchestrator.processes import PYTHON
-from stepbus_orchestrator.processes.activity import children
 from stepbus_orchestrator.scenario.program import PYTHON as INTERPRETER
 from stepbus_participant import ONE_THREAD, TICKET_VARIABLE, environment, is_ours
-from stepbus_participant.warm import REFUSED, WARM, Birth
+from stepbus_participant.warm import WARM, Birth
 
 _COMMAND = (*INTERPRETER, "-m", "stepbus_participant")
 _PR_SET_CHILD_SUBREAPER, _PR_GET_CHILD_SUBREAPER = 36, 37
 _ANSWER_S = 10.0
 """How long it may take to load what it has to, and to fork [s]; it may have been stopped."""
-_PAUSE_S = 0.001
 _ROOM = " " * 250
 _TICKET_ROOM = " " * 4095
 """What the command of a participant, and the path of its ticket, take the place of."""
 _COVERAGE = ("COVERAGE_PROCESS_START", "COVERAGE_PROCESS_CONFIG")
 """It measures a process from its start on."""
-
-
-class Forked:
-    """A child of ours that another process has forked, as far as `subprocess.Popen` is needed."""
-
-    def __init__(self, pid: int) -> None:
-        self.pid = pid
-        self.returncode: int | None = None
-
-    def wait(self, timeout: float) -> int:
-        """Return its exit code, and reap it; raises TimeoutExpired."""
-        give_up = time.monotonic() + timeout
-        while self.returncode is None:
-            pid, status = os.waitpid(self.pid, os.WNOHANG)
-            if pid:
-                self.returncode = os.waitstatus_to_exitcode(status)
-            elif time.monotonic() > give_up:
-                raise subprocess.TimeoutExpired(str(self.pid), timeout)
-            else:
-                time.sleep(_PAUSE_S)
-        return self.returncode
 
 
 def participant_environment(ticket: str) -> Mapping[str, str]:
@@ -72,26 +48,24 @@ class _Parent:
     def __init__(self, names: Sequence[str], *, is_kept: bool) -> None:
         self.is_kept = is_kept
         self._lock = threading.Lock()
-        self._is_there = False
         self._environment = participant_environment(_TICKET_ROOM)
         self._channel, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.settimeout(_ANSWER_S)
-        with theirs, Path(os.devnull).open("r+b") as null, contextlib.ExitStack() as stack:
+        with theirs, contextlib.ExitStack() as stack:
             stack.callback(self._channel.close)
-            places = ((theirs, 0), (null, 1), (null, 2))
-            self._pid = os.posix_spawn(
-                _COMMAND[0],
+            self._process = subprocess.Popen(
                 [*_COMMAND, WARM + _ROOM, *names],
-                self._environment,
-                file_actions=[(os.POSIX_SPAWN_DUP2, one.fileno(), at) for one, at in places],
-                setsid=True,
+                stdin=theirs.fileno(),
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
+                env=self._environment,
+                start_new_session=True,
             )
             stack.pop_all()
-        self._is_there = True
 
     def fork(
         self, command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int
-    ) -> Forked | None:
+    ) -> int | None:
         is_alike = {**environment, TICKET_VARIABLE: _TICKET_ROOM} == self._environment
         if tuple(command[:-1]) != _COMMAND or not is_alike or not cwd.is_dir():
             return None
@@ -102,71 +76,42 @@ class _Parent:
         except UnicodeEncodeError:
             # A folder may have a name that is no text.
             return None
-        with self._lock:
-            if not self._is_there:
-                return None
-            with _subreaper():
-                with contextlib.suppress(OSError):
-                    socket.send_fds(self._channel, [birth], [log])
-                    if (pid := int(self._channel.recv(32) or REFUSED)) != REFUSED:
-                        return Forked(pid)
-                # It is stopped or killed, or short of something, and must not fork later on.
-                self._end(environment[TICKET_VARIABLE])
-        return None
+        with self._lock, _subreaper():
+            try:
+                socket.send_fds(self._channel, [birth], [log])
+                answer = self._channel.recv(32)
+            except TimeoutError:
+                pid = self._process.pid
+                self._end()
+                raise StartFailed(
+                    f"process {pid}, which is to start {command[-1]}, does not answer; is it "
+                    "stopped?"
+                ) from None
+            except OSError:
+                # It has ended: another thread has ended it, or its own.
+                answer = b""
+        return int(answer) if answer else None
 
     def end(self) -> None:
         with self._lock:
             self._end()
 
-    def _end(self, ticket: str = "") -> None:
-        """End it; ticket: of a participant that it may have forked without an answer."""
-        if self._is_there:
-            self._is_there = False
-            self._channel.close()
-            # A program of the user's may have reaped it.
-            with contextlib.suppress(ProcessLookupError, ChildProcessError):
-                os.kill(self._pid, signal.SIGKILL)
-                # As long as it is a zombie, its session is its own.
-                # no time-out: it was killed
-                os.waitid(os.P_PID, self._pid, os.WEXITED | os.WNOWAIT)
-                while ticket and (forked := self._forked(ticket)):
-                    for pid in forked:
-                        os.kill(pid, signal.SIGKILL)
-                        os.waitpid(pid, 0)  # no time-out: it was killed
-                os.waitpid(self._pid, 0)  # no time-out: it was killed
-
-    def _forked(self, ticket: str) -> list[int]:
-        """Return its children, now ours: they are in its session until they show their ticket."""
-        mark = f"{TICKET_VARIABLE}={ticket}".encode()
-        return [
-            pid
-            for pid in children(os.getpid()) - {self._pid}
-            if os.getsid(pid) == self._pid or mark in _variables(pid)
-        ]
-
-
-def _variables(pid: int) -> list[bytes]:
-    # One that has become another user's does not show them.
-    with contextlib.suppress(OSError):
-        return Path(f"/proc/{pid}/environ").read_bytes().split(b"\0")
-    return []
-
-
-_adopting = threading.Lock()
+    def _end(self) -> None:
+        self._channel.close()
+        self._process.kill()
+        self._process.wait()  # no time-out: it was killed
 
 
 @contextlib.contextmanager
 def _subreaper() -> Iterator[None]:
     """Become the parent of those whose own one ends, for the moment of a fork."""
     call, was = ctypes.CDLL(None).prctl, ctypes.c_int()
-    # It is the whole process's: another thread may be forking from a parent of its own.
-    with _adopting:
-        call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
-        call(_PR_SET_CHILD_SUBREAPER, 1)
-        try:
-            yield
-        finally:
-            call(_PR_SET_CHILD_SUBREAPER, was.value)
+    call(_PR_GET_CHILD_SUBREAPER, ctypes.byref(was))
+    call(_PR_SET_CHILD_SUBREAPER, 1)
+    try:
+        yield
+    finally:
+        call(_PR_SET_CHILD_SUBREAPER, was.value)
 
 
 _parent: _Parent | None = None
@@ -209,12 +154,11 @@ def all_started() -> None:
         parent.end()
 
 
-def fork(
-    command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int
-) -> Forked | None:
-    """Return the process of a participant; None where it has to be started.
+def fork(command: Sequence[str], cwd: Path, environment: Mapping[str, str], log: int) -> int | None:
+    """Return the process id of a participant, a child of ours; None where it has to be started.
 
-    cwd: its folder. log: descriptor of where it prints.
+    cwd: its folder. log: descriptor of where it prints. Raises StartFailed when the warm parent
+    does not answer.
     """
     parent = _parent
     return None if parent is None else parent.fork(command, cwd, environment, log)

@@ -265,8 +265,6 @@ def _await_ends(
             return left
         for extension in run.extensions:
             extension.awaiting(left)
-        for one in left:
-            one.process.limit_log()
         run.announcer.repeat_stop()
         run.receive_after_failure(SHORT_TICK_S)
 

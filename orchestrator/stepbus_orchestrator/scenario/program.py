@@ -17,7 +17,6 @@ from stepbus_participant import (
     PARTICIPANTS,
     ExtraMissing,
     extra_hint,
-    forget_listings,
     is_installed,
     lacks,
     suggest,
@@ -134,8 +133,6 @@ def _find_module(name: str, folder: Path) -> ModuleSpec:
     parts = name.split(".")
     spec = None
     if all(part.isidentifier() for part in parts) and parts[0] != "__main__":
-        # A file may have been written since this process last checked.
-        forget_listings()
         # `python -m` puts the working directory, the scenario's folder, first; not for ours.
         own = None if is_installed(name) else PathFinder.find_spec(parts[0], [str(folder)])
         spec = own or importlib.util.find_spec(parts[0])

@@ -70,20 +70,16 @@ class _ReadFile:
         self.fd = fd
         self._view = memoryview(b"")
 
-    def up_to(self, end: int) -> memoryview | None:
-        """Return its content up to `end` and more; None where it is shorter, or cannot be mapped.
+    def slot(self, offset: int, size: int) -> memoryview:
+        """Return a part of its content, which is shorter where the file is.
 
-        Asked each time, so that a file that was cut since is an error rather than a SIGBUS.
+        Asked each time, so that a file that was cut since is an error rather than a SIGBUS. Raises
+        OSError.
         """
-        size = os.fstat(self.fd).st_size
-        if end > size:
-            return None
+        end = min(offset + size, os.fstat(self.fd).st_size)
         if end > len(self._view):
-            try:
-                self._view = memoryview(mmap.mmap(self.fd, size, prot=mmap.PROT_READ))
-            except (OSError, ValueError):
-                return None
-        return self._view
+            self._view = memoryview(mmap.mmap(self.fd, 0, prot=mmap.PROT_READ))
+        return self._view[offset:end]
 
 
 class SlotContent:
@@ -94,7 +90,7 @@ class SlotContent:
         self._where = (offset, step, length)
 
     def __bytes__(self) -> bytes:
-        return read_slot(self._file.fd, *self._where)
+        return self.decoded(bytes)
 
     def decoded(self, decode: Callable[[bytes | memoryview], _T]) -> _T:
         """Return what `decode` makes of it, which must keep no view of it.
@@ -102,18 +98,19 @@ class SlotContent:
         Raises SlotError where the slot does not hold it, and what `decode` raises.
         """
         offset, step, length = self._where
-        begin = offset + _HEADER.size
-        view = self._file.up_to(begin + length)
-        if view is None:
-            return decode(bytes(self))
-        stamp = _HEADER.pack(step, length)
-        if view[offset:begin] != stamp:
-            raise _holds(view[offset:begin], length)
         try:
-            return decode(view[begin : begin + length])
+            stamp = _HEADER.pack(step, length)
+            slot = self._file.slot(offset, _HEADER.size + length)
+        except (OSError, struct.error) as exc:
+            raise SlotError(f"its slot of {length} bytes cannot be read: {exc}") from exc
+        header = slot[: _HEADER.size]
+        try:
+            if header == stamp and len(slot) == _HEADER.size + length:
+                return decode(slot[_HEADER.size :])
         finally:
-            if view[offset:begin] != stamp:
-                raise _holds(view[offset:begin], length)
+            if header != stamp:
+                raise _holds(header, length)
+        raise _holds(header, length)
 
 
 class SlotWriter:

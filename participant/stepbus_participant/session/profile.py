@@ -4,9 +4,10 @@ import contextlib
 import os
 import sys
 import time
-from collections.abc import Callable, Iterator, Sequence
+from array import array
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from stepbus_participant.bus.ticket import ProfileOrder
 from stepbus_participant.disk import make_file
@@ -16,35 +17,23 @@ from .outbox import Outbox
 from .step_loop import StepLoop
 
 _COLUMNS = ("step", "compute_ns", "wait_ns", "transport_ns", "record_ns")
-_BUFFER_BYTES = 1 << 18
 _now_ns = time.perf_counter_ns
 
 
-@contextlib.contextmanager
-def _unless_full(path: Path) -> Iterator[None]:
-    """Leave out what the disk has no room for: the recording itself ends the run."""
-    try:
-        yield
-    except OSError as exc:
-        sys.stderr.write(f"the profile {path} is incomplete: {exc.strerror}\n")
-
-
 class Profiler:
-    """Writes a line for each step of one participant, as CSV.
+    """Writes a line for each step of one participant, as CSV, once its steps are over.
 
     compute: in the participant's own `output` and `update`. wait: for the trigger and for inputs.
     record: to send log batches. transport: the rest, to receive, decode, check, encode and
     publish.
 
-    order: where to. It changes no message.
-    record_ns: what the batches of this step have taken so far [ns].
+    order: where to. It changes no message. compute_ns, record_ns: of this step so far [ns].
     """
 
     def __init__(self, order: ProfileOrder, name: str) -> None:
-        self.record_ns = 0
+        self.compute_ns = self.record_ns = 0
         self._path = Path(order.folder) / f"{name}.csv"
-        self._compute_ns = 0
-        self._file: TextIO | None = None
+        self._rows = array("q")
 
     def outbox(self, *parts: Any) -> Outbox:
         """Return an outbox that is timed, and finishes the row of each step."""
@@ -52,35 +41,26 @@ class Profiler:
 
     def finish(self, step: int, waited_ns: int, transport_ns: int) -> None:
         """Finish the row of a step. transport_ns: with compute, which is subtracted."""
-        compute_ns = self._compute_ns
-        self._write((step, compute_ns, waited_ns, transport_ns - compute_ns, self.record_ns))
-        self._compute_ns = self.record_ns = 0
+        own_ns = self.compute_ns
+        self._rows.extend((step, own_ns, waited_ns, transport_ns - own_ns, self.record_ns))
+        self.compute_ns = self.record_ns = 0
 
     @contextlib.contextmanager
     def writing(self, loop: StepLoop) -> Iterator[None]:
         """Write a row for each step of a loop."""
         loop.output, loop.update = self._timed(loop.output), self._timed(loop.update)
-        self._file = os.fdopen(make_file(self._path), "w", _BUFFER_BYTES)
-        self._write(_COLUMNS)
         # Until here, empty batches have proven the link.
         self.record_ns = 0
         try:
             yield
         finally:
-            self._close()
-
-    def _write(self, row: Sequence[object]) -> None:
-        if self._file is not None:
             try:
-                self._file.write(",".join(map(str, row)) + "\n")
-            except OSError:
-                self._close()
-
-    def _close(self) -> None:
-        file, self._file = self._file, None
-        if file is not None:
-            with _unless_full(self._path):
-                file.close()
+                with os.fdopen(make_file(self._path), "w") as file:
+                    for row in (_COLUMNS, *zip(*[iter(self._rows)] * len(_COLUMNS), strict=True)):
+                        file.write(",".join(map(str, row)) + "\n")
+            except OSError as exc:
+                # A full disk: the recording itself ends the run.
+                sys.stderr.write(f"the profile {self._path} is incomplete: {exc.strerror}\n")
 
     def _timed(self, function: Callable[..., Any]) -> Callable[..., Any]:
         def timed(*arguments: Any) -> Any:
@@ -88,7 +68,7 @@ class Profiler:
             try:
                 return function(*arguments)
             finally:
-                self._compute_ns += _now_ns() - start_ns
+                self.compute_ns += _now_ns() - start_ns
 
         return timed
 

@@ -210,6 +210,6 @@ def test_what_runs_nothing_waits_for_its_reader_as_long_as_it_takes():
     with os.fdopen(read, "rb") as stream:
         content = stream.read(200_000)
     writer.join(30)
-    assert (len(content), buffer.is_incomplete, buffer.failure) == (200_000, False, 0)
+    assert (len(content), buffer.backlog, buffer.failure) == (200_000, b"", "")
     buffer.close()
     os.close(write)

@@ -8,8 +8,7 @@ import subprocess
 import pytest
 from support.runs.terminal import STEPBUS, at_terminal
 
-from stepbus_orchestrator.cli.terminal.live import Display
-from stepbus_orchestrator.cli.terminal.progress import Lines, Reached
+from stepbus_orchestrator.cli.terminal.live import Display, Lines, Reached
 from stepbus_orchestrator.run.reports import Progress
 
 CURSOR = re.compile(r"\x1b\[[\d;?]*[A-Zhl]")

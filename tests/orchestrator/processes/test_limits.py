@@ -46,20 +46,6 @@ def test_the_fewest_open_files_are_enough(tmp_path):
     assert limited(tmp_path, "-n 24", *words).returncode == 0
 
 
-def test_too_little_memory_to_load_a_library_is_one_sentence(tmp_path):
-    done = limited(tmp_path, "-v 200000", "validate", "two_link")
-    assert "Traceback" not in done.stderr
-    assert done.returncode != 0 or done.stdout
-
-
-def test_too_little_memory_is_one_sentence_before_anything_is_made(tmp_path):
-    done = limited(tmp_path, "-v 500000", "run", "two_link", "--no-report")
-    assert done.returncode == ExitCode.START
-    assert "1024 MB of address space" in done.stderr
-    assert "this shell allows 488 MB in total" in done.stderr
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_a_folder_that_no_address_can_name_is_refused(tmp_path, own_temp, monkeypatch):
     folder = own_temp / "a#b"
     folder.mkdir()

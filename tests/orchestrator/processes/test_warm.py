@@ -2,9 +2,7 @@
 
 import contextlib
 import json
-import os
 import signal
-import socket
 import subprocess
 import sys
 
@@ -13,6 +11,7 @@ import pytest
 from support.runs.joints import leftovers, run_joints, write_scenario
 from support.surroundings import comes_true, has_ended, living_children, warm_ones
 
+from stepbus_orchestrator.errors import ExitCode
 from stepbus_orchestrator.processes import child, warm
 from stepbus_orchestrator.run.extension import RunExtension
 
@@ -126,8 +125,13 @@ def test_a_process_without_a_program_of_its_own_is_known_to_be_left_behind(
     assert leftovers(tmp_path) == []
 
 
-@pytest.mark.parametrize("number", [signal.SIGSTOP, signal.SIGKILL])
-def test_without_its_warm_parent_a_participant_is_started(tmp_path, forked, monkeypatch, number):
+@pytest.mark.parametrize(
+    ("number", "code", "reason"),
+    [(signal.SIGSTOP, ExitCode.START, "is it stopped?"), (signal.SIGKILL, 0, "finished")],
+)
+def test_without_its_warm_parent_a_run_goes_on_or_ends_in_a_sentence(
+    tmp_path, forked, monkeypatch, number, code, reason
+):
     monkeypatch.setattr(warm, "_ANSWER_S", 0.2)
     before = living_children()
     with warm.warm_parent():
@@ -136,26 +140,9 @@ def test_without_its_warm_parent_a_participant_is_started(tmp_path, forked, monk
         (parent,) = warm_ones(living_children() - before)
         parent.send_signal(number)
         result = run_joints(tmp_path, "duration=50ms")
-    assert (result.exit_code, forked, leftovers(tmp_path)) == (0, [], [])
+    assert (result.exit_code, forked, leftovers(tmp_path)) == (code, [], [])
+    assert reason in result.reason
     assert has_ended(parent)
-
-
-def test_a_participant_whose_warm_parent_was_killed_before_it_answered_is_started_once(
-    tmp_path, forked, monkeypatch
-):
-    before, send_fds = living_children(), socket.send_fds
-
-    def strike(channel, *birth):
-        send_fds(channel, *birth)
-        channel.recv(32)
-        # What it has forked may still have its command line, in its session.
-        ones = warm_ones(living_children() - before)
-        (parent,) = (one for one in ones if os.getsid(one.pid) == one.pid)
-        parent.kill()
-
-    monkeypatch.setattr(warm.socket, "send_fds", strike)
-    result = run_joints(tmp_path, "duration=50ms")
-    assert (result.exit_code, forked, leftovers(tmp_path)) == (0, [], []), result.reason
 
 
 def test_one_run_has_its_warm_parent_until_all_have_started(tmp_path, forked):

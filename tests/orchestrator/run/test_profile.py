@@ -71,7 +71,6 @@ def test_a_folder_named_from_here_is_here_though_the_run_works_elsewhere(tmp_pat
 
 def test_a_run_does_not_fail_from_a_profile_without_room(tmp_path, monkeypatch):
     monkeypatch.setattr(profile, "make_file", lambda _path: os.open("/dev/full", os.O_WRONLY))
-    monkeypatch.setattr(profile, "_BUFFER_BYTES", 16)
     options = Options(out=tmp_path / "out", host=InProcess(), extensions=[Profile()])
     result = run_scenario(load("two_link", [f"duration={STEPS * 5}ms"]), options)
     assert (result.exit_code, result.steps) == (0, STEPS)

@@ -67,14 +67,14 @@ if KIND == "cannot":
 elif KIND == "full":
     resource.setrlimit(resource.RLIMIT_FSIZE, (5000, 5000))
 elif KIND == "cut while it is read":
-    up_to = slots._ReadFile.up_to
+    slot = slots._ReadFile.slot
 
-    def cut(self, end):
-        view = up_to(self, end)
+    def cut(self, offset, size):
+        view = slot(self, offset, size)
         os.truncate(os.readlink(f"/proc/self/fd/{self.fd}"), 0)
         return view
 
-    slots._ReadFile.up_to = cut
+    slots._ReadFile.slot = cut
 elif KIND:
     slots.SlotWriter.write = write_wrongly
 '''

@@ -163,10 +163,6 @@ def close_standard_streams() -> None:
         os.close(number)
 
 
-def close_range_in_c() -> None:
-    ctypes.CDLL(None).close_range(3, 1000, 0)
-
-
 def misbehave(moment: str) -> None:
     """Do it, if it is time."""
     if moment == MOMENT:

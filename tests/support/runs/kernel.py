@@ -63,9 +63,6 @@ class FakeProcess(Process):
     def how_it_ended(self):
         return f"exited with code {self.code}"
 
-    def log_problem(self):
-        return ""
-
     def activity(self):
         return Activity(is_stopped=self.stopped)
 

@@ -8,8 +8,8 @@ from typing import Any
 from stepbus import sweep
 from stepbus_orchestrator.cli.parameters import DURATION, Json, command, number
 from stepbus_orchestrator.cli.signals import interruptible
+from stepbus_orchestrator.cli.terminal.live import Reached, open_screen
 from stepbus_orchestrator.cli.terminal.output import Answer
-from stepbus_orchestrator.cli.terminal.progress import Reached, open_screen
 from stepbus_orchestrator.scenario.override import yaml_text
 from stepbus_tools.sweep.rows import TABLE_FILE
 from stepbus_tools.sweep.run_sweep import RUNNING, SweepProgress, SweepResult

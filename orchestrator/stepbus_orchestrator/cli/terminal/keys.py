@@ -32,10 +32,21 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
         yield
         return
     over = threading.Event()
-    descriptor = sys.stdin.fileno()
-    before = termios.tcgetattr(descriptor)
-    tty.setcbreak(descriptor)
-    thread = threading.Thread(target=_listen, args=(descriptor, pace, interrupt, over), daemon=True)
+    terminal = sys.stdin.fileno()
+
+    def listen() -> None:
+        # The terminal may be gone.
+        with contextlib.suppress(OSError):
+            while not over.is_set():
+                if select.select([terminal], [], [], _POLL_S)[0]:
+                    if not (keys := os.read(terminal, 64)):
+                        return
+                    for key in keys.decode(errors="ignore"):
+                        press(key, pace, interrupt)
+
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    thread = threading.Thread(target=listen, daemon=True)
     thread.start()
     try:
         yield
@@ -45,18 +56,7 @@ def controlled(pace: Pace, interrupt: threading.Event) -> Iterator[None]:
         thread.join(_JOIN_S)
         # Not TCSADRAIN, which waits for the reader; and the terminal may be gone.
         with contextlib.suppress(termios.error):
-            termios.tcsetattr(descriptor, termios.TCSANOW, before)
-
-
-def _listen(descriptor: int, pace: Pace, interrupt: threading.Event, over: threading.Event) -> None:
-    # The terminal may be gone.
-    with contextlib.suppress(OSError):
-        while not over.is_set():
-            if select.select([descriptor], [], [], _POLL_S)[0]:
-                if not (keys := os.read(descriptor, 64)):
-                    return
-                for key in keys.decode(errors="ignore"):
-                    press(key, pace, interrupt)
+            termios.tcsetattr(terminal, termios.TCSANOW, before)
 
 
 def press(key: str, pace: Pace, interrupt: threading.Event) -> None:

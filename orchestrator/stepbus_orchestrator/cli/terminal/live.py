@@ -1,22 +1,163 @@
-"""Show the progress of a run: one bar in a terminal, a few lines elsewhere."""
+"""How far a command is: one bar in a terminal, by Rich, or a few calm lines elsewhere."""
 
 import contextlib
 import math
 import sys
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+import time
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import IO
 
 from stepbus_orchestrator.cli.terminal.keys import HELP
-from stepbus_orchestrator.cli.terminal.progress import Lines, Reached, open_screen
+from stepbus_orchestrator.cli.terminal.output import INDENT, fold, has_screen, visible, write
+from stepbus_orchestrator.cli.terminal.stdout_buffer import is_held
 from stepbus_orchestrator.run.reports import Observer, Progress
 
-if TYPE_CHECKING:
-    from stepbus_orchestrator.cli.terminal.bar import Bar
-
-_SMOOTH_S = 4.0
-"""How long a new rate takes to count for the most part [s]."""
+_FIRST_LINES_S = (2.0, 10.0)
+_LINES_EVERY_S = 60.0
+_MINUTE_S, _HOUR_S = 90.0, 90 * 60.0
+"""From where on a time is said in minutes, or in hours [s]."""
+_BAR_COLUMNS = 30
+_REPORTS = 40
+"""How many reports, of about four a second, count for the rate."""
 _LEAST_RATE = 0.01
 """What is slower stands still [steps/s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Reached:
+    """How far a command is.
+
+    title: what it does. what: where it is, e.g. `step 840 of 2000`. done, total: how much, in any
+    unit; a total of None has no end. rate: how fast, in words. left_s: time left [s]; None: not
+    known. is_paused: nothing moves until the user lets it. note: what else is worth a line. detail:
+    the same, below the bar only.
+    """
+
+    title: str
+    what: str
+    done: float = 0.0
+    total: float | None = None
+    rate: str = ""
+    left_s: float | None = None
+    is_paused: bool = False
+    note: str = ""
+    detail: str = ""
+
+    def figures(self) -> list[str]:
+        """Return the share that is done, the rate and the time left, as far as they are known."""
+        # It is 100 % at the end only.
+        share = f"{math.floor(100 * self.done / self.total)} %" if self.total else ""
+        has_left = self.left_s is not None and self.left_s >= 1.0 and not self.is_paused
+        left = f"{_span(self.left_s or 0.0)} left" if has_left else ""
+        return [figure for figure in (share, self.rate, left) if figure]
+
+    def line(self) -> str:
+        """Return all of it in one line."""
+        note = f"; {self.note}" if self.note else ""
+        return f"{self.title}: {', '.join([self.what, *self.figures()])}{note}"
+
+
+def _span(seconds: float) -> str:
+    """Return a time span in words, such as `12 s`, `3 min` or `2 h 05 min`."""
+    if seconds < _MINUTE_S:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if seconds < _HOUR_S else f"{minutes // 60} h {minutes % 60:02} min"
+
+
+class Lines:
+    """Prints lines; of progress after 2 s and 10 s, then one a minute, and at the ends of a pause.
+
+    clock: seconds of the wall clock.
+    """
+
+    def __init__(self, stream: IO[str], clock: Callable[[], float] = time.monotonic) -> None:
+        self._stream = stream
+        self._clock = clock
+        self._began_s = clock()
+        self._due_s = _FIRST_LINES_S[0]
+        self._is_paused = False
+
+    def say(self, text: str) -> None:
+        """Print a line."""
+        write(self._stream, f"{text}\n")
+
+    def show(self, reached: Reached) -> None:
+        """Print how far the command is, if it is time to."""
+        passed_s = self._clock() - self._began_s
+        is_due = passed_s >= self._due_s
+        if is_due:
+            later = [at for at in _FIRST_LINES_S if at > passed_s]
+            self._due_s = later[0] if later else passed_s + _LINES_EVERY_S
+        if reached.is_paused != self._is_paused or (is_due and not reached.is_paused):
+            self._is_paused = reached.is_paused
+            self.say(reached.line())
+
+    def close(self) -> None:
+        """Do nothing: lines stay."""
+
+
+class Bar:
+    """Draws one bar, again with each report; lines that are printed meanwhile stand above it.
+
+    below: lines that always stand below it.
+    """
+
+    def __init__(self, stream: IO[str], below: Sequence[str] = ()) -> None:
+        # In a pipe, nothing of a run has to load it.
+        from rich import console, live, progress  # noqa: PLC0415
+
+        self._stream = stream
+        self._below = below
+        self._progress = progress.Progress(
+            progress.TextColumn("{task.description}", "bold", markup=False),
+            progress.BarColumn(_BAR_COLUMNS, complete_style="cyan", finished_style="cyan"),
+            progress.TextColumn("{task.fields[figures]}", markup=False),
+        )
+        self._task = self._progress.add_task("", total=None, figures="")
+        self._console = console.Console(file=stream)
+        self._group = console.Group
+        self._live = live.Live(console=self._console, auto_refresh=False, transient=True)
+
+    def say(self, text: str) -> None:
+        """Print a line above the bar."""
+        folded = fold(visible(text), self._console.width, INDENT)
+        self._console.print(folded, markup=False, soft_wrap=True)
+
+    def show(self, reached: Reached) -> None:
+        """Draw how far the command is."""
+        # What Ctrl-S holds back would be out of date when it is shown.
+        if is_held(self._stream):
+            return
+        from rich.text import Text  # noqa: PLC0415  (see above)
+
+        figures = "  ".join(reached.figures())
+        self._progress.update(
+            self._task,
+            description=reached.title,
+            total=reached.total,
+            completed=reached.done,
+            figures=figures or reached.what,
+        )
+        lines = (reached.what if figures else "", reached.detail, reached.note, *self._below)
+        rows = [Text(line, style="dim") for line in lines if line]
+        self._live.update(self._group(self._progress, *rows))
+        self._live.start()
+        self._live.refresh()
+
+    def close(self) -> None:
+        """Remove the bar."""
+        self._live.stop()
+
+
+def open_screen(stream: IO[str], below: Sequence[str] = ()) -> Lines | Bar:
+    """Return the bar of a terminal that can draw it, lines elsewhere. below: lines below the bar.
+
+    Either has `say`, which prints a line, `show`, which shows progress, and `close`.
+    """
+    return Bar(stream, below) if has_screen(stream) else Lines(stream)
 
 
 class Display(Observer):
@@ -28,7 +169,7 @@ class Display(Observer):
 
     def __init__(
         self,
-        screen: "Lines | Bar",
+        screen: Lines | Bar,
         title: str,
         *,
         degrees: bool = False,
@@ -41,8 +182,9 @@ class Display(Observer):
         self._runs = runs
         self._has_progress = has_progress
         self._run = 1
-        self._rate: float | None = None
-        self._last: Progress | None = None
+        self._newest: deque[Progress] = deque(maxlen=_REPORTS)
+        self.say = screen.say
+        """Show a line, above the bar if there is one."""
 
     def progress(self, progress: Progress) -> None:
         """Show the progress of the run."""
@@ -54,44 +196,40 @@ class Display(Observer):
         where = who if step < 0 else f"{who} at step {step}"
         self.say(f"{level}: {where}: {text}")
 
-    def say(self, text: str) -> None:
-        """Show a line, above the bar if there is one."""
-        self._screen.say(text)
-
     def next_run(self) -> None:
         """Take the progress of the next run from now on."""
         self._run += 1
-        self._last = None
+        self._newest.clear()
 
     def reached(self, progress: Progress) -> Reached:
         """Return how far the run is, by its newest report."""
-        is_held = self._last is not None and progress.step == self._last.step
-        rate = self._newest_rate(progress)
+        is_held = bool(self._newest) and progress.step == self._newest[-1].step
+        rate = self._rate(progress)
         steps = progress.steps or 0
         done, total = (self._run - 1) * steps + progress.step, self._runs * steps
+        factor = rate * progress.step_ns * 1e-9
         return Reached(
             title=self._title,
             what=_what(progress) + f", run {self._run} of {self._runs}" * (self._runs > 1),
             done=done,
             total=total or None,
-            rate=f"{_factor(rate * progress.step_ns * 1e-9)} × real time" if rate else "",
+            rate=f"{factor:{'.1f' if factor >= 1 else '.2g'}} × real time" if rate else "",
             left_s=(total - done) / rate if rate and total else None,
             is_paused=progress.phase == "paused",
             note=in_degrees(progress) if self._degrees else "",
             detail=_detail(progress, rate, is_held=is_held),
         )
 
-    def _newest_rate(self, progress: Progress) -> float | None:
-        """Return the smoothed rate [steps/s] while the run moves."""
-        last, self._last = self._last, progress
+    def _rate(self, progress: Progress) -> float:
+        """Return the rate of the last ten seconds [steps/s]; 0 while the run does not move."""
         if progress.phase != "stepping":
-            return None
-        passed_s = progress.elapsed_s - last.elapsed_s if last and last.phase == "stepping" else 0.0
-        if last is not None and passed_s > 0:
-            newest = (progress.step - last.step) / passed_s
-            kept = 0.0 if self._rate is None else math.exp(-passed_s / _SMOOTH_S)
-            self._rate = kept * (self._rate or 0.0) + (1 - kept) * newest
-        return self._rate if (self._rate or 0.0) > _LEAST_RATE else None
+            self._newest.clear()
+            return 0.0
+        self._newest.append(progress)
+        first = self._newest[0]
+        passed_s = progress.elapsed_s - first.elapsed_s
+        rate = (progress.step - first.step) / passed_s if passed_s > 0 else 0.0
+        return rate if rate > _LEAST_RATE else 0.0
 
 
 @contextlib.contextmanager
@@ -122,7 +260,7 @@ def displayed(
         yield Display(screen, title, degrees=degrees, runs=runs, has_progress=not is_plain)
 
 
-def _detail(progress: Progress, rate: float | None, *, is_held: bool) -> str:
+def _detail(progress: Progress, rate: float, *, is_held: bool) -> str:
     """Return what slows the run. is_held: it has not moved since the last report."""
     facts = [f"{rate:.0f} steps/s"] if rate else []
     if is_held and progress.holders:
@@ -130,12 +268,9 @@ def _detail(progress: Progress, rate: float | None, *, is_held: bool) -> str:
     elif progress.compute_us:
         slowest = max(progress.compute_us, key=lambda name: progress.compute_us[name])
         facts.append(f"slowest: {slowest}, {progress.compute_us[slowest]:.0f} µs a step")
-    dropped = [f"{count} by {name}" for name, count in progress.drops.items() if count]
-    return "; ".join([*facts, *([f"dropped: {', '.join(dropped)}"] if dropped else [])])
-
-
-def _factor(factor: float) -> str:
-    return f"{factor:.1f}" if factor >= 1 else f"{factor:.2g}"
+    if dropped := [f"{count} by {name}" for name, count in progress.drops.items() if count]:
+        facts.append(f"dropped: {', '.join(dropped)}")
+    return "; ".join(facts)
 
 
 def in_degrees(progress: Progress) -> str:

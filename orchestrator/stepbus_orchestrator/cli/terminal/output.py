@@ -1,7 +1,6 @@
 """Where the command line prints, and what a command has come to."""
 
 import os
-import re
 import shutil
 import sys
 import textwrap
@@ -14,8 +13,6 @@ if TYPE_CHECKING:
 _PLAIN_COLUMNS = 200
 _RED, _PLAIN = "\x1b[1;31m", "\x1b[0m"
 INDENT = "    "
-_COLUMNS = re.compile(r"\S.{0,40}  +(?=\S)|  +\S.{0,40}  +(?=\S)")
-"""What stands before the last column of a line."""
 _CONTROLS = (*range(9), *range(11, 32), *range(0x7F, 0xA0), 0x2028, 0x2029)
 _DIRECTIONS = (0x061C, 0x200E, 0x200F, *range(0x202A, 0x202F), *range(0x2066, 0x206A))
 _ESCAPES = {
@@ -51,24 +48,19 @@ def columns() -> int:
 def fold(text: str, width: int, indent: str = "") -> str:
     """Return a text with lines that are too long broken between words, never within one.
 
-    indent: of the lines that continue another one, beside its own; in a line with columns, they
-    stand below the last one.
+    indent: of the lines that continue another one, beside its own.
     """
 
     def folded(line: str) -> str:
-        if len(line) <= width:
-            return line
-        start = _COLUMNS.match(line)
-        head = start[0] if start else line[: len(line) - len(line.lstrip())]
+        own = line[: len(line) - len(line.lstrip())]
         # A long word, such as a path, is better broken by the terminal: it can be copied whole.
         wrap = textwrap.TextWrapper(
             width,
-            initial_indent=head,
-            subsequent_indent=" " * len(head) + ("" if start else indent),
+            subsequent_indent=own + indent,
             break_long_words=False,
             break_on_hyphens=False,
         )
-        return wrap.fill(line[len(head) :])
+        return line if len(line) <= width else wrap.fill(line)
 
     return "\n".join(map(folded, text.split("\n")))
 

@@ -20,7 +20,6 @@ from stepbus_orchestrator.cli.terminal.output import print_error
 
 _PATIENCE_S = 1.0
 """How long the end of a command waits for a reader that takes nothing [s]."""
-_BACKLOG_BYTES = 1 << 20
 _CHUNK_BYTES = 4096
 """A pipe that takes anything takes as much (PIPE_BUF)."""
 
@@ -29,26 +28,30 @@ class StdoutBuffer(io.FileIO):
     """Writes to a copy of a descriptor, and keeps what its reader does not take yet.
 
     is_needed: without the output, the command has failed, so a write waits for the reader as long
-    as it takes, as a pager needs; otherwise it never waits, and what comes beyond 1 MiB is left
-    out. backlog: what was not written yet. failure: why nothing more can be written; 0: none.
-    is_incomplete: something was left out.
+    as it takes, as a pager needs; otherwise it never waits. backlog: what was not written yet.
+    failure: why nothing more can be written; empty: nothing is wrong.
     """
 
     def __init__(self, descriptor: int) -> None:
+        self._chunk = _CHUNK_BYTES
+        copy = -1
+        if os.isatty(descriptor):
+            # A terminal opened anew does not block here, but still does for other processes.
+            flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
+            with contextlib.suppress(OSError):
+                copy = os.open(f"/proc/self/fd/{descriptor}", flags)
+            # That of another user, as after `su`, takes at least one byte without blocking.
+            self._chunk = _CHUNK_BYTES if copy >= 0 else 1
         # A copy: a run in one process sends what libraries in C print elsewhere.
-        super().__init__(_nonblocking_terminal(descriptor) or os.dup(descriptor), "w")
+        super().__init__(copy if copy >= 0 else os.dup(descriptor), "w")
         self._lock = threading.Lock()
         self.backlog = bytearray()
-        self.failure = 0
+        self.failure = ""
         self.is_needed = True
-        self.is_incomplete = False
 
     def write(self, data: Any) -> int:
         """Write bytes, or keep them for later."""
-        if len(self.backlog) > _BACKLOG_BYTES:
-            self.is_incomplete = True
-        else:
-            self.backlog += data
+        self.backlog += data
         self.flush()
         return len(data)
 
@@ -59,31 +62,24 @@ class StdoutBuffer(io.FileIO):
     def finish(self) -> None:
         """Give the reader a last chance, then leave out what it has not taken."""
         self._drain(_PATIENCE_S)
-        self.is_incomplete |= bool(self.backlog)
+        if self.backlog:
+            self.failure = "no process reads it"
 
     def _drain(self, patience_s: float | None) -> None:
         """Write the backlog; give up once the reader has taken nothing for so long [s]."""
         with self._lock:
             try:
                 while self.backlog and select.select([], [self], [], patience_s)[1]:
-                    written = super().write(self.backlog[:_CHUNK_BYTES])
+                    written = super().write(self.backlog[: self._chunk])
                     # None: a terminal has room, but too little.
                     if written is None and patience_s is not None:
                         return
                     del self.backlog[: written or 0]
             except OSError as exc:
-                self.failure = exc.errno or errno.EIO
+                # A closed pipe is how `head` ends, and there is no user at a closed terminal.
+                is_end = exc.errno in {errno.EPIPE, errno.EIO}
+                self.failure = self.failure or ("" if is_end else os.strerror(exc.errno or 0))
                 self.backlog.clear()
-
-
-def _nonblocking_terminal(descriptor: int) -> int | None:
-    """Open a terminal anew, so that it does not block here but still does for other processes."""
-    if os.isatty(descriptor):
-        # It may belong to another user.
-        with contextlib.suppress(OSError):
-            flags = os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY
-            return os.open(f"/proc/self/fd/{descriptor}", flags)
-    return None
 
 
 @contextlib.contextmanager
@@ -104,12 +100,8 @@ def buffered() -> Iterator[tuple[StdoutBuffer, StdoutBuffer]]:
         yield output, error
     finally:
         output.finish()
-        # A closed pipe is how `head` ends, and there is no user at a closed terminal.
-        if output.failure not in {0, errno.EPIPE, errno.EIO}:
-            output.is_incomplete = True
-            print_error(f"stdout: {os.strerror(output.failure)}; the output is incomplete")
-        elif output.is_incomplete:
-            print_error("stdout: no process reads it; the output is incomplete")
+        if output.failure:
+            print_error(f"stdout: {output.failure}; the output is incomplete")
         error.finish()
         sys.stdout, sys.stderr = before
 
@@ -117,17 +109,12 @@ def buffered() -> Iterator[tuple[StdoutBuffer, StdoutBuffer]]:
 def hurry() -> None:
     """Wait for no reader from now on: a run ends in time and well though no process reads it."""
     for stream in (sys.stdout, sys.stderr):
-        if (buffer := _buffer_of(stream)) is not None:
+        if isinstance(buffer := getattr(stream, "buffer", None), StdoutBuffer):
             buffer.is_needed = False
 
 
 def is_held(stream: IO[str]) -> bool:
     """Return whether the reader of a stream does not take what was written so far."""
     stream.flush()
-    buffer = _buffer_of(stream)
-    return buffer is not None and bool(buffer.backlog)
-
-
-def _buffer_of(stream: IO[str]) -> StdoutBuffer | None:
     buffer = getattr(stream, "buffer", None)
-    return buffer if isinstance(buffer, StdoutBuffer) else None
+    return isinstance(buffer, StdoutBuffer) and bool(buffer.backlog)

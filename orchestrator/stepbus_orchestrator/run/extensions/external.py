@@ -65,7 +65,7 @@ class External(RunExtension):
         """Tell the command that starts a participant."""
         if participant.external is None:
             return
-        command = shlex.join(["stepbus", "join", str(participant.external.ticket.path)])
+        command = shlex.join(["stepbus", "join", str(participant.external.ticket)])
         own = shlex.join(participant.spec.program)
         self._tell(
             participant,
@@ -90,7 +90,7 @@ class External(RunExtension):
             elif participant.phase is Phase.SPAWNED:
                 left_s = participant.limit_s("spawn") - participant.in_phase_s
                 wait = f"{left_s:.0f} s left" if left_s < _NO_END_S else "no deadline"
-                path = participant.external.ticket.path
+                path = participant.external.ticket
                 self._tell(participant, f"has not joined yet ({wait}): stepbus join {path}")
 
     def stopping(self) -> None:

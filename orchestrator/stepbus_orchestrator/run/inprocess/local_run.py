@@ -13,7 +13,6 @@ from typing import Any
 import msgspec
 
 from stepbus_orchestrator.errors import Interrupted, StartFailed, argument
-from stepbus_orchestrator.processes.child import BoundedLog
 from stepbus_orchestrator.run.extension import RunView
 from stepbus_orchestrator.run.host import Caller, Opening, Strategy
 from stepbus_orchestrator.run.inprocess.hub import Hub
@@ -137,7 +136,7 @@ class LocalRun(Strategy):
                     "folder"
                 ) from exc
             is_interrupted = self._opening.interrupt.is_set
-            watch = Watch(self._current, is_interrupted, BoundedLog(native_log))
+            watch = Watch(self._current, is_interrupted, native_log)
             stack.callback(watch.close)
             stack.callback(self._end_all)
             self.memory = watch.memory

@@ -94,7 +94,7 @@ class HostedParticipant(Turn, Process):
             self._give_up(code)
 
     def _print(self, text: str) -> None:
-        # On a full disk its log lacks its last words, as `log_problem` says.
+        # On a full disk its log lacks its last words.
         with contextlib.suppress(OSError):
             self._output.write(text)
 

@@ -48,13 +48,6 @@ def conclude(turns: Turns, pid: int, *, kept: Kept | None = None, code: int = 0)
     return result.exit_code or end.exit_code, "".join(f"{line}\n" for line in lines)
 
 
-def last_words(turns: Turns) -> str:
-    """Return the line on stderr of a run whose process could not print it; empty: of none."""
-    will = turns.will()
-    reason = _result(will, is_over=True).reason if will else ""
-    return f"stepbus: {reason}\n" if reason else ""
-
-
 def _result(will: dict[str, Any], *, is_over: bool) -> Result:
     """Return what there is of a result, with the run's folder as it is known from anywhere."""
     result = msgspec.json.decode(will["result"], type=Result)

@@ -21,11 +21,11 @@ _BYTES = 1 << 18
 _FIRST_DESCRIPTOR = 10
 """Below are the standard streams, one of which may be closed."""
 
-STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED, MUTE = range(8)
+STAGE, CODE, TURN, TURNS, PULSE, LATE, INTERRUPTED = range(7)
 """Where each number is: how far the process is, and its exit code; who has the thread (0: no
 participant), and how many turns there were; what counts while Python's lock is to be had; how
 long the participant has had the thread that is to be interrupted [s]; whether the user wants the
-run to end; whether the process has lost its stderr."""
+run to end."""
 PUBLISHED = MOST
 """Where the numbers of the participants begin, which count from 1: how many steps each has
 published."""

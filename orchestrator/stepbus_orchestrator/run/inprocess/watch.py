@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 
 from stepbus_orchestrator.processes.activity import KeptThread
-from stepbus_orchestrator.processes.child import BoundedLog
+from stepbus_orchestrator.processes.child import limit_log
 from stepbus_orchestrator.run.inprocess import turn_watchdog, turns
 from stepbus_orchestrator.run.inprocess.hub import Late
 from stepbus_orchestrator.run.inprocess.participant import HostedParticipant
@@ -43,7 +43,7 @@ class Watch:
         self,
         current: Callable[[], HostedParticipant | None],
         is_interrupted: Callable[[], bool],
-        log: BoundedLog,
+        log: Path,
     ) -> None:
         self._current = current
         self._is_interrupted = is_interrupted
@@ -89,7 +89,7 @@ class Watch:
 
     def _look(self) -> None:
         while not self._over.wait(_CHECK_S):
-            self._log.limit()
+            limit_log(self._log)
             if self._is_interrupted():
                 self.memory.words[INTERRUPTED] = 1
             holder = self._current()

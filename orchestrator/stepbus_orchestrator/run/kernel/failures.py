@@ -36,7 +36,7 @@ def _start(participant: ParticipantState, phase: str) -> tuple[str, str]:
         reached("a participant that is ready does not answer its peers")
         return "is ready, but does not answer its peers", "is it stuck?"
     if phase == "spawn" and participant.external is not None:
-        ticket = participant.external.ticket.path
+        ticket = participant.external.ticket
         return "has not joined", f"did you start it with `stepbus join {ticket}`?"
     if phase == "spawn":
         reached("a program has not reached the bus")
@@ -152,10 +152,8 @@ def death(state: RunState, participant: ParticipantState) -> RunFailure:
     """Return the failure of a participant whose process has ended (P10.4)."""
     reached("a process has ended before the run")
     process = participant.process
-    problem, output = process.log_problem(), process.last_output()
+    output = process.last_output()
     words = f'; its last output: "{output}"' if output else ""
-    if problem:
-        words = f"; its log cannot be written ({problem}), so the reason may be missing there"
     return state.failure(
         ParticipantDied if participant.phase == Phase.READY else StartFailed,
         participant,

@@ -132,9 +132,9 @@ def test_a_run_with_images_under_way_is_verified_and_branched(tmp_path):
     ("number", "text", "in_process"),
     [
         (9, "computed it, was killed by SIGKILL", False),
-        (19, "computes it, is stopped", False),
         (9, "computed it, was killed by SIGKILL", True),
-        pytest.param(19, "computes it, is stopped", True, marks=pytest.mark.slow),
+        (19, "", False),
+        pytest.param(19, "", True, marks=pytest.mark.slow),
     ],
 )
 def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(
@@ -146,7 +146,8 @@ def test_a_copy_that_is_killed_or_stopped_ends_the_run_with_one_sentence(
     result = run_in(tmp_path / "run", scenario, in_process=in_process)
     pid = (tmp_path / "pid").read_text()
     assert (result.participant, result.at_step) == ("plant", 6)
-    assert f"camera 'wrist', image of 0.005 s: process {pid}, which {text}" in result.reason
+    image = f"camera 'wrist', image of 0.005 s: process {pid}, which {text}"
+    assert (image if text else "deadline 3 s") in result.reason
     assert not psutil.pid_exists(int(pid))
 
 
