@@ -31,7 +31,7 @@ ERRORS = [
     ("run two_link --fault 'kill plant at 3' --in-process", "'kill plant at 3': a process fault needs a separate process; omit --in-process"),
     ("run two_link --fault 'kill controller at 5'", "step 5 (t = 0.025 s): controller (pid N) was killed by SIGKILL; its log: FOLDER/logs/controller.log"),
     ("run two_link --debug plnt", "no participant 'plnt' to debug; did you mean 'plant'?"),
-    ("run tabs.yaml", "tabs.yaml:2: not YAML: found character '\\t' that cannot start any token; check the indentation (no tabs), brackets and quotes; special characters need quotes"),
+    ("run tabs.yaml", "tabs.yaml:2: not YAML: found character '\\t' that cannot start any token; check the indentation, brackets and quotes"),
     ("report nowhere", "nowhere cannot be read: No such file or directory; give the folder of a run, e.g. runs/two_link-20260101-120000, or its run.mcap"),
     ("info notes.mcap", "notes.mcap is not an MCAP recording: it does not start with its magic bytes"),
     ("replay RECORDING --participant controler", "RECORDING has no participant 'controler'; did you mean 'controller'?"),

@@ -13,7 +13,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import structs
 
-from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest, when
+from stepbus_participant import Count, Duration, Name, Settings, Whole, suggest
 from stepbus_participant.parameters import Keys, Pause
 from stepbus_schemas import (
     SHIPPED,
@@ -104,8 +104,8 @@ class ParticipantRow(Settings, dict=True):
     real_time: bool = False
     """Whether it has to keep time in a run in real time
     ([real_time.md](../guide/running/real_time.md)). Changes no result."""
-    on_late: Annotated[Literal["count", "fail"], when(real_time=True)] = "count"
-    """Whether the run counts its late steps, or fails at the first."""
+    on_late: Literal["count", "fail"] = "count"
+    """Whether the run counts its late steps, or fails at the first; with `real_time`."""
     spawn_timeout_ns: Duration | None = None
     """Time until its process is on the bus. Default: 20s, with `start: external` 2min."""
     join_timeout_ns: Duration = round(Deadlines.join_s * 1e9)
@@ -184,6 +184,8 @@ class ParticipantRow(Settings, dict=True):
             yield (), "needs either 'participant', a class, or 'exec', the command of a program"
         elif not self.exec[0]:
             yield ("exec",), "needs the name of a program"
+        if self.on_late == "fail" and not self.real_time:
+            yield ("on_late",), "applies only with real_time true"
         for index, word in enumerate(self.exec):
             if "\0" in word:
                 yield ("exec", index), "must not contain a null character"

@@ -13,7 +13,6 @@ Keys = tuple[str | int, ...]
 
 _T = TypeVar("_T")
 _SHOWN_CHARACTERS = 60
-_SHOWN_PROBLEMS = 100
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -26,7 +25,7 @@ class Place:
 
 @dataclass(frozen=True, kw_only=True)
 class Problem:
-    """One thing that is wrong: in which line of which file, at which keys, and why."""
+    """One mistake: its file and line, the keys that lead to it, and the message."""
 
     file: str
     line: int
@@ -53,9 +52,7 @@ class SettingsError(WiringError):
         super().__init__(self.problems)
 
     def __str__(self) -> str:
-        more = len(self.problems) - _SHOWN_PROBLEMS
-        rest = [f"and {more} more; fix these first"] if more > 0 else []
-        return "\n".join([*map(str, self.problems[:_SHOWN_PROBLEMS]), *rest])
+        return "\n".join(map(str, self.problems))
 
 
 class Problems:
@@ -76,31 +73,31 @@ class Problems:
         self._file_place = Place(file=file, line=0)
         self._places = places or {}
         self.above = above
-        self._problems: list[Problem] = []
-        self._with_problems: set[Keys] = set()
-        self._extend(problems)
+        self._problems = list(problems)
 
     def __len__(self) -> int:
         return len(self._problems)
 
     def has(self, keys: Keys) -> bool:
         """Return whether there is a problem at or below `keys`."""
-        return (*self.above, *keys) in self._with_problems
+        keys = (*self.above, *keys)
+        return any(problem.keys[: len(keys)] == keys for problem in self._problems)
 
     def add(self, keys: Keys, message: str) -> None:
         """Add a problem of the value at `keys`."""
         keys = (*self.above, *keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
-        self._extend([Problem(file=place.file, line=place.line, message=message, keys=keys)])
+        problem = Problem(file=place.file, line=place.line, message=message, keys=keys)
+        self._problems.append(problem)
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
-            self._extend(error.problems)
-            return
-        for line in str(error).splitlines():
-            self.add(keys, line)
+            self._problems += error.problems
+        else:
+            for line in str(error).splitlines():
+                self.add(keys, line)
 
     def attempt(self, keys: Keys, make: Callable[[], _T]) -> _T | None:
         """Return the result of a call; on WiringError, add it at `keys` and return None."""
@@ -113,7 +110,7 @@ class Problems:
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; its problems are added here too."""
         part = Problems(self._file_place.file, self._places, above=(*self.above, *above))
-        part._problems, part._with_problems = self._problems, self._with_problems
+        part._problems = self._problems
         return part
 
     def refuse(self) -> None:
@@ -124,11 +121,6 @@ class Problems:
     def error(self) -> SettingsError:
         """Return all problems as one error."""
         return SettingsError(self._problems)
-
-    def _extend(self, problems: Iterable[Problem]) -> None:
-        for problem in problems:
-            self._problems.append(problem)
-            self._with_problems |= {problem.keys[:n] for n in range(len(problem.keys) + 1)}
 
 
 def show(value: object) -> str:

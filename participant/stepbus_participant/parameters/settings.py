@@ -50,6 +50,14 @@ class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
     short: ClassVar[str] = ""
 
     @classmethod
+    def kinds(cls) -> tuple[str, Mapping[str, type["Settings"]]]:
+        """Return a key, and value of that key → the subclass that declares its further keys.
+
+        A tagged union, such as `"law", {"pid": PidParams}`. Other values have the keys of `cls`.
+        """
+        return "", {}
+
+    @classmethod
     def elsewhere(cls, key: str) -> str:  # noqa: ARG003
         """Return where an unknown key belongs; empty: nowhere."""
         return ""

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from stepbus_participant import imported_later
 
-from .smoothing_params import Smoothing, SmoothingParams, TimeConstant, Window, window_problems
+from .smoothing_params import Smoothing, SmoothingParams, smoothing_problems
 
 if TYPE_CHECKING:
     from stepbus_kinematics.joint_order import JointOrder, joint_orders
@@ -41,15 +41,13 @@ __all__ = [
     "Smoother",
     "Smoothing",
     "SmoothingParams",
-    "TimeConstant",
     "Vector",
-    "Window",
     "collision_geometry",
     "delay_warning",
     "joint_orders",
     "make_smoother",
     "radius_from",
-    "window_problems",
+    "smoothing_problems",
 ]
 
 __getattr__ = imported_later(__name__, _WHERE)

@@ -5,6 +5,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 
@@ -171,8 +172,10 @@ def _mount(config: Config, params: Params) -> CameraMount:
     if importlib.util.find_spec("cv2") is None:
         text = f"camera needs cv2 (OpenCV), which is not installed{extra_hint('cv2')}"
         problems.add(("source",), text)
+    # The checks of the parameters make sure of both.
+    model, joints = cast("Path", params.model), params.joints or ()
     mount = problems.attempt(
-        ("model",), lambda: CameraMount(params.model, params.joints, params.camera, params.frame)
+        ("model",), lambda: CameraMount(model, joints, params.camera, params.frame)
     )
     if mount is None or len(problems):
         raise problems.error()

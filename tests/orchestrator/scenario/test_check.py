@@ -51,7 +51,7 @@ def test_no_more_problems_are_shown_than_anybody_reads(tmp_path):
 MISTAKES = [
     ("name: arm\n", "", ": the key 'name' is missing"),
     ("name: arm", "name: my arm", ":1: name: … 1 to 64 letters"),
-    ("name: arm", "name: 5", ":1: name: … 1 to 64 letters … not 5 … quotes"),
+    ("name: arm", "name: 5", ":1: name: … 1 to 64 letters … not 5"),
     ("10s", "10.001s", ":3: duration: … 2000.2 steps of 5ms … 10s or 10005ms"),
     ("10s", "1ms", ":3: duration: … 0.2 steps of 5ms … nearest is 5ms"),
     ("10s", "10s\nwindow: 0", ":4: window: … at least 1, not 0"),
@@ -75,23 +75,13 @@ MISTAKES = [
     ("every: 4", "window: 3", ":17: participants.mission.window: … at the top level"),
     ("every: 4", "delay: 3", ":17: participants.mission.delay: … belongs to `inputs`"),
     ("every: 4", "hold: 3s", ":17: participants.mission.hold: … belongs to `on_fault`"),
-    (
-        "every: 4",
-        "every: 4ms",
-        ":17: participants.mission.every: … not '4ms' … without quotes and unit",
-    ),
-    (
-        "every: 4",
-        "every: '4'",
-        ":17: participants.mission.every: … only the number, without quotes",
-    ),
+    ("every: 4", "every: 4ms", ":17: participants.mission.every: … at least 1, not '4ms'"),
     ("10s", "10s\nbus: {low_latency: 1}", ":4: bus.low_latency: … true or false, not 1"),
     ("10s", "10s\nstep: 1s", ":4: step: … duplicate key, first in line 2"),
     ("10s", "10s\n<<: {seed: 3}", ":4: '<<' … YAML 1.2"),
     ("kp: 100", "5: 1", ":14: participants.controller.params: … text, not 5"),
     ("kp: 100", "kp: !gain 5", ":14: participants.controller.params.kp: … tag !gain"),
     ("kp: 100", "kp: 99999999999999999999", ":14: participants.controller.params.kp: … 64 bits"),
-    ("kp: 100", "kp: &x [*x]", ":14: … more than … 100 levels"),
     (
         "kp: 100",
         'kp: "\\ud800"',
