@@ -73,28 +73,29 @@ class Problems:
         self._file_place = Place(file=file, line=0)
         self._places = places or {}
         self.above = above
-        self._problems = list(problems)
+        self._problems: list[Problem] = []
+        # A scenario may have thousands of problems.
+        self._with_problems: set[Keys] = set()
+        self._extend(problems)
 
     def __len__(self) -> int:
         return len(self._problems)
 
     def has(self, keys: Keys) -> bool:
         """Return whether there is a problem at or below `keys`."""
-        keys = (*self.above, *keys)
-        return any(problem.keys[: len(keys)] == keys for problem in self._problems)
+        return (*self.above, *keys) in self._with_problems
 
     def add(self, keys: Keys, message: str) -> None:
         """Add a problem of the value at `keys`."""
         keys = (*self.above, *keys)
         known = (keys[:n] for n in range(len(keys), 0, -1) if keys[:n] in self._places)
         place = self._places.get(next(known, ()), self._file_place)
-        problem = Problem(file=place.file, line=place.line, message=message, keys=keys)
-        self._problems.append(problem)
+        self._extend([Problem(file=place.file, line=place.line, message=message, keys=keys)])
 
     def add_error(self, keys: Keys, error: WiringError) -> None:
         """Add every line of an error at `keys`; the problems of a SettingsError as they are."""
         if isinstance(error, SettingsError):
-            self._problems += error.problems
+            self._extend(error.problems)
         else:
             for line in str(error).splitlines():
                 self.add(keys, line)
@@ -110,7 +111,7 @@ class Problems:
     def below(self, above: Keys) -> Problems:
         """Return a collector for the part below some keys; its problems are added here too."""
         part = Problems(self._file_place.file, self._places, above=(*self.above, *above))
-        part._problems = self._problems
+        part._problems, part._with_problems = self._problems, self._with_problems
         return part
 
     def refuse(self) -> None:
@@ -121,6 +122,11 @@ class Problems:
     def error(self) -> SettingsError:
         """Return all problems as one error."""
         return SettingsError(self._problems)
+
+    def _extend(self, problems: Iterable[Problem]) -> None:
+        for problem in problems:
+            self._problems.append(problem)
+            self._with_problems |= {problem.keys[:n] for n in range(len(problem.keys) + 1)}
 
 
 def show(value: object) -> str:

@@ -40,14 +40,6 @@ def test_an_error_survives_a_way_between_processes(tmp_path):
     assert again.problems == caught.value.problems
 
 
-def test_no_more_problems_are_shown_than_anybody_reads(tmp_path):
-    faults = ", ".join(f"kil plant at {step}" for step in range(20_000))
-    with pytest.raises(ScenarioError) as caught:
-        load_text(tmp_path, f"{TWO_LINK}faults: [{faults}]\n")
-    assert str(caught.value).count("\n") == 100
-    assert str(caught.value).endswith("\nand 19900 more; fix these first")
-
-
 MISTAKES = [
     ("name: arm\n", "", ": the key 'name' is missing"),
     ("name: arm", "name: my arm", ":1: name: … 1 to 64 letters"),
