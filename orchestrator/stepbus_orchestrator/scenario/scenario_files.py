@@ -1,7 +1,7 @@
 """Which files belong to a run, so that it can be repeated from its recording alone.
 
-They are those that the scenario names; with one of these in the scenario's folder, all that lies in
-it; and what participants declare in `files`.
+They are those in the scenario's folder, those that the scenario names, and those that participants
+declare in `files`.
 """
 
 import os
@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from stepbus_orchestrator.scenario.model import ParticipantSpec, Scenario
-from stepbus_participant import file_in, is_installed, read_file
+from stepbus_participant import file_in, read_file
 from stepbus_participant.parameters import Keys
 
 IGNORE_FILE = ".stepbusignore"
@@ -33,8 +33,8 @@ class Files:
     """The files of a run.
 
     paths: name → file; the name is relative to the scenario's folder, with `/`, and with `..` where
-    the file is in a folder beside or above. problems: values of the scenario whose file cannot be
-    found from a copy of all these. left_out: what a rerun does not find, a sentence each.
+    the file is in a folder beside or above. problems: (keys, message) of each value of the scenario
+    whose file is not found from a copy of these. left_out: messages about files that a rerun lacks.
     """
 
     folder: Path
@@ -55,14 +55,10 @@ class Files:
 def find_files(scenario: Scenario) -> Files:
     """Return the files of a scenario."""
     files = Files(folder=scenario.folder)
-    is_used = False
+    _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for keys, text, is_program in _texts(scenario):
         if path := _named(files, keys, text, is_program=is_program):
             files.take([path])
-            is_used |= path.is_relative_to(files.folder)
-        is_used |= _is_module(text, files.folder)
-    if is_used:
-        _take_folder(files, is_declared=any(spec.files for spec in scenario.participants))
     for spec in scenario.participants:
         _take_declared(files, spec)
     files.paths = dict(sorted(files.paths.items()))
@@ -89,13 +85,6 @@ def texts_in(value: Any, keys: Keys = ()) -> Iterator[tuple[Keys, str]]:
     elif isinstance(value, dict | list):
         for key, item in value.items() if isinstance(value, dict) else enumerate(value):
             yield from texts_in(item, (*keys, key))
-
-
-def _is_module(text: str, folder: Path) -> bool:
-    """Return whether a text may be a Python module of a folder, or a class in one."""
-    top = re.split("[.:]", text)[0]
-    is_there = is_file(folder / f"{top}.py") or is_folder(folder / top)
-    return top.isidentifier() and is_there and not is_installed(top)
 
 
 def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | None:
@@ -131,9 +120,9 @@ def _text(path: Path) -> str:
 
 
 def _take_folder(files: Files, *, is_declared: bool) -> None:
-    """Take what is in the scenario's folder, but for what is ignored; nothing where it is much.
+    """Add the files of the scenario's folder that are not ignored; none if they are too large.
 
-    is_declared: the scenario says in `files` what its programs load.
+    is_declared: the scenario lists in `files` the files that its programs load.
     """
     root = files.folder
     ignored = (*_IGNORED, *_patterns(root / IGNORE_FILE))
