@@ -65,6 +65,11 @@ class BusSpec(Settings):
     """Zenoh's low-latency transport: faster, but it loses messages over 64 KiB; never
     over TCP. Default: the orchestrator chooses."""
 
+    def problems(self) -> Iterator[tuple[Keys, str]]:
+        """Yield a port for Unix sockets."""
+        if self.port is not None and self.transport == "unix":
+            yield ("port",), "is only for transport tcp; Unix sockets have no port"
+
 
 @dataclass(frozen=True, kw_only=True)
 class Deadlines:
@@ -210,14 +215,21 @@ class ParticipantRow(Settings, dict=True):
             keys = ("bridge", "describe", port)
             if port not in self.outputs:
                 yield keys, f"no output {port!r}{suggest(port, self.outputs)}"
-            for key in description:
-                if key not in Description.__struct_fields__:
-                    known = Description.__struct_fields__
-                    yield (*keys, key), f"unknown key {key!r}{suggest(key, known)}"
-            try:
-                msgspec.convert(description, Description)
-            except msgspec.ValidationError as exc:
-                yield keys, explained(exc, Description)
+            for at, text in message_problems(description, Description, "Description"):
+                yield (*keys, *at), text
+
+
+def message_problems(
+    data: Mapping[str, Any], cls: type[msgspec.Struct], name: str
+) -> Iterator[tuple[Keys, str]]:
+    """Yield all reasons why plain data is no message of a class. name: of the class."""
+    known = cls.__struct_fields__
+    for key in (key for key in data if key not in known):
+        yield (key,), f"{name} has no field {key!r}{suggest(key, known)}"
+    try:
+        msgspec.convert(data, cls)
+    except msgspec.ValidationError as exc:
+        yield (), f"is not a valid {name}: {explained(exc, cls)}"
 
 
 class ParticipantSpec(ParticipantRow):
