@@ -23,7 +23,7 @@ ERRORS = [
     (f"{RUN} plant.evry=2", "--set plant.evry=2: participants.plant.evry: unknown key 'evry'; did you mean 'every'?"),
     (f"{RUN} plant.publishes=last", "scenario.yaml:16: participants.controller.inputs.joint_state: algebraic loop plant → controller → plant: each waits for another's output of the same step; give one of these inputs `delay: 1`, or set `publishes: first` for one that publishes its state before it reads its inputs, as a plant does"),
     (f"{RUN} plant.inputs.command=controler.command", "--set plant.inputs.command=controler.command: participants.plant.inputs.command: no participant 'controler'; did you mean 'controller'?"),
-    (f"{RUN} controller.outputs.command=JointCommand/9", "--set controller.outputs.command=JointCommand/9: participants.controller.outputs.command: unknown message type 'JointCommand/9'; known: JointCommand/1"),
+    (f"{RUN} controller.outputs.command=JointCommand/9", "--set controller.outputs.command=JointCommand/9: participants.controller.outputs.command: unknown message type 'JointCommand/9'; did you mean 'JointCommand/1'?"),
     (f"{RUN} controller.params.law=pidd", "--set controller.params.law=pidd: participants.controller.params.law: must be computed_torque, pd, pd_gravity, pid or file.py:Class, not 'pidd'; did you mean 'pid'?"),
     (f"{RUN} plant.params.world=wrld.yaml", "--set plant.params.world=wrld.yaml: participants.plant.params.world: file 'wrld.yaml' not found (TWO_LINK/wrld.yaml)"),
     (f"{RUN} controller.exec=[no_such]", "--set controller.exec=[no_such]: participants.controller.exec: no program 'no_such' on PATH, nor in TWO_LINK; is it installed, or to be built?"),

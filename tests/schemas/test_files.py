@@ -33,7 +33,7 @@ def test_every_field_has_a_description(type_name: str) -> None:
 
 
 def test_there_is_no_json_schema_of_an_unknown_type() -> None:
-    with pytest.raises(WiringError, match="'JointState/2'; known: JointState/1"):
+    with pytest.raises(WiringError, match="'JointState/2'; did you mean 'JointState/1'"):
         json_schema("JointState/2")
 
 
