@@ -54,7 +54,7 @@ class SchemaWriter:
 
     def struct(self, settings: type[Settings]) -> Schema:
         """Return the schema of settings as a map, with the keys of all their kinds."""
-        tag, kinds = settings.kinds()
+        tag, kinds = settings.kinds
         properties, required = {}, []
         for cls in dict.fromkeys((settings, *kinds.values())):
             texts = {

@@ -187,7 +187,7 @@ class _Reader:
         """Return a map as settings. short: key whose value stands at `keys` itself."""
         before = len(self.problems)
         given = {str(key): item for key, item in data.items() if item is not None}
-        tag, kinds = cls.kinds()
+        tag, kinds = cls.kinds
         word = str(given.get(tag, default_of(fields_of(cls)[tag]))) if tag else ""
         kind = kinds.get(word, cls)
         values: dict[str, Any] = {}
@@ -231,14 +231,14 @@ class _Reader:
 def _unknown(cls: Any, kind: Any, key: str) -> str:
     """Return why settings have no such key. kind: the subclass of `cls` that was read."""
     if words := _words(cls, key):
-        return f"applies only with {cls.kinds()[0]} {listed(words)}"
+        return f"applies only with {cls.kinds[0]} {listed(words)}"
     place = cls.elsewhere(key)
     return f"unknown key {key!r}{f'; {place}' if place else suggest(key, fields_of(kind))}"
 
 
 def _words(cls: Any, key: str) -> list[str]:
     """Return the words whose subclass of settings has a key."""
-    return [word for word, kind in cls.kinds()[1].items() if key in fields_of(kind)]
+    return [word for word, kind in cls.kinds[1].items() if key in fields_of(kind)]
 
 
 def _mistake(options: Sequence[Any], data: Any) -> str:

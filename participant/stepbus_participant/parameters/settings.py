@@ -44,18 +44,13 @@ class _SettingsMeta(msgspec.StructMeta):
 class Settings(msgspec.Struct, metaclass=_SettingsMeta, frozen=True):
     """A set of parameters, with one field per key; `read.py` of this package documents the checks.
 
-    short: key that gets the value if the scenario has a string instead of a map.
+    short: key that gets the value if the scenario has a string instead of a map. kinds: a tagged
+    union: a key, and value of that key → the subclass with its further keys, such as
+    `("law", {"pid": PIDParams})`; other values have no further keys.
     """
 
     short: ClassVar[str] = ""
-
-    @classmethod
-    def kinds(cls) -> tuple[str, Mapping[str, type["Settings"]]]:
-        """Return a key, and value of that key → the subclass that declares its further keys.
-
-        A tagged union, such as `"law", {"pid": PidParams}`. Other values have the keys of `cls`.
-        """
-        return "", {}
+    kinds: ClassVar[tuple[str, Mapping[str, type[Any]]]] = ("", {})
 
     @classmethod
     def elsewhere(cls, key: str) -> str:  # noqa: ARG003

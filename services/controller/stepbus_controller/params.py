@@ -1,6 +1,6 @@
 """The parameters of a controller that commands torques."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal
 
 from stepbus_kinematics import SmoothingParams
@@ -12,7 +12,6 @@ from stepbus_participant import (
     Plugin,
     Positive,
     PositivePerJoint,
-    Settings,
     Vector3,
     each,
 )
@@ -42,12 +41,6 @@ class Params(SmoothingParams):
     cutoff_hz: Positive | None = None
     """Cutoff frequency of the velocity filter [Hz]; with `velocity: filtered`, and only then."""
     own: Own = {}
-
-    @classmethod
-    def kinds(cls) -> tuple[str, Mapping[str, type[Settings]]]:
-        """Return the laws of this package, with their gains."""
-        laws = dict.fromkeys(("computed_torque", "pd", "pd_gravity"), GainParams)
-        return "law", {**laws, "pid": PIDParams}
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield parameters that are missing without a model, or contradict each other."""
@@ -86,3 +79,7 @@ class PIDParams(GainParams):
     anti_windup: Literal["conditional_integration", "none"] = "conditional_integration"
     """Anti-windup, while a torque is at its limit. conditional_integration: the integral is
     frozen (Åström and Hägglund, PID Controllers, 2nd ed. 1995, section 3.5)."""
+
+
+_PD = dict.fromkeys(("computed_torque", "pd", "pd_gravity"), GainParams)
+Params.kinds = ("law", {**_PD, "pid": PIDParams})

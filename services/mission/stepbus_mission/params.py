@@ -1,6 +1,6 @@
 """The parameters of a mission that publishes references."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from typing import Literal
 
 from stepbus_participant import (
@@ -42,16 +42,6 @@ class Params(Settings):
     end_when_done: bool = False
     """Whether the run ends when the task is done."""
     own: Own = {}
-
-    @classmethod
-    def kinds(cls) -> tuple[str, Mapping[str, type[Settings]]]:
-        """Return the tasks of this package, with their parameters."""
-        return "task", {
-            "csv": TableParams,
-            "sine": SineParams,
-            "step": StepParams,
-            "waypoints": WaypointParams,
-        }
 
     def problems(self) -> Iterator[tuple[Keys, str]]:
         """Yield that a run cannot end with its task."""
@@ -110,6 +100,10 @@ class TableParams(Params):
     """Columns `t` [s], increasing, `<joint>` [rad] and optionally `<joint>_velocity` [rad/s]
     and `<joint>_acceleration` [rad/s²]. Between two rows a polynomial interpolates all the
     given values of a joint."""
+
+
+_TASKS = {"csv": TableParams, "sine": SineParams, "step": StepParams, "waypoints": WaypointParams}
+Params.kinds = ("task", _TASKS)
 
 
 def time_of(row: Waypoint, before: float) -> float:

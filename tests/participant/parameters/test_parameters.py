@@ -59,16 +59,15 @@ class Params(Settings):
     named: dict[Name, Positive] = {}  # noqa: RUF012  Settings copy their defaults
     own: Own = {}  # noqa: RUF012
 
-    @classmethod
-    def kinds(cls):
-        return "law", {"pd": Params, "pid": PID}
-
 
 class PID(Params):
     """The further fields of a law."""
 
     ki: PerJoint
     windup: bool = True
+
+
+Params.kinds = ("law", {"pd": Params, "pid": PID})
 
 
 def problem(**params):
