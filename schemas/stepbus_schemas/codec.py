@@ -166,7 +166,10 @@ def explained(exc: Exception, cls: Any = Any) -> str:
         if isinstance(exc, kind):
             return sentence
     if not isinstance(exc, msgspec.DecodeError):
-        return _unencodable(str(exc))
+        unsupported = re.fullmatch(r"Encoding objects of type (.*) is unsupported", str(exc))
+        if unsupported is None:
+            return str(exc)
+        return f"has a value of type {unsupported[1]}, which no message can carry"
     match = _PLACE.fullmatch(str(exc))
     text, key, path = match.groups("") if match else (str(exc), "", "")
     meaning, where = _meaning(text, cls, path), path.removeprefix(".")
@@ -174,13 +177,6 @@ def explained(exc: Exception, cls: Any = Any) -> str:
         where = f"a key of {where or 'it'}"
     joint = " " if meaning.startswith("must ") else ": "
     return f"{where}{joint}{meaning}" if where else meaning
-
-
-def _unencodable(text: str) -> str:
-    match = re.fullmatch(r"Encoding objects of type (.*) is unsupported", text)
-    if not match:
-        return text
-    return f"has a value of type {match[1]}, which no message can carry"
 
 
 def _meaning(text: str, cls: Any, path: str) -> str:

@@ -29,7 +29,7 @@ def override(document: YamlFile, settings: Sequence[str]) -> YamlFile:
     """Return a scenario with settings such as `duration=2s` or `bus.transport=tcp` applied.
 
     The first part of a path is a key of the scenario or the name of a participant. Values are
-    YAML; null removes the key. A setting that cannot be applied becomes a problem of the document.
+    YAML; null removes the key. Mistakes in settings become problems of the document.
     """
     data, places, problems = document.data, dict(document.places), list(document.own_problems)
     for setting in settings:

@@ -156,16 +156,12 @@ def missing(spec: ParticipantSpec) -> str:
     module = spec.participant.rpartition(":")[0]
     needs = (needed for key, needed in NEEDS.items() if f"{module}.".startswith(f"{key}."))
     lacking = [
-        name for names in needs for name in names if not any(map(_is_here, name.split(" or ")))
+        name
+        for names in needs
+        for name in names
+        if not any(map(importlib.util.find_spec, name.split(" or ")))
     ]
     return lacks(module, *lacking) if lacking else ""
-
-
-def _is_here(module: str) -> bool:
-    try:
-        return importlib.util.find_spec(module) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 def check_installed(scenario: Scenario) -> None:

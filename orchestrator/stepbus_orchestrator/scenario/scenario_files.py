@@ -93,7 +93,9 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
     path = Path(os.path.normpath(files.folder / text))
     if not text or "://" in text or not is_file(path):
         return None
-    if is_program and (is_in_environment(path) or _is_elsewhere(files, path)):
+    # A program of another folder, or of a virtual environment, is installed and not recorded.
+    is_far = is_in_environment(path) or not path.is_relative_to(files.folder)
+    if is_program and is_far and os.access(path, os.X_OK):
         return None
     # In a copy, the folders above the scenario's have other names.
     if os.path.normpath(text) != files.name(path):
@@ -104,11 +106,6 @@ def _named(files: Files, keys: Keys, text: str, *, is_program: bool) -> Path | N
         files.problems.append((keys, message))
         return None
     return path
-
-
-def _is_elsewhere(files: Files, path: Path) -> bool:
-    """Return whether a program is installed somewhere, and none of the scenario's folder."""
-    return os.access(path, os.X_OK) and not path.is_relative_to(files.folder)
 
 
 def _text(path: Path) -> str:
@@ -125,7 +122,9 @@ def _take_folder(files: Files, *, is_declared: bool) -> None:
     is_declared: the scenario lists in `files` the files that its programs load.
     """
     root = files.folder
-    ignored = (*_IGNORED, *_patterns(root / IGNORE_FILE))
+    lines = (line.strip() for line in _text(root / IGNORE_FILE).splitlines())
+    own = (line.removesuffix("/") for line in lines if line and line[0] != "#")
+    ignored = (*_IGNORED, *own)
     paths: list[Path] = []
     size = 0
     for top, folders, names in os.walk(root):
@@ -155,11 +154,6 @@ def _is_ignored(path: Path, root: Path, patterns: Sequence[str]) -> bool:
     return is_named or not path.name.isprintable()
 
 
-def _patterns(path: Path) -> list[str]:
-    lines = (line.strip() for line in _text(path).splitlines())
-    return [line.removesuffix("/") for line in lines if line and line[0] != "#"]
-
-
 def _take_declared(files: Files, spec: ParticipantSpec) -> None:
     """Take what a participant declares: files, and all that is in folders."""
     for index, pattern in enumerate(spec.files):
@@ -167,16 +161,12 @@ def _take_declared(files: Files, spec: ParticipantSpec) -> None:
             matches = sorted(files.folder.glob(pattern))
         except (NotImplementedError, ValueError):
             matches = []
-        paths = [path for top in matches for path in ([top] if is_file(top) else _all_below(top))]
+        below = (path for top in matches for path in ([top] if is_file(top) else top.rglob("*")))
+        paths = [p for p in below if is_file(p) and "__pycache__" not in p.parts]
         if not paths:
             keys: Keys = ("participants", spec.name, "files", index)
             files.problems.append((keys, f"no file matches {pattern!r} in {files.folder}"))
         files.take(Path(os.path.normpath(path)) for path in paths)
-
-
-def _all_below(folder: Path) -> list[Path]:
-    """Return the files below a folder, sorted; without what Python has compiled."""
-    return [p for p in sorted(folder.rglob("*")) if is_file(p) and "__pycache__" not in p.parts]
 
 
 def is_file(path: Path) -> bool:
